@@ -1,0 +1,147 @@
+"""One exception type, one table of symptoms, and the status of a computation.
+
+Bad input raises `FoucaultError`: what was given, what is allowed, what to do. Something the
+user should know but that does not stop the work is a `Finding`. Both take their words from
+`SYMPTOMS`, the one table that the documentation prints. Mathematics that fails is neither:
+it is a `Status` inside the result, and its text is advice.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+
+
+@dataclass(frozen=True)
+class Symptom:
+    """One row of the table: what the user sees and what helps."""
+
+    code: str
+    severity: str  # "error" stops the work, "warning" is reported and the work goes on
+    symptom: str
+    message: str  # str.format template
+    cure: str  # str.format template
+
+
+class FoucaultError(Exception):
+    """Bad input: says what was given, what is allowed and what to do.
+
+    Attributes
+    ----------
+    code : str
+        Key of `SYMPTOMS`, shape ().
+    message : str
+        What was given and what is allowed, shape ().
+    cure : str
+        What to do, shape ().
+    """
+
+    def __init__(self, code: str, message: str, cure: str) -> None:
+        super().__init__(f"{message} {cure}".strip())
+        self.code = code
+        self.message = message
+        self.cure = cure
+
+    def __reduce__(self) -> tuple[type[FoucaultError], tuple[str, str, str]]:
+        return type(self), (self.code, self.message, self.cure)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something the user should know about the data; the work goes on."""
+
+    code: str
+    severity: str
+    message: str
+    cure: str
+
+    def as_dict(self) -> dict[str, str]:
+        """Return the finding as plain strings for result.json."""
+        return asdict(self)
+
+
+class Status(StrEnum):
+    """How a computation ended. Anything but `CONVERGED` carries advice, not an exception."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    UNOBSERVABLE = "unobservable"
+    NOT_FINITE = "not finite"
+
+
+ADVICE: dict[Status, str] = {
+    Status.CONVERGED: "The solution converged.",
+    Status.NOT_CONVERGED: (
+        "The iteration did not settle. The usual reasons are a wrong unit, swapped axes or a "
+        "moving rest: run `foucault inspect` on the log and read its findings."
+    ),
+    Status.UNOBSERVABLE: (
+        "The motion cannot tell all coefficients apart. Add rests in the directions named "
+        "below, or fix the named coefficients with a prior."
+    ),
+    Status.NOT_FINITE: (
+        "The computation met a number that is not finite. Look for saturated or missing "
+        "samples with `foucault inspect`."
+    ),
+}
+
+
+def error(code: str, **values: object) -> FoucaultError:
+    """Build the exception for symptom `code` with its words filled in from `values`."""
+    row = SYMPTOMS[code]
+    return FoucaultError(code, row.message.format(**values), row.cure.format(**values))
+
+
+def finding(code: str, **values: object) -> Finding:
+    """Build the finding for symptom `code` with its words filled in from `values`."""
+    row = SYMPTOMS[code]
+    return Finding(code, row.severity, row.message.format(**values), row.cure.format(**values))
+
+
+def suggestion(word: str, allowed: Iterable[str]) -> str:
+    """Return ``" Did you mean 'x'?"`` for a near miss, else an empty string."""
+    near = difflib.get_close_matches(word, list(allowed), n=1, cutoff=0.6)
+    return f" Did you mean '{near[0]}'?" if near else ""
+
+
+def _table(rows: Iterable[tuple[str, str, str, str, str]]) -> dict[str, Symptom]:
+    table = {row[0]: Symptom(*row) for row in rows}
+    return dict(sorted(table.items()))
+
+
+# (code, severity, symptom, message, cure). Later procedures add their rows here, nowhere else.
+SYMPTOMS: dict[str, Symptom] = _table(
+    [
+        (
+            "unit.missing",
+            "error",
+            "A number without its unit, or text that is not a number and a unit",
+            "{key}: {given} has no unit; {kind} wants a number and a unit.",
+            'Write it with its unit in quotes, for example "{example}".',
+        ),
+        (
+            "unit.kind",
+            "error",
+            "A unit of the wrong kind (an angle where a rate is wanted, ppm where an angle is)",
+            "'{unit}' does not measure {kind}.",
+            'Use a unit of {kind}, for example "{example}".',
+        ),
+        (
+            "unit.unknown",
+            "error",
+            "A unit that is not in the vocabulary",
+            "Unit '{unit}' is not known.{hint}",
+            "Known are m, s, min, h, Hz, rad, deg, arcmin, arcsec, g, mg, ug, ppm, percent, "
+            "count, K and their products, quotients, powers and sqrt().",
+        ),
+        (
+            "coefficient.unknown",
+            "error",
+            "A coefficient name that the model does not have",
+            "Coefficient '{name}' is not part of this model.{hint}",
+            "The names of this model are: {allowed}.",
+        ),
+    ]
+)

@@ -1,0 +1,105 @@
+"""Noise of an inertial sensor: white, bias instability, random walk and quantisation.
+
+The discrete error of one axis, sampled every ``dt``, is::
+
+    e_k = white / sqrt(dt) * n_k  +  m_k  +  r_k,    then rounded to `quantisation`
+    m_k = exp(-dt / correlation_time) m_{k-1} + ...   stationary, sd = bias_instability
+    r_k = r_{k-1} + random_walk * sqrt(dt) * n'_k
+
+References
+----------
+.. [1] IEEE Std 952-1997, annex C (angle random walk, bias instability, rate random walk).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from foucault import units
+
+
+@dataclass(frozen=True)
+class TriadNoise:
+    """Noise of the three axes of one triad, equal on all axes.
+
+    Attributes
+    ----------
+    white : float
+        Angle or velocity random walk [unit/sqrt(Hz)]: the sd of the mean over T is
+        white/sqrt(T), so white**2 is the two-sided power spectral density.
+    bias_instability : float
+        Standard deviation of the first-order Markov bias [unit].
+    correlation_time : float
+        Correlation time of the Markov bias [s].
+    random_walk : float
+        Rate or acceleration random walk [unit/sqrt(s)].
+    quantisation : float
+        Step of the output [unit]; 0 for none.
+    """
+
+    white: float = 0.0
+    bias_instability: float = 0.0
+    correlation_time: float = 300.0
+    random_walk: float = 0.0
+    quantisation: float = 0.0
+
+
+@dataclass(frozen=True)
+class ImuNoise:
+    """Noise of accelerometers [m/s^2] and gyros [rad/s]."""
+
+    accel: TriadNoise = field(default_factory=TriadNoise)
+    gyro: TriadNoise = field(default_factory=TriadNoise)
+
+
+@dataclass(frozen=True)
+class Grade:
+    """A typical instrument class.
+
+    Attributes
+    ----------
+    noise : ImuNoise
+        Its noise [SI].
+    spread : dict of str to float
+        For each coefficient group the standard deviation, over instruments of the class, of
+        what one has before calibration [SI].
+    """
+
+    noise: ImuNoise
+    spread: dict[str, float]
+
+
+# grade: accel white, gyro white; spreads of accel bias, gyro bias, and of scale factor and
+# misalignment (both triads).
+_GRADES = {
+    "mems": ("120 ug/sqrt(Hz)", "0.3 deg/sqrt(h)", "30 mg", "1500 deg/h", "1 %", "30 arcmin"),
+    "tactical": ("30 ug/sqrt(Hz)", "0.05 deg/sqrt(h)", "2 mg", "10 deg/h", "0.1 %", "3 arcmin"),
+    "navigation": (
+        "5 ug/sqrt(Hz)",
+        "0.002 deg/sqrt(h)",
+        "100 ug",
+        "0.05 deg/h",
+        "100 ppm",
+        "20 arcsec",
+    ),
+}
+
+GRADES = tuple(_GRADES)
+"""Names of the typical classes."""
+
+
+def grade(name: str) -> Grade:
+    """Return the typical class `name`, one of `GRADES`; measure your own with an Allan plot."""
+    accel_white, gyro_white, accel_bias, gyro_bias, scale, misalignment = _GRADES[name]
+    spread = {
+        "accel.bias": units.parse(accel_bias, "specific force"),
+        "gyro.bias": units.parse(gyro_bias, "angular rate"),
+    }
+    for triad in ("accel", "gyro"):
+        spread[f"{triad}.scale"] = units.parse(scale, "scale factor error")
+        spread[f"{triad}.misalignment"] = units.parse(misalignment, "misalignment")
+    noise = ImuNoise(
+        TriadNoise(white=units.parse(accel_white, "velocity random walk")),
+        TriadNoise(white=units.parse(gyro_white, "angle random walk")),
+    )
+    return Grade(noise, spread)

@@ -1,0 +1,229 @@
+"""What an estimator is given, what it returns, and what a procedure makes of it.
+
+A procedure builds a `Problem`; any estimator turns it into an `Estimate`; the procedure adds
+checks, a verdict and tables and returns a `Result`. N procedures and M estimators stay N + M.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.errors import Finding, Status
+from foucault.models.imu import ImuModel
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+TableData = Mapping[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A problem linearised at one state: ``residuals + jacobian @ dx`` is white, unit variance.
+
+    Attributes
+    ----------
+    residuals : ndarray, shape (m,)
+        Whitened residuals, observation minus prediction [1].
+    jacobian : ndarray, shape (m, n)
+        Derivative of the *prediction*, whitened [1 per unit of the state].
+    blocks : ndarray of int, shape (m,)
+        Number of the observation (a rest, a turn) each row belongs to; -1 for a prior.
+    """
+
+    residuals: FloatArray
+    jacobian: FloatArray
+    blocks: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A nonlinear least-squares problem with named coefficients and nuisance parameters.
+
+    Attributes
+    ----------
+    layout : Layout
+        The coefficients wanted; they are the first entries of every step.
+    start : object
+        State to start from (any object that `linearise` and `retract` understand).
+    linearise : callable
+        ``(state, weights) -> Linearised``; `weights`, shape (blocks,), are the robust weights
+        of the observations (their information is multiplied by it).
+    retract : callable
+        ``(state, step) -> state``; applies a step, shape (n,), also on a rotation.
+    values : callable
+        ``state -> ndarray``, shape (len(layout),), the coefficients of a state [SI].
+    n_blocks : int
+        Number of observations.
+    prior : CoefficientVector or None
+        Gaussian prior on the coefficients: values and prior_sd, infinite where there is none.
+    """
+
+    layout: Layout
+    start: Any
+    linearise: Callable[[Any, FloatArray], Linearised]
+    retract: Callable[[Any, FloatArray], Any]
+    values: Callable[[Any], FloatArray]
+    n_blocks: int
+    prior: CoefficientVector | None = None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an estimator found.
+
+    Attributes
+    ----------
+    coefficients : CoefficientVector
+        Values with covariance.
+    state : object
+        The full state at the solution, nuisance parameters included.
+    status : Status
+        How the computation ended.
+    iterations : int
+        Number of iterations used.
+    residuals : ndarray, shape (m,)
+        Whitened residuals at the solution, prior rows last [1].
+    blocks : ndarray of int, shape (m,)
+        Observation each residual belongs to, -1 for a prior.
+    chi_square : float
+        Sum of squares of the residuals.
+    dof : int
+        Degrees of freedom: residuals minus parameters.
+    information : ndarray, shape (n, n)
+        Fisher information of the coefficients with the nuisance parameters eliminated.
+    state_cov : ndarray, shape (n_total, n_total)
+        Covariance of the whole step, nuisance parameters included.
+    weights : ndarray, shape (blocks,)
+        Robust weight of every observation.
+    weakest : tuple of str
+        Combinations of coefficients that the data cannot tell apart, in words.
+    """
+
+    coefficients: CoefficientVector
+    state: Any
+    status: Status
+    iterations: int
+    residuals: FloatArray
+    blocks: npt.NDArray[np.int64]
+    chi_square: float
+    dof: int
+    information: FloatArray
+    state_cov: FloatArray
+    weights: FloatArray
+    weakest: tuple[str, ...] = ()
+
+
+class Level(StrEnum):
+    """How far a result can be trusted."""
+
+    PASS = "pass"
+    DOUBTFUL = "doubtful"
+    UNUSABLE = "unusable"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One test of a result: a number, its limits, and a sentence for people.
+
+    `low` and `high` are None where the test has no limit on that side. `fails` is the level
+    the verdict falls to when the number is outside.
+    """
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+    passed: bool
+    sentence: str
+    fails: Level = Level.DOUBTFUL
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Pass, doubtful or unusable, and why in plain sentences."""
+
+    level: Level
+    reasons: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, checks: tuple[Check, ...]) -> Verdict:
+        """Combine checks: the worst failed one decides; every failure is a reason."""
+        order = (Level.PASS, Level.DOUBTFUL, Level.UNUSABLE)
+        failed = [c for c in checks if not c.passed]
+        level = max((c.fails for c in failed), key=order.index, default=Level.PASS)
+        failed.sort(key=lambda c: -order.index(c.fails))
+        return cls(level, tuple(c.sentence for c in failed))
+
+
+@dataclass(frozen=True)
+class Result:
+    """A calibration: coefficients with covariance, and everything needed to trust and use it.
+
+    Attributes
+    ----------
+    procedure : str
+        Name of the procedure, as in the campaign file.
+    coefficients : CoefficientVector
+        The coefficients with covariance [SI].
+    equation : str
+        The model equation in words and symbols.
+    frame : str
+        The axes the coefficients refer to.
+    gauge : str
+        Which physical directions define the body axes.
+    verdict : Verdict
+        Pass, doubtful or unusable, with reasons.
+    checks : tuple of Check
+        Every test that was made, passed or not.
+    findings : tuple of Finding
+        What was noticed in the data.
+    status : Status
+        How the computation ended.
+    instrument, site, validity, diagnostics, provenance : dict
+        Plain JSON values; the keys are documented in the schema of result.json.
+    tables : dict of str to table
+        Tables for the report, saved as Parquet: name -> column -> array.
+    """
+
+    procedure: str
+    coefficients: CoefficientVector
+    equation: str
+    frame: str
+    gauge: str
+    verdict: Verdict
+    checks: tuple[Check, ...]
+    findings: tuple[Finding, ...]
+    status: Status
+    instrument: dict[str, Any] = field(default_factory=dict)
+    site: dict[str, Any] = field(default_factory=dict)
+    validity: dict[str, Any] = field(default_factory=dict)
+    diagnostics: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+    tables: dict[str, TableData] = field(default_factory=dict)
+
+    @property
+    def model(self) -> ImuModel:
+        """The error model with these coefficients."""
+        return ImuModel.from_coefficients(self.coefficients)
+
+    def apply(self, log: Log) -> Log:
+        """Remove the calibrated errors from a log.
+
+        Parameters
+        ----------
+        log : Log
+            Readings of the same instrument, read with the same count scale [SI].
+
+        Returns
+        -------
+        Log
+            The same samples, compensated [SI].
+        """
+        return self.model.apply(log)

@@ -1,0 +1,143 @@
+"""The tables that stages hand to one another: columns, SI units and meaning, in one place.
+
+Every table is saved as Parquet with these column names; the unit of a column is its SI unit
+and is written into the file's column metadata.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from foucault.errors import Finding
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: name, SI unit, meaning."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+def _triad(prefix: str, unit: str, meaning: str) -> tuple[Column, ...]:
+    return tuple(Column(f"{prefix}_{a}", unit, f"{meaning}, {a} axis") for a in AXES)
+
+
+IMU_LOG = (
+    Column("time", "s", "time of the sample; for increments the end of the interval"),
+    *_triad("gyro", "rad/s", "angular rate w_ib_b, body relative to inertial space"),
+    *_triad("accel", "m/s^2", "specific force f_b, +1 g up at rest"),
+    Column("temperature", "K", "temperature of the instrument, where logged"),
+)
+"""The log every reader returns and every simulator writes."""
+
+RESTS = (
+    Column("first", "1", "index of the first sample of the rest"),
+    Column("last", "1", "index after the last sample of the rest"),
+    Column("start", "s", "time of the first sample"),
+    Column("end", "s", "time of the last sample"),
+    *_triad("accel", "m/s^2", "mean specific force as measured"),
+    *_triad("gyro", "rad/s", "mean angular rate as measured"),
+    *_triad("up", "1", "direction of up in body axes, from the fit"),
+    Column("norm_before", "m/s^2", "norm of the mean specific force as measured"),
+    Column("norm_after", "m/s^2", "norm of the mean specific force after compensation"),
+    Column("norm_sd", "m/s^2", "predicted standard deviation of norm_after minus local g"),
+    Column("held_out", "m/s^2", "norm minus local g, predicted without this rest"),
+    Column("held_out_sd", "m/s^2", "predicted standard deviation of held_out"),
+    Column("residual", "1", "largest standardized accelerometer residual of the rest"),
+    Column("weight", "1", "robust weight of the rest, 1 where it is used in full"),
+)
+"""One row per rest of a session."""
+
+TURNS = (
+    Column("start", "s", "time of the last sample of the rest before"),
+    Column("end", "s", "time of the first sample of the rest after"),
+    Column("angle", "rad", "net rotation of the body over the turn"),
+    Column("path", "rad", "angle travelled, integral of the magnitude of the rate"),
+    *_triad("error", "rad", "integrated minus observed direction of up, body axes"),
+    Column("residual", "1", "largest standardized gyro residual of the turn"),
+    Column("weight", "1", "robust weight of the turn, 1 where it is used in full"),
+)
+"""One row per turn between two rests."""
+
+
+@dataclass(frozen=True)
+class Log:
+    """An inertial log in SI units and body axes, exactly as measured (nothing compensated).
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Time of each sample, strictly increasing [s].
+    gyro : ndarray, shape (n, 3), or None
+        Angular rate w_ib_b [rad/s].
+    accel : ndarray, shape (n, 3), or None
+        Specific force f_b, +1 g up at rest [m/s^2].
+    sampled : {"rate", "increment"}
+        "rate": each row is the instantaneous value at its time. "increment": each row is the
+        mean over the interval that ends at its time (increments divided by the interval).
+    temperature : ndarray, shape (n,), or None
+        Temperature [K].
+    findings : tuple of Finding
+        What the reader noticed and repaired or left as it was.
+    source : dict
+        Where the log came from: file, sha256, size and the description it was read with.
+    """
+
+    time: FloatArray
+    gyro: FloatArray | None
+    accel: FloatArray | None
+    sampled: Literal["rate", "increment"] = "rate"
+    temperature: FloatArray | None = None
+    findings: tuple[Finding, ...] = ()
+    source: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @cached_property
+    def interval(self) -> float:
+        """Nominal sample interval, the median of the differences [s]."""
+        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+    @property
+    def rate(self) -> float:
+        """Nominal sample rate [Hz]."""
+        return 1.0 / self.interval
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def __getitem__(self, rows: slice) -> Log:
+        """Return the samples of a slice."""
+        return replace(
+            self,
+            time=self.time[rows],
+            gyro=None if self.gyro is None else self.gyro[rows],
+            accel=None if self.accel is None else self.accel[rows],
+            temperature=None if self.temperature is None else self.temperature[rows],
+        )
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the columns of `IMU_LOG` that this log has, by name, each shape (n,) [SI]."""
+        out = {"time": self.time}
+        for name, block in (("gyro", self.gyro), ("accel", self.accel)):
+            if block is not None:
+                out |= {f"{name}_{a}": block[:, i] for i, a in enumerate(AXES)}
+        if self.temperature is not None:
+            out["temperature"] = self.temperature
+        return out

@@ -1,0 +1,242 @@
+"""Units at the edge: the only file that knows deg/h, ug, ppm and arcsec.
+
+Inside the package every number is SI with angles in radians. Text with a unit
+("0.01 deg/h") becomes a float here, and a float becomes text for people here.
+
+The vocabulary is our own set of pint definitions, so that a symbol means what it means in
+this field: ``g`` is the standard acceleration of free fall (never gram), ``ug`` is micro-g
+(never microgram), ``h`` is the hour. Angle, ratio and count are dimensions of their own:
+ppm, arcsec and count can therefore never be taken for one another.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any
+
+from foucault.errors import error
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of free fall, the ``g`` of every unit string [m/s^2] (CGPM 1901)."""
+
+_DEFINITIONS = f"""
+meter = [length] = m = metre
+second = [time] = s = sec
+radian = [angle] = rad
+ratio = [ratio]
+count = [count] = counts = LSB = lsb = pulse = pulses
+kelvin = [temperature] = K
+mm = 1e-3 meter
+cm = 1e-2 meter
+km = 1000 meter
+ns = 1e-9 second
+us = 1e-6 second
+ms = 1e-3 second
+minute = 60 second = min
+hour = 3600 second = h = hr
+day = 86400 second = d
+hertz = 1 / second = Hz
+kHz = 1000 / second
+degree = {math.pi / 180!r} radian = deg
+arcmin = {math.pi / 10800!r} radian
+arcsec = {math.pi / 648000!r} radian
+mrad = 1e-3 radian
+urad = 1e-6 radian
+revolution = {2 * math.pi!r} radian = rev
+dps = {math.pi / 180!r} radian / second
+dph = {math.pi / 648000!r} radian / second
+rpm = {2 * math.pi / 60!r} radian / second
+standard_gravity = {STANDARD_GRAVITY!r} meter / second ** 2 = g
+mg = 1e-3 standard_gravity
+ug = 1e-6 standard_gravity
+ng = 1e-9 standard_gravity
+mGal = 1e-5 meter / second ** 2
+ppm = 1e-6 ratio
+ppb = 1e-9 ratio
+percent = 1e-2 ratio
+"""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a number is: its SI unit, how people like to read it, and an example."""
+
+    name: str
+    si: str
+    display: tuple[str, ...]
+    example: str
+
+
+def _kinds(rows: Iterable[tuple[str, str, str, str]]) -> dict[str, Kind]:
+    return {name: Kind(name, si, tuple(show.split()), eg) for name, si, show, eg in rows}
+
+
+# Display units run from small to large; `display_unit` picks among them by magnitude.
+KINDS: dict[str, Kind] = _kinds(
+    [
+        ("time", "s", "s", "30 s"),
+        ("frequency", "Hz", "Hz", "100 Hz"),
+        ("length", "m", "m", "250 m"),
+        ("angle", "rad", "arcsec arcmin deg", "45 deg"),
+        ("temperature", "K", "K", "293.15 K"),
+        ("specific force", "m/s^2", "ug mg", "50 ug"),
+        ("gravity", "m/s^2", "m/s^2", "9.81234 m/s^2"),
+        ("angular rate", "rad/s", "deg/h deg/s", "0.01 deg/h"),
+        ("velocity", "m/s", "m/s", "0.1 m/s"),
+        ("scale factor error", "ratio", "ppm percent", "200 ppm"),
+        ("misalignment", "rad", "arcsec arcmin deg", "30 arcsec"),
+        ("quadratic", "1/(m/s^2)", "ug/g^2 mg/g^2", "10 ug/g^2"),
+        ("g-sensitivity", "rad/s/(m/s^2)", "deg/h/g deg/s/g", "1 deg/h/g"),
+        ("velocity random walk", "m/s^2/sqrt(Hz)", "ug/sqrt(Hz) mg/sqrt(Hz)", "100 ug/sqrt(Hz)"),
+        ("angle random walk", "rad/s/sqrt(Hz)", "deg/sqrt(h)", "0.003 deg/sqrt(h)"),
+        ("acceleration random walk", "m/s^2/sqrt(s)", "ug/sqrt(h)", "5 ug/sqrt(h)"),
+        ("rate random walk", "rad/s/sqrt(s)", "deg/h/sqrt(h)", "0.02 deg/h/sqrt(h)"),
+        ("velocity increment", "m/s", "m/s", "0.001 m/s"),
+        ("angle increment", "rad", "arcsec", "0.1 arcsec"),
+        ("accelerometer count scale", "count/(m/s^2)", "count/(m/s^2)", "415 count/(m/s^2)"),
+        ("gyro count scale", "count/(rad/s)", "count/(rad/s)", "4778 count/(rad/s)"),
+    ]
+)
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    registry: Any = pint.UnitRegistry(None, cache_folder=None)
+    for line in _DEFINITIONS.strip().splitlines():
+        registry.define(line)
+    return registry
+
+
+_SQRT = re.compile(r"sqrt\(([^()]+)\)")
+_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)$", re.DOTALL)
+
+
+def _known_units() -> list[str]:
+    words: set[str] = set()
+    for line in _DEFINITIONS.strip().splitlines():
+        parts = [part.strip() for part in line.split("=")]
+        words.add(parts[0])
+        words.update(p for p in parts[2:] if p.isidentifier())
+    return sorted(words)
+
+
+def _pint_text(unit: str) -> str:
+    text = unit.replace("µ", "u").replace("μ", "u").replace("°", "deg").replace("%", "percent")
+    text = text.replace("^", "**").replace("²", "**2").replace("√", "sqrt")
+    return _SQRT.sub(r"((\1)**0.5)", text)
+
+
+@cache
+def _factor_and_dimension(unit: str) -> tuple[float, str]:
+    """Return the SI value of one `unit` and its dimension as text."""
+    if unit.strip() in ("", "1"):
+        return 1.0, "dimensionless"
+    try:
+        quantity = _registry().parse_expression(_pint_text(unit)).to_base_units()
+    except Exception as problem:  # pint raises many types; the user needs one clear sentence
+        words = re.findall(r"[A-Za-z_]+", _pint_text(unit))
+        known = _known_units()
+        unknown = [w for w in words if w not in known and w != "sqrt"]
+        near = [m for w in unknown for m in difflib.get_close_matches(w, known, n=2, cutoff=0.5)]
+        raise error(
+            "unit.unknown", unit=unit, hint=f" Did you mean {' or '.join(near)}?" if near else ""
+        ) from problem
+    return float(quantity.magnitude), _dimension_text(quantity)
+
+
+def _dimension_text(quantity: Any) -> str:
+    powers = {k: round(float(v), 6) for k, v in dict(quantity.dimensionality).items()}
+    # "ug/g^2" and "ppm/g" both mean a ratio per acceleration: a ratio is a pure number.
+    powers.pop("[ratio]", None) if len(powers) > 1 else None
+    return " ".join(f"{k}^{v:g}" for k, v in sorted(powers.items())) or "dimensionless"
+
+
+def factor(unit: str, kind: str) -> float:
+    """Give the SI value of one `unit`, after checking that it measures `kind`.
+
+    Parameters
+    ----------
+    unit : str
+        Unit text such as ``"deg/sqrt(h)"``.
+    kind : str
+        A key of `KINDS`.
+
+    Returns
+    -------
+    float
+        SI value of one `unit` [SI unit of the kind].
+    """
+    want = KINDS[kind]
+    value, dimension = _factor_and_dimension(unit)
+    if dimension != _factor_and_dimension(want.si)[1]:
+        raise error("unit.kind", unit=unit or "no unit", kind=kind, example=want.example)
+    return value
+
+
+def parse(text: object, kind: str, key: str = "value") -> float:
+    """Turn text with a unit into an SI float.
+
+    Parameters
+    ----------
+    text : str
+        Number and unit, for instance ``"0.01 deg/h"``. A bare number is refused.
+    kind : str
+        What the number must be, a key of `KINDS`.
+    key : str
+        Name used in the error.
+
+    Returns
+    -------
+    float
+        The value [SI unit of the kind].
+    """
+    want = KINDS[kind]
+    match = _NUMBER.match(text) if isinstance(text, str) else None
+    if match is None or not match.group(2).strip():
+        raise error("unit.missing", key=key, given=repr(text), kind=kind, example=want.example)
+    return float(match.group(1)) * factor(match.group(2).strip(), kind)
+
+
+def convert(value: float, kind: str, unit: str) -> float:
+    """Express an SI `value` of `kind` in `unit`."""
+    return value / factor(unit, kind)
+
+
+def display_unit(kind: str, magnitude: float) -> str:
+    """Choose the unit people would read `magnitude` [SI] in: the largest that keeps it >= 1."""
+    units = KINDS[kind].display
+    best = units[0]
+    for unit in units[1:]:
+        if abs(magnitude) >= factor(unit, kind):
+            best = unit
+    return best
+
+
+def quantity(kind: str) -> Any:
+    """Return the pydantic field type of a campaign key that holds a number with a unit.
+
+    ``rate: quantity("frequency")`` accepts ``"100 Hz"``, refuses ``100`` and gives 100.0.
+    """
+    from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
+
+    def read(value: object, info: ValidationInfo) -> float:
+        if isinstance(value, _Parsed):
+            return value
+        return _Parsed(parse(value, kind, str(info.field_name)))
+
+    example = KINDS[kind].example
+    schema = {"type": "string", "description": f"{kind} with its unit", "examples": [example]}
+    return Annotated[float, BeforeValidator(read), WithJsonSchema(schema)]
+
+
+class _Parsed(float):
+    """An SI number that already went through `parse`, so that a model can be validated twice."""
