@@ -16,7 +16,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from foucault.errors import error
 
@@ -221,22 +221,27 @@ def display_unit(kind: str, magnitude: float) -> str:
     return best
 
 
-def quantity(kind: str) -> Any:
-    """Return the pydantic field type of a campaign key that holds a number with a unit.
+@dataclass(frozen=True)
+class Quantity:
+    """Marks a pydantic field as a number with a unit, held in SI.
 
-    ``rate: quantity("frequency")`` accepts ``"100 Hz"``, refuses ``100`` and gives 100.0.
+    ``rate: Annotated[float, Quantity("frequency")]`` accepts ``"100 Hz"``, refuses ``100`` and
+    gives 100.0.
     """
-    from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
-    def read(value: object, info: ValidationInfo) -> float:
-        if isinstance(value, _Parsed):
-            return value
-        return _Parsed(parse(value, kind, str(info.field_name)))
+    kind: str
 
-    example = KINDS[kind].example
-    schema = {"type": "string", "description": f"{kind} with its unit", "examples": [example]}
-    return Annotated[float, BeforeValidator(read), WithJsonSchema(schema)]
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
 
+        def read(value: object, info: Any) -> float:
+            return parse(value, self.kind, str(info.field_name or "value"))
 
-class _Parsed(float):
-    """An SI number that already went through `parse`, so that a model can be validated twice."""
+        return core_schema.with_info_plain_validator_function(read)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {
+            "type": "string",
+            "description": f"{self.kind} with its unit",
+            "examples": [KINDS[self.kind].example],
+        }
