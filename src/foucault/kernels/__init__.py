@@ -1,0 +1,38 @@
+"""Compiled loops: recursions over samples. Arrays and scalars in, arrays out; numba only.
+
+Every kernel has a slow, obvious twin in ``tests/reference.py`` and is tested compiled and as
+``.py_func``. `kernel` is the one decorator. Compiled code is cached on disk in a folder keyed
+by a hash of all kernel sources, because numba's own cache does not see an edit in another file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+
+
+def _cache_folder() -> str:
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return str(Path(platformdirs.user_cache_dir("foucault")) / "kernels" / digest.hexdigest()[:16])
+
+
+_FOLDER = _cache_folder()
+
+
+def kernel(function: Any) -> Any:
+    """Compile `function` on first use: cached on disk, without the GIL, IEEE arithmetic.
+
+    No fastmath: a NaN must stay a NaN, because a bad row is reported through it.
+    """
+    previous = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = previous or _FOLDER  # numba reads it while decorating
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        numba.config.CACHE_DIR = previous

@@ -165,7 +165,7 @@ class ImuModel:
         """Build the matrices from named coefficients; names not in `vector` are zero."""
         model = cls()
         for name, value in zip(vector.names, vector.values, strict=True):
-            block, where = _slot(name)
+            block, where = coefficient_slot(name)
             getattr(model, block)[where] += value
         return model
 
@@ -175,7 +175,7 @@ class ImuModel:
         identity = ImuModel()
         values = np.empty(len(layout))
         for i, name in enumerate(layout.names):
-            block, where = _slot(name)
+            block, where = coefficient_slot(name)
             values[i] = getattr(self, block)[where] - getattr(identity, block)[where]
         return CoefficientVector(layout, values)
 
@@ -296,13 +296,13 @@ class ImuModel:
 
 
 def products(f_b: FloatArray) -> FloatArray:
-    """Return q(f), shape (..., 6), of specific force, shape (..., 3) [(m/s^2)^2]."""
+    """Return q(f), shape (..., 6) [(m/s^2)^2], of `f_b`, shape (..., 3) [m/s^2]."""
     x, y, z = f_b[..., 0], f_b[..., 1], f_b[..., 2]
     return np.stack([x * x, y * y, z * z, x * y, x * z, y * z], axis=-1)
 
 
 def products_slope(f_b: FloatArray) -> FloatArray:
-    """Return dq/df, shape (..., 6, 3), of specific force, shape (..., 3) [m/s^2]."""
+    """Return dq/df, shape (..., 6, 3) [m/s^2], of `f_b`, shape (..., 3) [m/s^2]."""
     x, y, z = f_b[..., 0], f_b[..., 1], f_b[..., 2]
     o = np.zeros_like(x)
     rows = [(2 * x, o, o), (o, 2 * y, o), (o, o, 2 * z), (y, x, o), (z, o, x), (o, z, y)]
@@ -354,6 +354,7 @@ def _slots() -> dict[str, tuple[str, Any]]:
 _SLOTS = _slots()
 
 
-def _slot(name: str) -> tuple[str, Any]:
+def coefficient_slot(name: str) -> tuple[str, Any]:
+    """Return the attribute of `ImuModel` and the index in it where coefficient `name` lives."""
     LAYOUT.index(name)  # raises with a suggestion
     return _SLOTS[name]

@@ -1,0 +1,27 @@
+"""Named methods, one file each: a procedure glues the stages and does nothing else.
+
+A procedure module has `Settings` and `Session` (pydantic models of its part of a campaign),
+`calibrate` and `simulate`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from foucault.errors import error, suggestion
+
+PROCEDURES = {
+    "hand_rotated": "foucault.procedures.hand_rotated",
+    "hand_rotated_published": "foucault.procedures.hand_rotated_published",
+}
+"""Name in a campaign file -> module."""
+
+
+def load(name: str) -> Any:
+    """Return the module of procedure `name`."""
+    if name not in PROCEDURES:
+        allowed = ", ".join(PROCEDURES)
+        hint = suggestion(name, PROCEDURES)
+        raise error("campaign.procedure", name=name, hint=hint, allowed=allowed)
+    return importlib.import_module(PROCEDURES[name])

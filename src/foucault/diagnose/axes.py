@@ -1,0 +1,132 @@
+"""Do gyros and accelerometers speak of the same axes, and of the same unit of angle?
+
+Between two rests the direction of gravity in the body turns as the gyros say. Where it does
+not, every signed exchange of gyro axes and every usual mistake of unit is tried; if one of them
+explains the turns, it is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import FoucaultError, error
+from foucault.kernels.rotation import integrate_turns
+from foucault.tables import AXES, Log
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+SUSPICIOUS = np.radians(10.0)
+"""A miss of the direction of gravity that no calibration error explains, rms [rad]."""
+
+BETTER = 0.35
+"""An exchange is blamed when it reduces the miss to this part [1]."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """How well an exchange of axes and a change of unit explain the turns.
+
+    Attributes
+    ----------
+    miss : float
+        Root mean square angle between predicted and observed up [rad].
+    exchange : ndarray, shape (3, 3)
+        Signed permutation that takes the gyro columns to body axes [1].
+    scale : float
+        Factor that takes the declared rate to the true one [1].
+    """
+
+    miss: float
+    exchange: FloatArray
+    scale: float
+
+
+def _miss(
+    log: Log, rate: FloatArray, up_b: FloatArray, first: IntArray, last: IntArray
+) -> tuple[float, FloatArray]:
+    zero = np.zeros((3, 3))
+    C_se, *_ = integrate_turns(log.time, rate, rate, zero, first, last, log.sampled == "increment")
+    predicted = np.einsum("nji,nj->ni", C_se, up_b[:-1])
+    angle = np.arccos(np.clip(np.sum(predicted * up_b[1:], axis=1), -1, 1))
+    return float(np.sqrt(np.mean(angle**2))), angle
+
+
+def explain_turns(
+    log: Log, up_b: FloatArray, bias: FloatArray, first: IntArray, last: IntArray
+) -> tuple[Match, Match]:
+    """Compare the turns as the gyros tell them with the change of gravity.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    up_b : ndarray, shape (n, 3)
+        Direction of up at each rest, from the accelerometers, frame b [1].
+    bias : ndarray, shape (3,)
+        Mean rate at rest [rad/s].
+    first, last : ndarray of int, shape (n - 1,)
+        First and last sample of each turn.
+
+    Returns
+    -------
+    declared : Match
+        The columns as declared.
+    best : Match
+        The exchange and unit that explain the turns best (the same object where nothing is
+        suspicious).
+    """
+    assert log.gyro is not None
+    rate = log.gyro - bias
+    miss, _ = _miss(log, rate, up_b, first, last)
+    declared = Match(miss, np.eye(3), 1.0)
+    if miss < SUSPICIOUS:
+        return declared, declared
+    best = declared
+    for scale in (1.0, 180 / np.pi, np.pi / 180, log.rate, log.interval):
+        for order in permutations(range(3)):
+            for signs in product((1.0, -1.0), repeat=3):
+                exchange = np.zeros((3, 3))
+                exchange[np.arange(3), order] = signs
+                miss, _ = _miss(log, scale * rate @ exchange.T, up_b, first, last)
+                if miss < best.miss * 0.999:
+                    best = Match(miss, exchange, scale)
+    return declared, best
+
+
+def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:
+    """Put the better explanation of the turns in words, or return None where there is none.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    declared, best : Match
+        As `explain_turns` returns them.
+    """
+    if declared.miss < SUSPICIOUS or best.miss > BETTER * declared.miss:
+        return None
+    numbers = {
+        "declared": f"{np.degrees(declared.miss):.0f}",
+        "better": f"{np.degrees(best.miss):.1f}",
+    }
+    if not np.array_equal(best.exchange, np.eye(3)):
+        words = ", ".join(
+            f"{AXES[i]} = {'-' if row[k] < 0 else '+'}{AXES[k]}"
+            for i, row in enumerate(best.exchange)
+            for k in np.flatnonzero(row)
+        )
+        left_handed = np.linalg.det(best.exchange) < 0
+        code = "gyro.left_handed" if left_handed else "gyro.axes"
+        return error(code, exchange=words, **numbers)
+    causes = {
+        180 / np.pi: ("rad/s", "deg/s", "the gyro unit is rad/s and was declared as deg/s"),
+        np.pi / 180: ("deg/s", "rad/s", "the gyro unit is deg/s and was declared as rad/s"),
+        log.rate: ("", "", "the gyro columns are increments and were declared as rates"),
+        log.interval: ("", "", "the gyro columns are rates and were declared as increments"),
+    }
+    return error("gyro.unit", factor=f"{best.scale:.4g}", cause=causes[best.scale][2], **numbers)

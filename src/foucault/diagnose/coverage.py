@@ -1,0 +1,94 @@
+"""Which orientations were visited, and which are missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How well directions cover the sphere.
+
+    Attributes
+    ----------
+    largest_gap : float
+        Angle from the loneliest point of the sphere to the nearest direction [rad].
+    half_space : float
+        Largest, over all axes, of the smallest cosine between the axis and the directions: not
+        negative where all directions lie in one half-space [1].
+    flatness : float
+        Smallest singular value of the directions relative to an even spread: zero where all
+        lie in a plane through the origin [1].
+    missing : tuple of (ndarray of shape (3,), str)
+        Directions that would fill the largest gaps, in body axes and in words [1].
+    """
+
+    largest_gap: float
+    half_space: float
+    flatness: float
+    missing: tuple[tuple[FloatArray, str], ...]
+
+
+def coverage(up_b: FloatArray, worst: float = np.radians(50.0), most: int = 6) -> Coverage:
+    """Judge a set of directions of up in body axes.
+
+    Parameters
+    ----------
+    up_b : ndarray, shape (n, 3)
+        Unit vectors, direction of up in body axes [1].
+    worst : float
+        A gap wider than this is missing [rad].
+    most : int, shape ()
+        Largest number of missing directions to name [1].
+    """
+    grid = _grid()
+    cosine = grid @ up_b.T
+    gap = np.arccos(np.clip(cosine.max(axis=1), -1, 1))
+    missing: list[tuple[FloatArray, str]] = []
+    left = gap.copy()
+    while len(missing) < most and left.max() > worst:
+        best = grid[int(np.argmax(left))]
+        missing.append((best, direction_words(best)))
+        left = np.minimum(left, np.arccos(np.clip(grid @ best, -1, 1)))
+    singular = np.linalg.svd(up_b, compute_uv=False)
+    return Coverage(
+        largest_gap=float(gap.max()),
+        half_space=float(cosine.min(axis=1).max()),
+        flatness=float(singular[-1] / np.sqrt(len(up_b) / 3)) if len(up_b) >= 3 else 0.0,
+        missing=tuple(missing),
+    )
+
+
+@cache
+def _grid() -> FloatArray:
+    """The 26 named directions first (they are easy to say), then an even spread."""
+    corners = np.array([c for c in np.ndindex(3, 3, 3) if c != (1, 1, 1)], float) - 1
+    named = corners[np.argsort(np.abs(corners).sum(axis=1), kind="stable")]
+    named /= np.linalg.norm(named, axis=1)[:, None]
+    k = np.arange(600) + 0.5
+    z = 1 - k / 300
+    azimuth = np.pi * (1 + np.sqrt(5)) * k
+    r = np.sqrt(1 - z * z)
+    return np.concatenate([named, np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], 1)])
+
+
+def direction_words(up_b: FloatArray) -> str:
+    """Say a direction of up in words: "+z up", "between +x and -y up".
+
+    Parameters
+    ----------
+    up_b : ndarray, shape (3,)
+        Unit vector in body axes [1].
+    """
+    order = np.argsort(-np.abs(up_b))
+    strong = [i for i in order if abs(up_b[i]) > 0.38 * abs(up_b[order[0]])]
+    names = [("+" if up_b[i] > 0 else "-") + "xyz"[i] for i in strong]
+    if len(names) == 1:
+        return f"{names[0]} up"
+    return f"between {', '.join(names[:-1])} and {names[-1]} up"

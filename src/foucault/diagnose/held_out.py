@@ -1,0 +1,107 @@
+"""Predict what the fit did not see: the norm of specific force at rests left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.models.imu import ImuModel, coefficient_slot, products
+from foucault.models.rests_and_turns import Attitudes, Session
+from foucault.models.session_noise import SessionNoise
+from foucault.result import Estimate
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def norm_with_sd(
+    model: ImuModel, coefficients: CoefficientVector, accel: FloatArray, cov: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the compensated norm of mean readings and its standard deviation.
+
+    Parameters
+    ----------
+    model : ImuModel
+        The error model.
+    coefficients : CoefficientVector
+        The estimated coefficients, with covariance.
+    accel : ndarray, shape (n, 3)
+        Mean readings [m/s^2].
+    cov : ndarray, shape (n, 3, 3)
+        Covariance of the readings [m^2/s^4].
+    """
+    f_b, _ = model.compensate(accel, None)
+    assert f_b is not None
+    norm = np.linalg.norm(f_b, axis=1)
+    # d norm = u' inv(L) (d reading - d model): `lever` is the first factor.
+    lever = (f_b / norm[:, None]) @ np.linalg.inv(model.accel_matrix)
+    slope = np.zeros((len(norm), len(coefficients)))
+    inputs = {"accel_matrix": f_b, "accel_quadratic": products(f_b)}
+    for k, name in enumerate(coefficients.names):
+        block, where = coefficient_slot(name)
+        if block == "accel_bias":
+            slope[:, k] = lever[:, where]
+        elif block in inputs:
+            slope[:, k] = lever[:, where[0]] * inputs[block][:, where[1]]
+    variance = np.einsum("ni,nij,nj->n", lever, cov, lever)
+    if coefficients.cov is not None:
+        variance = variance + np.einsum("ni,ij,nj->n", slope, coefficients.cov, slope)
+    return norm, np.sqrt(variance)
+
+
+def hold_out(
+    session: Session,
+    noise: SessionNoise,
+    refit: Callable[[FloatArray], Estimate],
+    folds: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Predict the norm of rests that the fit did not see.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    noise : SessionNoise
+        Noise of the rests.
+    refit : callable
+        ``weights -> Estimate``; weights, shape (rests,), are zero for the rests left out.
+    folds : int, shape ()
+        Number of parts; each is left out once [1].
+
+    Returns
+    -------
+    error : ndarray, shape (rests,)
+        Predicted norm minus local g [m/s^2].
+    sd : ndarray, shape (rests,)
+        Its predicted standard deviation [m/s^2].
+    """
+    n = len(session.accel_mean)
+    error, sd = np.full(n, np.nan), np.full(n, np.nan)
+    cov = rest_cov(session, noise)
+    for fold in range(folds):
+        out = np.arange(n) % folds == fold
+        estimate = refit(np.where(out, 0.0, 1.0))
+        state: Attitudes = estimate.state
+        norm, norm_sd = norm_with_sd(
+            state.model, estimate.coefficients, session.accel_mean[out], cov[out]
+        )
+        error[out], sd[out] = norm - session.site.gravity, norm_sd
+    return error, sd
+
+
+def rest_cov(session: Session, noise: SessionNoise) -> FloatArray:
+    """Return the covariance of the mean specific force of each rest, shape (n, 3, 3).
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    noise : SessionNoise
+        Noise of the rests [SI].
+    """
+    white = np.diag(noise.accel_psd) / session.rest_time[:, None, None]
+    slow = noise.slow.accel.bias_instability**2 + noise.accel_repeatability**2
+    walk = noise.slow.accel.random_walk**2 * session.log.time[session.first]
+    return np.asarray(white + (slow + walk)[:, None, None] * np.eye(3))

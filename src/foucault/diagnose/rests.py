@@ -1,0 +1,264 @@
+"""Find the rests of a log, with a threshold chosen from the data, and measure noise in them.
+
+The level of a window is the standard deviation of its samples relative to the quietest part of
+the log (1 = quiet), the larger of accelerometers and gyros. Levels of rests and of turns form
+two heaps on a logarithmic axis; the threshold separates them best in Otsu's sense. A window
+belongs to a rest only as a whole, so that a rest starts and ends half a window inside the quiet.
+
+References
+----------
+.. [1] N. Otsu, "A threshold selection method from gray-level histograms", IEEE Trans. SMC 9(1),
+   1979.
+.. [2] D. Tedaldi, A. Pretto, E. Menegatti, "A robust and easy to implement method for IMU
+   calibration without external equipments", ICRA 2014, section IV-A (static detector).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import Finding, finding
+from foucault.kernels.moving import moving_moments
+from foucault.tables import AXES, Log
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Rests:
+    """The rests of a log and how they were found.
+
+    Attributes
+    ----------
+    first, last : ndarray of int, shape (n,)
+        First sample of each rest and the sample after its last.
+    level, accel_level, gyro_level : ndarray, shape (samples,)
+        Standard deviation in the window around each sample, relative to the quiet [1].
+    threshold : float
+        Level below which a window is at rest [1].
+    window : int
+        Samples of a window [1].
+    findings : tuple of Finding
+        Candidates that were left out, and why.
+    """
+
+    first: IntArray
+    last: IntArray
+    level: FloatArray
+    accel_level: FloatArray
+    gyro_level: FloatArray
+    threshold: float
+    window: int
+    findings: tuple[Finding, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+
+def find_rests(
+    log: Log,
+    *,
+    window: float = 0.5,
+    threshold: float | None = None,
+    shortest: float = 1.0,
+) -> Rests:
+    """Find the intervals in which the instrument did not move.
+
+    Parameters
+    ----------
+    log : Log
+        Readings with accelerometers, gyros or both [SI].
+    window : float
+        Length of the moving window [s].
+    threshold : float or None
+        Level that separates rest from motion; None chooses it from the data [1].
+    shortest : float
+        Shortest quiet time that counts as a rest, the window's length not included [s].
+    """
+    samples = max(5, 2 * round(window * log.rate / 2) + 1)
+    accel_level = _level(log.accel, samples)
+    gyro_level = _level(log.gyro, samples)
+    level = np.fmax(accel_level, gyro_level)
+    limit = _otsu(level) if threshold is None else threshold
+    first, last = quiet_runs(level < limit, max(2, round(shortest * log.rate)))
+    first, last, findings = _drop_moving(log, first, last)
+    return Rests(first, last, level, accel_level, gyro_level, limit, samples, findings)
+
+
+def _level(x: FloatArray | None, samples: int) -> FloatArray:
+    if x is None:
+        return np.array([np.nan])
+    _, variance = moving_moments(np.ascontiguousarray(x), samples)
+    sd = np.sqrt(variance.sum(axis=1))
+    seen = sd[np.isfinite(sd) & (sd > 0)]
+    # The quietest windows, but not the luckiest: the 5th percentile.
+    return np.asarray(sd / (np.percentile(seen, 5) if len(seen) else 1.0))
+
+
+def _otsu(level: FloatArray) -> float:
+    """Return the level that splits the log-levels into the two most distinct classes."""
+    x = np.log10(np.maximum(level[np.isfinite(level)], 0.1))
+    if len(x) == 0 or x.max() - x.min() < 0.3:  # nothing moves: everything is rest
+        return float(10 ** (x.max() + 0.3)) if len(x) else 2.0
+    counts, edges = np.histogram(x, bins=256)
+    centres = (edges[1:] + edges[:-1]) / 2
+    below = np.cumsum(counts)
+    mean_below = np.cumsum(counts * centres)
+    above = below[-1] - below
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gap = mean_below / below - (mean_below[-1] - mean_below) / above
+    between = np.nan_to_num(below * above * gap**2)
+    best = np.flatnonzero(between >= between.max() * (1 - 1e-9))
+    return float(10 ** edges[1 + int(best.mean())])  # middle of an empty valley
+
+
+def quiet_runs(quiet: npt.NDArray[np.bool_], shortest: int) -> tuple[IntArray, IntArray]:
+    """Return first and one-past-last index of the runs of True that are long enough.
+
+    Parameters
+    ----------
+    quiet : ndarray of bool, shape (n,)
+        Where the instrument is at rest.
+    shortest : int, shape ()
+        Fewest samples of a run [1].
+    """
+    edge = np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]]))
+    first, last = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
+    keep = last - first >= shortest
+    return first[keep].astype(np.int64), last[keep].astype(np.int64)
+
+
+def _drop_moving(
+    log: Log, first: IntArray, last: IntArray
+) -> tuple[IntArray, IntArray, tuple[Finding, ...]]:
+    """Leave out "rests" with a steady rotation: quiet by variance, moving all the same."""
+    if log.gyro is None or len(first) < 5:
+        return first, last, ()
+    mean = np.array([log.gyro[a:b].mean(axis=0) for a, b in zip(first, last, strict=True)])
+    off = np.linalg.norm(mean - np.median(mean, axis=0), axis=1)
+    # 1 deg/s is far beyond Earth rate and bias drift, and slow for a hand.
+    moving = off > max(np.radians(1.0), 8.0 * float(np.median(off)))
+    found = tuple(
+        finding(
+            "rest.moving",
+            start=f"{log.time[first[i]]:.1f}",
+            end=f"{log.time[last[i] - 1]:.1f}",
+            rate=f"{np.degrees(off[i]):.2f}",
+        )
+        for i in np.flatnonzero(moving)
+    )
+    return first[~moving], last[~moving], found
+
+
+@dataclass(frozen=True)
+class RestNoise:
+    """White noise power of one triad, measured at rest.
+
+    Attributes
+    ----------
+    psd : ndarray, shape (3,)
+        Power spectral density around a few hertz: what integration over a turn adds up
+        [unit^2 s].
+    psd_of_mean : ndarray, shape (3,)
+        Power that the scatter of a rest's mean corresponds to; larger than `psd` where the
+        rests were not quite still [unit^2 s].
+    samples_sd : ndarray, shape (3,)
+        Standard deviation of single samples at rest [unit].
+    """
+
+    psd: FloatArray
+    psd_of_mean: FloatArray
+    samples_sd: FloatArray
+
+
+def measure_noise(x: FloatArray, interval: float, rests: Rests) -> RestNoise:
+    """Measure the noise of one triad in the rests of a log.
+
+    Parameters
+    ----------
+    x : ndarray, shape (samples, 3)
+        Readings [unit].
+    interval : float
+        Sample interval [s].
+    rests : Rests
+        Where the instrument rested.
+    """
+    from scipy.stats import f as f_distribution
+
+    short = max(1, round(0.2 / interval))
+    fast, slow, fast_n, slow_n, square, n = (np.zeros(3), np.zeros(3), 0, 0, np.zeros(3), 0)
+    for a, b in zip(rests.first, rests.last, strict=True):
+        part = x[a:b]
+        square += ((part - part.mean(axis=0)) ** 2).sum(axis=0)
+        n += len(part) - 1
+        means = _block_means(part, short)
+        # Successive differences: blind to slow motion of the hand (von Neumann's ratio).
+        fast += (np.diff(means, axis=0) ** 2).sum(axis=0) / 2 * short
+        fast_n += len(means) - 1
+        quarter = (b - a) // 4
+        if quarter > short:
+            quarters = _block_means(part, quarter)[:4]
+            slow += quarters.var(axis=0) * 4 * quarter
+            slow_n += 3
+    psd = fast / max(fast_n, 1) * interval
+    of_mean = psd
+    if slow_n:
+        measured = slow / slow_n * interval
+        limit = f_distribution.ppf(0.99, slow_n, max(fast_n, 1))
+        of_mean = np.where(measured > limit * psd, measured, psd)
+    return RestNoise(psd, of_mean, np.sqrt(square / max(n, 1)))
+
+
+def _block_means(x: FloatArray, size: int) -> FloatArray:
+    blocks = len(x) // size
+    return np.asarray(x[: blocks * size].reshape(blocks, size, x.shape[1]).mean(axis=1))
+
+
+def rest_table(log: Log, rests: Rests) -> dict[str, npt.NDArray[np.generic]]:
+    """Return the columns first, last, start, end and means of `tables.RESTS`."""
+    out: dict[str, npt.NDArray[np.generic]] = {
+        "first": rests.first,
+        "last": rests.last,
+        "start": log.time[rests.first],
+        "end": log.time[rests.last - 1],
+    }
+    for name, x in (("accel", log.accel), ("gyro", log.gyro)):
+        if x is not None:
+            mean = np.array(
+                [x[a:b].mean(axis=0) for a, b in zip(rests.first, rests.last, strict=True)]
+            ).reshape(len(rests), 3)
+            out |= {f"{name}_{axis}": mean[:, i] for i, axis in enumerate(AXES)}
+    return out
+
+
+def detection_table(log: Log, rests: Rests, rows: int = 4000) -> dict[str, FloatArray]:
+    """Return the table "detection" of the report: the levels, thinned, peaks kept.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    rests : Rests
+        How the rests were found.
+    rows : int, shape ()
+        Largest number of rows [1].
+    """
+    step = max(1, -(-len(log) // rows))
+    n = len(log) // step * step
+
+    def peaks(x: FloatArray) -> FloatArray:
+        if len(x) < n:
+            return np.full(n // step, np.nan)
+        filled = np.where(np.isfinite(x[:n]), x[:n], -np.inf).reshape(-1, step).max(axis=1)
+        return np.where(np.isfinite(filled), filled, np.nan)
+
+    return {
+        "time": log.time[:n:step],
+        "accel_level": peaks(rests.accel_level),
+        "gyro_level": peaks(rests.gyro_level),
+        "level": peaks(rests.level),
+    }

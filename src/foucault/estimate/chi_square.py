@@ -1,0 +1,26 @@
+"""Two-sided limits of a sum of squares: is it what the noise predicts?"""
+
+from __future__ import annotations
+
+FALSE_ALARM = 0.01
+"""Family-wise probability of rejecting a result that is right [1]."""
+
+
+def chi_square_limits(
+    dof: float, false_alarm: float = FALSE_ALARM, tests: int = 1
+) -> tuple[float, float]:
+    """Return the two-sided limits of a chi-square variable.
+
+    Parameters
+    ----------
+    dof : float
+        Degrees of freedom [1].
+    false_alarm : float
+        Probability that any of the tests falls outside by chance [1].
+    tests : int, shape ()
+        Number of tests in the family; the probability is shared (Sidak) [1].
+    """
+    from scipy.special import chdtri
+
+    alpha = 1 - (1 - false_alarm) ** (1 / tests)
+    return float(chdtri(dof, 1 - alpha / 2)), float(chdtri(dof, alpha / 2))

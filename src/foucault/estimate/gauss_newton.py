@@ -1,0 +1,236 @@
+"""Gauss-Newton with an exact elimination of the nuisance parameters.
+
+At each state the problem gives white residuals r and the Jacobian J of the prediction; the step
+minimises ``|r - J dx|^2``. With the columns ordered nuisance first, coefficients last,
+
+    J = Q [[R11, R12], [0, R22]]
+
+so that ``R22' R22`` is the Fisher information of the coefficients with the nuisance parameters
+eliminated, and its inverse their covariance. Nothing is squared before it is solved.
+
+References
+----------
+.. [1] A. Bjorck, *Numerical Methods for Least Squares Problems*, SIAM, 1996, section 9.2.
+.. [2] P. J. Huber, *Robust Statistics*, Wiley, 1981, section 7.8 (weights).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.errors import Status
+from foucault.result import Estimate, Linearised, Problem
+
+FloatArray = npt.NDArray[np.float64]
+Loss = Callable[[FloatArray], FloatArray]
+
+
+def least_squares(norms: FloatArray) -> FloatArray:
+    """Give every observation its full weight, whatever `norms`, shape (blocks,), say."""
+    return np.ones_like(norms)
+
+
+def huber(norms: FloatArray, limit: float = 3.0) -> FloatArray:
+    """Give weight limit/norm to observations with a standardized residual beyond `limit`.
+
+    Parameters
+    ----------
+    norms : ndarray, shape (blocks,)
+        Root mean square of the standardized residuals of each observation [1].
+    limit : float
+        Where the loss turns from square to linear [1].
+    """
+    return np.minimum(1.0, limit / np.maximum(norms, limit))
+
+
+@dataclass(frozen=True)
+class _Step:
+    step: FloatArray
+    R: FloatArray
+    order: npt.NDArray[np.intp]
+    scale: FloatArray
+    weak: bool
+
+
+def solve(
+    problem: Problem,
+    *,
+    loss: Loss = least_squares,
+    max_iterations: int = 25,
+    tolerance: float = 1e-4,
+) -> Estimate:
+    """Minimise the sum of squared white residuals of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to solve.
+    loss : callable
+        ``norms -> weights``, both shape (blocks,) [1]; `least_squares` or `huber`.
+    max_iterations : int, shape ()
+        After this many steps the status is NOT_CONVERGED.
+    tolerance : float
+        Converged when a step is shorter than this, in units of its standard deviation [1].
+
+    Returns
+    -------
+    Estimate
+        Coefficients with covariance; the status says how it ended.
+    """
+    state = problem.start
+    weights = np.ones(problem.n_blocks)
+    at = _with_prior(problem, state, problem.linearise(state, weights))
+    status, iterations = Status.NOT_CONVERGED, 0
+    while iterations < max_iterations:
+        iterations += 1
+        if not (np.isfinite(at.residuals).all() and np.isfinite(at.jacobian).all()):
+            status = Status.NOT_FINITE
+            break
+        part = _solve_step(at, len(problem.layout))
+        state, at, moved = _descend(problem, state, weights, at, part.step)
+        weights, reweighted = _reweight(problem, at, weights, loss)
+        if reweighted > 1e-3:
+            at = _with_prior(problem, state, problem.linearise(state, weights))
+        # `moved` is the step in units of its own standard deviation: sqrt(dx' J'J dx).
+        elif moved < tolerance:
+            status = Status.CONVERGED
+            break
+    return _estimate(problem, state, at, weights, status, iterations)
+
+
+def _with_prior(problem: Problem, state: Any, at: Linearised) -> Linearised:
+    prior = problem.prior
+    if prior is None:
+        return at
+    known = np.flatnonzero(np.isfinite(prior.prior_sd))
+    sd = prior.prior_sd[known]
+    rows = np.zeros((len(known), at.jacobian.shape[1]))
+    rows[np.arange(len(known)), known] = 1.0 / sd
+    miss = (prior.values[known] - problem.values(state)[known]) / sd
+    return Linearised(
+        np.concatenate([at.residuals, miss]),
+        np.concatenate([at.jacobian, rows]),
+        np.concatenate([at.blocks, np.full(len(known), -1)]),
+    )
+
+
+def _solve_step(at: Linearised, n_coefficients: int) -> _Step:
+    n = at.jacobian.shape[1]
+    order = np.concatenate([np.arange(n_coefficients, n), np.arange(n_coefficients)])
+    scale = np.linalg.norm(at.jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    J = (at.jacobian / scale)[:, order]
+    # With the residuals as a last column Q is not needed: its product with them is in R.
+    full = np.asarray(np.linalg.qr(np.column_stack([J, at.residuals]), mode="r"))
+    R, rhs = full[:n, :n], full[:n, n]
+    diagonal = np.abs(np.diag(R))
+    weak = bool(J.shape[0] < n or diagonal.min() < 1e-11 * diagonal.max())
+    if weak:  # the shortest step, so that the visible part still converges
+        step = np.linalg.lstsq(R, rhs, rcond=1e-10)[0]
+    else:
+        step = np.linalg.solve(R, rhs)
+    dx = np.empty(n)
+    dx[order] = step
+    return _Step(dx / scale, R, order, scale, weak)
+
+
+def _descend(
+    problem: Problem, state: Any, weights: FloatArray, at: Linearised, step: FloatArray
+) -> tuple[Any, Linearised, float]:
+    """Take the step, halved until the sum of squares does not grow."""
+    now = float(at.residuals @ at.residuals)
+    moved = float(np.linalg.norm(at.jacobian @ step))
+    share = 1.0
+    for _ in range(8):
+        trial = problem.retract(state, share * step)
+        there = _with_prior(problem, trial, problem.linearise(trial, weights))
+        cost = float(there.residuals @ there.residuals)
+        if np.isfinite(cost) and cost <= now * (1 + 1e-9) + 1e-9:
+            return trial, there, moved * share
+        if moved * share < 1e-3:  # the whitening moves with the state: settle here
+            return trial, there, moved * share
+        share *= 0.5
+    return state, at, moved
+
+
+def _reweight(
+    problem: Problem, at: Linearised, weights: FloatArray, loss: Loss
+) -> tuple[FloatArray, float]:
+    used = at.blocks >= 0
+    square = np.bincount(at.blocks[used], at.residuals[used] ** 2, problem.n_blocks)
+    count = np.bincount(at.blocks[used], minlength=problem.n_blocks)
+    # Residuals came in weighted; undo that to judge the observation itself.
+    norms = np.sqrt(square / np.maximum(count, 1) / np.maximum(weights, 1e-12))
+    new = loss(norms)
+    return new, float(np.max(np.abs(new - weights), initial=0.0))
+
+
+def _estimate(
+    problem: Problem,
+    state: Any,
+    at: Linearised,
+    weights: FloatArray,
+    status: Status,
+    iterations: int,
+) -> Estimate:
+    n = len(problem.layout)
+    part = _solve_step(at, n)
+    total = at.jacobian.shape[1]
+    inverse = np.linalg.pinv(part.R, rcond=1e-12) if part.weak else np.linalg.inv(part.R)
+    cov = np.empty((total, total))
+    cov[np.ix_(part.order, part.order)] = inverse @ inverse.T
+    cov /= np.outer(part.scale, part.scale)
+    R22 = part.R[total - n :, total - n :] * part.scale[:n]
+    weakest: tuple[str, ...] = ()
+    if part.weak:
+        weakest = _weak_combinations(problem, R22)
+        if status is Status.CONVERGED:
+            status = Status.UNOBSERVABLE
+    values = problem.values(state)
+    coefficients = CoefficientVector(
+        problem.layout,
+        values,
+        cov[:n, :n],
+        prior_sd=problem.prior.prior_sd if problem.prior else np.full(n, np.inf),
+    )
+    return Estimate(
+        coefficients=coefficients,
+        state=state,
+        status=status,
+        iterations=iterations,
+        residuals=at.residuals,
+        leverage=np.sum(((at.jacobian / part.scale)[:, part.order] @ inverse) ** 2, axis=1),
+        blocks=at.blocks,
+        chi_square=float(at.residuals @ at.residuals),
+        dof=len(at.residuals) - total,
+        information=R22.T @ R22,
+        state_cov=cov,
+        weights=weights,
+        weakest=weakest,
+    )
+
+
+def _weak_combinations(problem: Problem, R22: FloatArray) -> tuple[str, ...]:
+    """Name the directions of the coefficients that the data do not see."""
+    scale = np.linalg.norm(R22, axis=0)
+    invisible = scale <= 1e-9 * scale.max()
+    words = [problem.layout.names[i] for i in np.flatnonzero(invisible)]
+    seen = np.flatnonzero(~invisible)
+    if len(seen):
+        _, s, Vt = np.linalg.svd(R22[:, seen] / scale[seen])
+        for value, direction in zip(s, Vt, strict=False):
+            if value < 1e-9 * s[0]:
+                largest = np.argsort(-np.abs(direction))[:4]
+                terms = [
+                    f"{direction[i]:+.2f} {problem.layout.names[seen[i]]}"
+                    for i in largest
+                    if abs(direction[i]) > 0.1
+                ]
+                words.append(" ".join(terms))
+    return tuple(words)

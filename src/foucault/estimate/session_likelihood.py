@@ -1,0 +1,296 @@
+"""Maximum likelihood of a session of rests and turns, with unexplained scatter estimated.
+
+The problem: residuals of `models.rests_and_turns` made white by `models.session_noise`, the
+coefficients first, then three attitude angles per rest. The heading of the first rest has a
+prior as wide as the circle; the Earth's rotation, where it is modelled and visible, narrows it.
+
+Where the residuals of one kind of observation are larger than the noise explains, a variance
+(one per kind: specific force at rest, rate at rest, turns) is added until they fit, weighing
+each observation by the redundancy it really has. This is the honest uncertainty of a hand-held
+rest, and zero on a stable table.
+
+References
+----------
+.. [1] W. Förstner, "Ein Verfahren zur Schätzung von Varianz- und Kovarianzkomponenten",
+   Allgemeine Vermessungs-Nachrichten 86, 1979 (local redundancies).
+.. [2] R. C. Paule, J. Mandel, "Consensus values and weighting factors", J. Res. NBS 87(5),
+   1982 (an added variance that makes chi-square equal to its expectation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.estimate import gauss_newton, norm_observation
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.published_hand_rotated import fit_directions
+from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.rests_and_turns import Attitudes, Session, predict
+from foucault.models.rotation import aligning, exp
+from foucault.models.session_noise import SessionNoise, blocks, correlated, whiten
+from foucault.result import Estimate, Linearised, Problem
+
+FloatArray = npt.NDArray[np.float64]
+
+HEADING_SD = np.pi / np.sqrt(3.0)
+"""Standard deviation of a heading of which nothing is known [rad]."""
+
+KINDS = ("accel_repeatability", "gyro_repeatability", "turn_repeatability")
+"""The three kinds of observation, in the order of the residuals."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """How one kind of observation fits.
+
+    Attributes
+    ----------
+    ratio : float
+        Sum of squares over redundancy; 1 where the noise explains the residuals [1].
+    redundancy : float
+        Degrees of freedom of this kind of observation [1].
+    low, high : float
+        Two-sided limits of the sum of squares at 1 % for all kinds together [1].
+    chi_square : float
+        Sum of squares of the white residuals [1].
+    """
+
+    chi_square: float
+    redundancy: float
+    low: float
+    high: float
+
+    @property
+    def ratio(self) -> float:
+        """Sum of squares over redundancy [1]."""
+        return self.chi_square / max(self.redundancy, 1e-9)
+
+
+def build(
+    session: Session,
+    names: Sequence[str],
+    start: Attitudes,
+    noise: SessionNoise,
+    prior: CoefficientVector | None = None,
+) -> Problem:
+    """Build the least-squares problem of a session.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    names : sequence of str, length p
+        Coefficients to estimate.
+    start : Attitudes
+        Where to start.
+    noise : SessionNoise
+        Noise of the observations.
+    prior : CoefficientVector or None
+        Prior of the coefficients, in the order of `names`.
+    """
+    layout = LAYOUT.subset(names)
+    p, n = len(names), len(session.accel_mean)
+    kinds = 1 if session.gyro_mean is None else 3
+    n_blocks = n if kinds == 1 else 3 * n - 1
+
+    def linearise(state: Attitudes, weights: FloatArray) -> Linearised:
+        at = predict(session, names, state, noise.turn_psd)
+        share = np.sqrt(weights)[:, None]
+        r, J = whiten(
+            at.residuals * share,
+            at.jacobian * share[:, :, None],
+            blocks(session, noise, at),
+            correlated(session, noise, at),
+        )
+        # Without gyros nothing ties the headings together, and each rest needs the prior.
+        # Heading turns about up, which is the third row of C_nb.
+        free = n if kinds == 1 else 1
+        heading = np.zeros((free, p + 3 * n))
+        for j in range(free):
+            heading[j, p + 3 * j : p + 3 * j + 3] = state.C_nb[j, 2, :] / HEADING_SD
+        D = state.C_nb[:free] @ np.swapaxes(start.C_nb[:free], 1, 2)
+        turned = np.arctan2(D[:, 1, 0] - D[:, 0, 1], D[:, 0, 0] + D[:, 1, 1])
+        return Linearised(
+            np.append(r, -turned / HEADING_SD),
+            np.concatenate([J, heading]),
+            np.append(np.repeat(np.arange(n_blocks), 3), np.full(free, -1)),
+        )
+
+    def retract(state: Attitudes, step: FloatArray) -> Attitudes:
+        vector = state.model.coefficients()
+        values = dict(zip(names, values_of(state) + step[:p], strict=True))
+        model = ImuModel.from_coefficients(vector.with_values(values))
+        return Attitudes(model, state.C_nb @ exp(step[p:].reshape(n, 3)))
+
+    def values_of(state: Attitudes) -> FloatArray:
+        return state.model.coefficients(names).values
+
+    return Problem(layout, start, linearise, retract, values_of, n_blocks, prior)
+
+
+def first_guess(session: Session, fixed: ImuModel | None = None) -> Attitudes | None:
+    """Return a state to start from, or None where the rests do not determine the norm.
+
+    Linear norm observation for the accelerometers, the mean of the rests for the gyro bias, the
+    published cost for the gyro matrix, dead reckoning between rests for heading, and a linear
+    fit of the Earth's rotation for the heading of the first.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    fixed : ImuModel or None
+        Start from these accelerometer errors instead (for instance a prior).
+    """
+    if fixed is None:
+        solved = norm_observation.solve(session.accel_mean, session.site.gravity)
+        if solved is None:
+            return None
+        model = ImuModel(accel_matrix=solved[0], accel_bias=solved[1])
+    else:
+        model = fixed
+    f_b, _ = model.compensate(session.accel_mean, None)
+    assert f_b is not None
+    up_b = f_b / np.linalg.norm(f_b, axis=1)[:, None]
+    z = np.array([0.0, 0.0, 1.0])
+    if session.gyro_mean is None:
+        return Attitudes(model, np.stack([aligning(u, z) for u in up_b]))
+    weight = session.rest_time / session.rest_time.sum()
+    model = replace(model, gyro_bias=weight @ session.gyro_mean)
+    turns = (session.last[:-1] - 1, session.first[1:])
+    model = fit_directions(session.log, up_b, *turns, model, max_iterations=4).state
+    C_nb = np.empty((len(up_b), 3, 3))
+    C_nb[0] = aligning(up_b[0], z)
+    guess = Attitudes(model, np.broadcast_to(np.eye(3), C_nb.shape))
+    C_se = predict(session, (), guess, np.ones(3)).C_se
+    for j, C in enumerate(C_se):
+        reached = C_nb[j] @ C
+        C_nb[j + 1] = aligning(reached @ up_b[j + 1], z) @ reached
+    return _with_heading(session, Attitudes(model, C_nb))
+
+
+def _with_heading(session: Session, state: Attitudes) -> Attitudes:
+    """Turn all attitudes about up so that the gyro means at rest see the Earth's rotation."""
+    if session.site.latitude is None or session.gyro_mean is None:
+        return state
+    _, north, up = session.earth @ np.eye(3)
+    # Horizontal Earth rate after a turn by psi about up: north (-sin psi, cos psi); linear in
+    # cos and sin, and in the gyro bias.
+    C_bn = np.swapaxes(state.C_nb, 1, 2)
+    scale = state.model.gyro_matrix
+    rows = np.concatenate(
+        [
+            np.broadcast_to(np.eye(3), C_bn.shape),
+            (scale @ C_bn)[:, :, 1:2] * north,
+            (scale @ C_bn)[:, :, 0:1] * north,
+        ],
+        axis=2,
+    ).reshape(-1, 5)
+    known = session.gyro_mean - (scale @ C_bn)[:, :, 2] * up
+    x, *_ = np.linalg.lstsq(rows, known.ravel())
+    psi = np.arctan2(-x[4], x[3])
+    turn = exp(np.array([0.0, 0.0, -psi]))
+    return Attitudes(replace(state.model, gyro_bias=x[:3]), turn @ state.C_nb)
+
+
+def components(estimate: Estimate, session: Session) -> dict[str, Component]:
+    """Split the sum of squares by kind of observation.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Solution of a problem made by `build`.
+    session : Session
+        What was observed.
+    """
+    n = len(session.accel_mean)
+    used = estimate.blocks >= 0
+    kind = np.minimum(estimate.blocks // n, 2)
+    out = {}
+    kinds = KINDS[:1] if session.gyro_mean is None else KINDS
+    for i, name in enumerate(kinds):
+        mine = used & (kind == i)
+        redundancy = float(np.sum(1 - estimate.leverage[mine]))
+        low, high = chi_square_limits(max(redundancy, 1e-3), tests=len(kinds))
+        out[name] = Component(float(np.sum(estimate.residuals[mine] ** 2)), redundancy, low, high)
+    return out
+
+
+def fit(
+    session: Session,
+    names: Sequence[str],
+    start: Attitudes,
+    noise: SessionNoise,
+    *,
+    prior: CoefficientVector | None = None,
+    loss: gauss_newton.Loss = gauss_newton.least_squares,
+    repeatability: bool = True,
+) -> tuple[Estimate, SessionNoise, dict[str, Component]]:
+    """Estimate the coefficients, and the scatter that the noise leaves unexplained.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    names : sequence of str, length p
+        Coefficients to estimate.
+    start : Attitudes
+        Where to start.
+    noise : SessionNoise
+        Noise, declared or measured at rest.
+    prior : CoefficientVector or None
+        Prior of the coefficients.
+    loss : callable
+        Robust loss, see `estimate.gauss_newton`.
+    repeatability : bool
+        Add variance where the residuals demand it.
+
+    Returns
+    -------
+    estimate : Estimate
+        The solution.
+    noise : SessionNoise
+        The noise with the scatter that was added.
+    before : dict of str to Component
+        How well the noise alone explained the residuals.
+    """
+    estimate = gauss_newton.solve(build(session, names, start, noise, prior), loss=loss)
+    before = components(estimate, session)
+    too_large = [name for name, c in before.items() if c.chi_square > c.high]
+    if not repeatability or not too_large:
+        return estimate, noise, before
+    now = before
+    for _ in range(20):
+        noise = _inflate(noise, now, session, too_large)
+        problem = build(session, names, estimate.state, noise, prior)
+        estimate = gauss_newton.solve(problem, loss=loss, max_iterations=1)
+        now = components(estimate, session)
+        # A variance from some 60 degrees of freedom is uncertain by 18 %: 2 % is settled.
+        if all(abs(now[k].ratio - 1) < 0.02 or getattr(noise, k) == 0 for k in too_large):
+            break
+    problem = build(session, names, estimate.state, noise, prior)
+    return gauss_newton.solve(problem, loss=loss), noise, before
+
+
+def _inflate(
+    noise: SessionNoise, now: dict[str, Component], session: Session, too_large: list[str]
+) -> SessionNoise:
+    """Scale the total variance of each kind by its ratio and give the increase to the scatter."""
+    rest = float(np.mean(1 / session.rest_time))
+    white = {
+        "accel_repeatability": float(noise.accel_psd.mean()) * rest,
+        "gyro_repeatability": float(noise.gyro_psd.mean()) * rest,
+        "turn_repeatability": float(noise.turn_psd.mean() * session.turn_time.mean()),
+    }
+    changed: dict[str, Any] = {}
+    for name in too_large:
+        scatter = getattr(noise, name) ** 2
+        total = (scatter + white[name]) * now[name].ratio
+        changed[name] = float(np.sqrt(max(total - white[name], 0.0)))
+    return replace(noise, **changed)

@@ -1,0 +1,245 @@
+"""Observation model of a session of rests and turns: what the means and the turns should be.
+
+At rest j the body has the attitude ``C_nb[j]`` in the local frame. Three things are observed::
+
+    accelerometer mean   a_j = accel model of  f_j = C_nb[j]' (0, 0, g)
+    gyro mean            w_j = gyro model of   C_nb[j]' w_ie_n   and f_j
+    turn to rest j + 1   C_se(gyro model) = C_nb[j]' Exp(w_ie_n T_j) C_nb[j + 1]
+
+where C_se integrates the compensated rate over the turn (s: body axes at its start, e: at its
+end). The Earth term is the rotation of the local frame while the turn lasts. Unknown are the
+coefficients of the model and one attitude per rest; heading is a nuisance that only the Earth's
+rotation ties to north.
+
+The turn residual is the rotation vector from modelled to measured, in s:
+``rho = Log(C_se (C_nb[j]' Exp(w_ie_n T_j) C_nb[j+1])')``. With an error d_eps of the integrated
+rotation in s, and body-side perturbations ``C_nb Exp(phi)``::
+
+    d_rho = Jl^-1 d_eps + Jr^-1 phi_j - Jr^-1 (C_nb[j]' E C_nb[j+1]) phi_{j+1}
+    d_eps = - int C_sb inv(L_g) (d_b + dL_g w + dG f) dt
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.kernels.rotation import integrate_turns
+from foucault.models.earth import Site, earth_rate_n
+from foucault.models.imu import ImuModel, coefficient_slot, products, products_slope
+from foucault.models.rotation import cross_matrix, exp, log, right_jacobian_inverse
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Session:
+    """The data of a session, reduced to what the model needs.
+
+    Attributes
+    ----------
+    log : Log
+        The readings [SI].
+    first, last : ndarray of int, shape (n,)
+        First sample of each rest and the sample after its last.
+    site : Site
+        Gravity and, where known, latitude.
+    accel_mean : ndarray, shape (n, 3)
+        Mean specific force of each rest [m/s^2].
+    gyro_mean : ndarray, shape (n, 3), or None
+        Mean rate of each rest [rad/s].
+    """
+
+    log: Log
+    first: IntArray
+    last: IntArray
+    site: Site
+    accel_mean: FloatArray
+    gyro_mean: FloatArray | None
+
+    @classmethod
+    def reduce(cls, log: Log, first: IntArray, last: IntArray, site: Site) -> Session:
+        """Average the rests of a log.
+
+        Parameters
+        ----------
+        log : Log
+            The readings [SI]; accelerometers must be present.
+        first, last : ndarray of int, shape (n,)
+            First sample of each rest and the sample after its last.
+        site : Site
+            Where the session took place.
+        """
+        assert log.accel is not None
+
+        def means(x: FloatArray) -> FloatArray:
+            rows = [x[a:b].mean(axis=0) for a, b in zip(first, last, strict=True)]
+            return np.stack(rows)
+
+        gyro = None if log.gyro is None else means(log.gyro)
+        return cls(log, first, last, site, means(log.accel), gyro)
+
+    @property
+    def rest_time(self) -> FloatArray:
+        """Length of each rest, shape (n,) [s]."""
+        return np.asarray((self.last - self.first) * self.log.interval)
+
+    @property
+    def turn_time(self) -> FloatArray:
+        """Length of each turn, from the last sample of a rest to the first of the next [s]."""
+        return self.log.time[self.first[1:]] - self.log.time[self.last[:-1] - 1]
+
+    @property
+    def earth(self) -> FloatArray:
+        """w_ie_n, frame n, shape (3,) [rad/s]; zero where the latitude is unknown."""
+        return np.zeros(3) if self.site.latitude is None else earth_rate_n(self.site.latitude)
+
+
+@dataclass(frozen=True)
+class Attitudes:
+    """Model and attitudes: the state of the estimation.
+
+    Attributes
+    ----------
+    model : ImuModel
+        The error model.
+    C_nb : ndarray, shape (n, 3, 3)
+        Attitude of each rest, body to East-North-Up [1].
+    """
+
+    model: ImuModel
+    C_nb: FloatArray
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Residuals, observation minus prediction, and the Jacobian of the prediction.
+
+    Attributes
+    ----------
+    residuals : ndarray, shape (k, 3)
+        One row per observation: rests (accelerometer), rests (gyro), turns [SI].
+    jacobian : ndarray, shape (k, 3, m)
+        Columns: the coefficients, then three attitude angles per rest [SI].
+    turn_noise : ndarray, shape (n - 1, 3, 3)
+        Covariance of each turn from unit white noise of the gyro, times the given psd [rad^2].
+    turn_bias : ndarray, shape (n - 1, 3, 3)
+        Rotation error per constant rate error of the gyro output, in s [s].
+    turn_path : ndarray, shape (n - 1,)
+        Angle travelled [rad].
+    C_se : ndarray, shape (n - 1, 3, 3)
+        Integrated rotation of each turn [1].
+    """
+
+    residuals: FloatArray
+    jacobian: FloatArray
+    turn_noise: FloatArray
+    turn_bias: FloatArray
+    turn_path: FloatArray
+    C_se: FloatArray
+
+
+def predict(
+    session: Session, names: Sequence[str], state: Attitudes, gyro_psd: FloatArray
+) -> Prediction:
+    """Compare a session with the model at a state.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    names : sequence of str, length p
+        The coefficients that are estimated.
+    state : Attitudes
+        Where to linearise.
+    gyro_psd : ndarray, shape (3,)
+        White noise power of the gyro outputs [rad^2/s].
+    """
+    model, C_nb = state.model, state.C_nb
+    n, p = len(C_nb), len(names)
+    f = session.site.gravity * C_nb[:, 2, :]  # C_nb' (0, 0, g), one row per rest
+    w = np.einsum("nji,j->ni", C_nb, session.earth)
+    accel, gyro = model.measure(f, w)
+    gyro_rows = 0 if session.gyro_mean is None else n + n - 1
+    J = np.zeros((n + gyro_rows, 3, p + 3 * n))
+    r = np.empty((n + gyro_rows, 3))
+    rest = np.arange(n)
+    tilt = p + 3 * rest[:, None] + np.arange(3)  # attitude columns of each rest
+
+    r[:n] = session.accel_mean - accel
+    slope = model.accel_matrix + np.einsum("ik,nkj->nij", model.accel_quadratic, products_slope(f))
+    J[rest[:, None, None], np.arange(3)[:, None], tilt[:, None, :]] = slope @ cross_matrix(f)
+    _fill(J[:n], names, {"accel_bias": None, "accel_matrix": f, "accel_quadratic": products(f)})
+    if session.gyro_mean is None:
+        empty = np.zeros((0, 3, 3))
+        return Prediction(r, J, empty, empty, np.zeros(0), empty)
+
+    r[n : 2 * n] = session.gyro_mean - gyro
+    J[n + rest[:, None, None], np.arange(3)[:, None], tilt[:, None, :]] = (
+        model.gyro_matrix @ cross_matrix(w) + model.g_sensitivity @ cross_matrix(f)
+    )
+    _fill(J[n : 2 * n], names, {"gyro_bias": None, "gyro_matrix": w, "g_sensitivity": f})
+    r[2 * n :], noise, bias, path, C_se = _turns(session, names, state, gyro_psd, J[2 * n :])
+    return Prediction(r, J, noise, bias, path, C_se)
+
+
+def _fill(J: FloatArray, names: Sequence[str], inputs: dict[str, FloatArray | None]) -> None:
+    """Write the coefficient columns of a model that is linear in its coefficients."""
+    for column, name in enumerate(names):
+        block, where = coefficient_slot(name)
+        if block not in inputs:
+            continue
+        factor = inputs[block]
+        if factor is None:
+            J[:, where, column] = 1.0
+        else:
+            J[:, where[0], column] = factor[:, where[1]]
+
+
+def _turns(
+    session: Session, names: Sequence[str], state: Attitudes, gyro_psd: FloatArray, J: FloatArray
+) -> tuple[FloatArray, ...]:
+    """Fill the Jacobian of the turns in place; return residuals, noise, bias, path, C_se."""
+    model, C_nb, log_ = state.model, state.C_nb, session.log
+    n, p = len(C_nb), len(names)
+    inverse = np.linalg.inv(model.gyro_matrix)
+    f_b, w_b = model.compensate(log_.accel, log_.gyro)
+    assert f_b is not None
+    assert w_b is not None
+    C_se, bias, scale, force, noise, path = integrate_turns(
+        log_.time,
+        w_b,
+        f_b,
+        inverse @ np.diag(gyro_psd) @ inverse.T,
+        session.last[:-1] - 1,
+        session.first[1:],
+        log_.sampled == "increment",
+    )
+    modelled = (
+        np.swapaxes(C_nb[:-1], 1, 2) @ exp(session.earth * session.turn_time[:, None]) @ C_nb[1:]
+    )
+    rho = log(C_se @ np.swapaxes(modelled, 1, 2))
+    right = right_jacobian_inverse(rho)
+    left = np.swapaxes(right, 1, 2)
+
+    # Columns of d_eps, turned into the prediction's sign: minus d_rho.
+    bias_s = left @ bias @ inverse
+    inputs = {"gyro_matrix": scale, "g_sensitivity": force}
+    for column, name in enumerate(names):
+        block, where = coefficient_slot(name)
+        if block == "gyro_bias":
+            J[:, :, column] = bias_s[:, :, where]
+        elif block in inputs:
+            columns = inputs[block].reshape(-1, 3, 3, 3)[:, :, :, where[1]]
+            J[:, :, column] = np.einsum("nab,nbi,i->na", left, columns, inverse[:, where[0]])
+    turn = np.arange(n - 1)
+    start = p + 3 * turn[:, None] + np.arange(3)
+    at = (turn[:, None, None], np.arange(3)[:, None])
+    J[(*at, start[:, None, :])] = -right
+    J[(*at, start[:, None, :] + 3)] = right @ modelled
+    return rho, noise, bias_s, path, C_se

@@ -1,0 +1,123 @@
+"""Rotation vectors and matrices, vectorised. ``C_ab`` maps b to a: ``x_a = C_ab @ x_b``.
+
+References
+----------
+.. [1] G. S. Chirikjian, *Stochastic Models, Information Theory, and Lie Groups*, vol. 2, 2012,
+   section 10.3 (Jacobians of SO(3)).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def cross_matrix(v: FloatArray) -> FloatArray:
+    """Return [v x], shape (..., 3, 3), so that ``[v x] u = v x u``.
+
+    Parameters
+    ----------
+    v : ndarray, shape (..., 3)
+        Vectors [any unit].
+    """
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return out
+
+
+def exp(phi: FloatArray) -> FloatArray:
+    """Return the rotation matrix Exp(phi), shape (..., 3, 3), of a rotation vector.
+
+    Parameters
+    ----------
+    phi : ndarray, shape (..., 3)
+        Rotation vectors [rad].
+    """
+    angle = np.linalg.norm(phi, axis=-1)[..., None, None]
+    K = cross_matrix(phi)
+    s = np.sinc(angle / np.pi)
+    c = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2 without cancellation
+    return np.asarray(np.eye(3) + s * K + c * (K @ K))
+
+
+def log(C: FloatArray) -> FloatArray:
+    """Return the rotation vector, shape (..., 3), of rotation matrices; angle below pi.
+
+    Parameters
+    ----------
+    C : ndarray, shape (..., 3, 3)
+        Rotation matrices [1].
+
+    Notes
+    -----
+    Goes through the quaternion of largest pivot, so that it is accurate at all angles.
+    """
+    trace = np.trace(C, axis1=-2, axis2=-1)
+    d = np.diagonal(C, axis1=-2, axis2=-1)
+    w, x, y, z = (
+        trace,
+        2 * d[..., 0] - trace,
+        2 * d[..., 1] - trace,
+        2 * d[..., 2] - trace,
+    )
+    upper = C - np.swapaxes(C, -1, -2)
+    sx, sy, sz = upper[..., 2, 1], upper[..., 0, 2], upper[..., 1, 0]
+    sym = C + np.swapaxes(C, -1, -2)
+    xy, xz, yz = sym[..., 0, 1], sym[..., 0, 2], sym[..., 1, 2]
+    # rows of the symmetric matrix 4 q q', q = (w, x, y, z)
+    rows = np.stack(
+        [
+            np.stack([1 + w, sx, sy, sz], -1),
+            np.stack([sx, 1 + x, xy, xz], -1),
+            np.stack([sy, xy, 1 + y, yz], -1),
+            np.stack([sz, xz, yz, 1 + z], -1),
+        ],
+        -2,
+    )
+    pivot = np.argmax(np.stack([w, x, y, z], -1), axis=-1)
+    q = np.take_along_axis(rows, pivot[..., None, None], axis=-2)[..., 0, :]
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    q = np.where(q[..., :1] < 0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    half = np.arctan2(sine, q[..., :1])
+    return np.asarray(q[..., 1:] * np.where(sine > 1e-12, 2 * half / np.maximum(sine, 1e-300), 2.0))
+
+
+def right_jacobian_inverse(phi: FloatArray) -> FloatArray:
+    """Return J, shape (..., 3, 3), with ``Log(Exp(phi) Exp(d)) = phi + J d`` to first order.
+
+    Parameters
+    ----------
+    phi : ndarray, shape (..., 3)
+        Rotation vectors, angle below pi [rad]. Its transpose is the left inverse Jacobian.
+    """
+    angle = np.linalg.norm(phi, axis=-1)[..., None, None]
+    K = cross_matrix(phi)
+    a = np.where(angle < 1e-4, 1.0, angle)
+    factor = np.where(
+        angle < 1e-4,
+        1.0 / 12.0 + angle**2 / 720.0,
+        1.0 / a**2 - (1 + np.cos(a)) / (2 * a * np.sin(a)),
+    )
+    return np.asarray(np.eye(3) + 0.5 * K + factor * (K @ K))
+
+
+def aligning(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return the smallest rotation C with ``C @ u = v`` for unit vectors, shape (3, 3).
+
+    Parameters
+    ----------
+    u, v : ndarray, shape (3,)
+        Unit vectors [1].
+    """
+    axis = np.cross(u, v)
+    sine, cosine = float(np.linalg.norm(axis)), float(u @ v)
+    if sine < 1e-12:
+        if cosine > 0:
+            return np.eye(3)
+        other = np.eye(3)[np.argmin(np.abs(u))]
+        axis, sine = np.cross(u, other), 0.0
+    return exp(np.arctan2(sine, cosine) * axis / np.linalg.norm(axis))

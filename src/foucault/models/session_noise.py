@@ -1,0 +1,206 @@
+"""Covariance of what a session of rests and turns observes.
+
+White noise makes the observations independent, one 3 x 3 block each. Bias instability and
+random walk tie them together: the bias averaged over one rest or turn is correlated with the
+bias over every other, and their covariance matrix is added exactly. Where the latitude is
+unknown, the Earth's rotation is an unknown of known size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.earth import EARTH_RATE
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.rests_and_turns import Prediction, Session
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SessionNoise:
+    """Everything that makes an observation differ from the model.
+
+    Attributes
+    ----------
+    accel_psd, gyro_psd : ndarray, shape (3,)
+        White noise power that acts on the mean of a rest [unit^2 s].
+    turn_psd : ndarray, shape (3,)
+        White noise power that the integration over a turn adds up [rad^2/s].
+    slow : ImuNoise
+        Bias instability and random walk; its white part is not used here.
+    accel_repeatability, gyro_repeatability, turn_repeatability : float
+        Standard deviation, per axis, of what the noise does not explain in a rest's specific
+        force [m/s^2], a rest's rate [rad/s] and the rotation of a turn [rad].
+    """
+
+    accel_psd: FloatArray
+    gyro_psd: FloatArray
+    turn_psd: FloatArray
+    slow: ImuNoise
+    accel_repeatability: float = 0.0
+    gyro_repeatability: float = 0.0
+    turn_repeatability: float = 0.0
+
+    @classmethod
+    def declared(cls, noise: ImuNoise, interval: float) -> SessionNoise:
+        """Take the noise as declared; rounding to steps acts as white noise.
+
+        Parameters
+        ----------
+        noise : ImuNoise
+            Declared noise [SI].
+        interval : float
+            Sample interval [s].
+        """
+
+        def psd(triad: TriadNoise) -> FloatArray:
+            return np.full(3, triad.white**2 + triad.quantisation**2 / 12 * interval)
+
+        return cls(psd(noise.accel), psd(noise.gyro), psd(noise.gyro), noise)
+
+
+def blocks(session: Session, noise: SessionNoise, at: Prediction) -> FloatArray:
+    """Return the independent part of the covariance, one block per observation.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    noise : SessionNoise
+        Its noise [SI].
+    at : Prediction
+        The linearised model, for the noise of the turns.
+
+    Returns
+    -------
+    ndarray, shape (k, 3, 3)
+        Covariance blocks in the order of `Prediction.residuals` [SI].
+    """
+    rest_time = session.rest_time[:, None, None]
+    out = [np.diag(noise.accel_psd) / rest_time + noise.accel_repeatability**2 * np.eye(3)]
+    if session.gyro_mean is not None:
+        # An unknown Earth rate has its full size over all directions: a third per axis.
+        unknown = EARTH_RATE**2 / 3 if session.site.latitude is None else 0.0
+        rest_floor = noise.gyro_repeatability**2 + unknown
+        turn_floor = noise.turn_repeatability**2 + unknown * session.turn_time**2
+        out.append(np.diag(noise.gyro_psd) / rest_time + rest_floor * np.eye(3))
+        out.append(at.turn_noise + turn_floor[:, None, None] * np.eye(3))
+    return np.concatenate(out)
+
+
+def window_covariance(start: FloatArray, end: FloatArray, noise: TriadNoise) -> FloatArray:
+    """Return the covariance of the slow bias averaged over windows that do not overlap.
+
+    Markov part, with tau the correlation time and T the lengths: ``s^2 2 tau/T (1 - tau/T
+    (1 - exp(-T/tau)))`` on the diagonal, and off it ``s^2`` times the product of the averages
+    of the two exponentials. Random walk: ``q^2 (t + T/3)`` on the diagonal, ``q^2`` times the
+    middle of the earlier window off it (the bias of the model is the value at time zero).
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (m,)
+        Ends of the windows, counted from the start of the log [s].
+    noise : TriadNoise
+        Bias instability, correlation time and random walk [SI].
+
+    Returns
+    -------
+    ndarray, shape (m, m)
+        Covariance [unit^2].
+    """
+    T = np.maximum(end - start, 1e-9)
+    mid = (start + end) / 2
+    tau = noise.correlation_time
+    x = T / tau
+    gap = np.abs(mid[:, None] - mid[None, :]) / tau
+    # exp(-gap) sinh(x/2)/(x/2) for each window, kept from overflowing at long windows.
+    shape = np.where(x > 1e-6, -np.expm1(-x) / np.maximum(x, 1e-300), 1.0)
+    between = np.maximum(gap - (x[:, None] + x[None, :]) / 2, 0.0)
+    markov = np.exp(-between) * np.outer(shape, shape)
+    small = x < 1e-4
+    own = 2 / x * (1 - shape)
+    np.fill_diagonal(markov, np.where(small, 1 - x / 3, own))
+    walk = np.minimum(mid[:, None], mid[None, :])
+    np.fill_diagonal(walk, start + T / 3)
+    return np.asarray(noise.bias_instability**2 * markov + noise.random_walk**2 * walk)
+
+
+def correlated(session: Session, noise: SessionNoise, at: Prediction) -> FloatArray | None:
+    """Return the part of the covariance that ties observations together, or None.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    noise : SessionNoise
+        Its noise [SI].
+    at : Prediction
+        The linearised model, for the effect of a bias on a turn.
+
+    Returns
+    -------
+    ndarray, shape (3 k, 3 k), or None
+        Covariance of all residuals [SI]; None where there is no slow noise.
+    """
+    if not any(t.bias_instability or t.random_walk for t in (noise.slow.accel, noise.slow.gyro)):
+        return None
+    time = session.log.time - session.log.time[0]
+    rest_start, rest_end = time[session.first], time[session.last - 1]
+    n, total = len(rest_start), 3 * len(at.residuals)
+    out = np.zeros((total, total))
+    accel = window_covariance(rest_start, rest_end, noise.slow.accel)
+    out[: 3 * n, : 3 * n] = np.kron(accel, np.eye(3))
+    if session.gyro_mean is not None:
+        start = np.concatenate([rest_start, rest_end[:-1]])
+        end = np.concatenate([rest_end, rest_start[1:]])
+        gyro = window_covariance(start, end, noise.slow.gyro)
+        effect = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), at.turn_bias])
+        part = np.einsum("iab,ij,jcb->iajc", effect, gyro, effect)
+        out[3 * n :, 3 * n :] = part.reshape(total - 3 * n, total - 3 * n)
+    return out
+
+
+def whiten(
+    residuals: FloatArray,
+    jacobian: FloatArray,
+    independent: FloatArray,
+    tied: FloatArray | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Make residuals white with unit variance: multiply by the inverse Cholesky factor.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (k, 3)
+        Residuals [SI].
+    jacobian : ndarray, shape (k, 3, m)
+        Their Jacobian [SI].
+    independent : ndarray, shape (k, 3, 3)
+        Covariance blocks [SI].
+    tied : ndarray, shape (3 k, 3 k), or None
+        Covariance between observations, added to the blocks [SI].
+
+    Returns
+    -------
+    residuals : ndarray, shape (3 k,)
+        White residuals [1].
+    jacobian : ndarray, shape (3 k, m)
+        Their Jacobian [1 per unit of the state].
+    """
+    k, _, m = jacobian.shape
+    both = np.concatenate([jacobian, residuals[:, :, None]], axis=2)
+    if tied is None:
+        white = np.linalg.solve(np.linalg.cholesky(independent), both).reshape(3 * k, m + 1)
+    else:
+        from scipy.linalg import solve_triangular
+
+        full = tied.copy()
+        at = 3 * np.arange(k)[:, None, None] + np.arange(3)[:, None]
+        full[at, np.swapaxes(at, 1, 2)] += independent
+        white = solve_triangular(
+            np.linalg.cholesky(full), both.reshape(3 * k, m + 1), lower=True, check_finite=False
+        )
+    return white[:, -1], white[:, :-1]

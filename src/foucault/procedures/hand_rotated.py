@@ -1,0 +1,400 @@
+"""Calibrate an IMU that was rested in many orientations and turned by hand in between.
+
+Rest the instrument in a dozen or more orientations spread over all directions, turn it by hand
+from one to the next, and log all the while. Gravity calibrates the accelerometers (its norm is
+known) and the turns calibrate the gyros (gravity must turn in the body as they say). With the
+latitude the Earth's rotation is modelled too, the unknown heading being a nuisance parameter.
+
+The published method minimises two sums of squares one after the other. Here both are one
+likelihood with the attitude of every rest as unknowns, so that the errors of the rest means and
+of the gyro integration enter the covariance of every coefficient. The published costs are a
+procedure of their own, `hand_rotated_published`.
+
+References
+----------
+.. [1] D. Tedaldi, A. Pretto, E. Menegatti, "A robust and easy to implement method for IMU
+   calibration without external equipments", ICRA 2014.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose import session as judge
+from foucault.diagnose.coverage import coverage
+from foucault.diagnose.held_out import hold_out
+from foucault.diagnose.rests import (
+    Rests,
+    detection_table,
+    find_rests,
+    measure_noise,
+    rest_table,
+)
+from foucault.diagnose.session_input import check_input, enough_rests
+from foucault.errors import Finding
+from foucault.estimate import gauss_newton
+from foucault.estimate import session_likelihood as likelihood
+from foucault.models.earth import Site
+from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.models.rests_and_turns import Session as SessionData
+from foucault.models.rests_and_turns import predict
+from foucault.models.session_noise import SessionNoise
+from foucault.plans.hand_rotated import hand_plan
+from foucault.result import Estimate, Result, Verdict, provenance
+from foucault.simulate.hand_rotated import Simulation
+from foucault.simulate.hand_rotated import simulate as simulate_plan
+from foucault.tables import AXES, Log
+from foucault.units import Quantity
+
+FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[float, str], None]
+Seconds = Annotated[float, Quantity("time")]
+
+FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
+NEEDED = 9  # accelerometer coefficients without quadratic terms: one equation each
+
+
+class Settings(BaseModel):
+    """What can be chosen; the defaults suit most logs."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    accel_quadratic: bool = Field(
+        default=False, description="Estimate the accelerometers' quadratic terms too."
+    )
+    g_sensitivity: bool = Field(
+        default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
+    )
+    earth_rate: bool = Field(
+        default=True, description="Model the Earth's rotation where the latitude is given."
+    )
+    loss: Literal["huber", "squares"] = Field(
+        default="huber",
+        description="huber: a rest or turn beyond 3 sd counts less; squares: all count in full.",
+    )
+    repeatability: bool = Field(
+        default=True,
+        description="Estimate the scatter between rests that the noise does not explain.",
+    )
+    held_out: int = Field(
+        default=5, ge=0, description="Parts left out in turn to test the prediction; 0: none."
+    )
+    window: Seconds = Field(default=0.5, gt=0, description="Window of the rest detector.")
+    shortest: Seconds = Field(default=1.0, gt=0, description="Shortest rest.")
+    threshold: float | None = Field(
+        default=None,
+        gt=1,
+        examples=[3.0],
+        description="Level (1 = quiet) below which the instrument rests; default: from the data.",
+    )
+
+
+class Session(BaseModel):
+    """The session that `simulate` makes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rests: int = Field(default=24, ge=2, description="Number of rests.")
+    rest_time: Seconds = Field(default=4.0, gt=0, description="Typical length of a rest.")
+    turn_time: Seconds = Field(default=2.0, gt=0, description="Typical length of a turn.")
+    first_rest_time: Seconds = Field(default=10.0, gt=0, description="Length of the first rest.")
+    rate: Annotated[float, Quantity("frequency")] = Field(
+        default=100.0, gt=0, description="Sample rate."
+    )
+    kind: Literal["rate", "increment"] = Field(
+        default="rate", description="Instantaneous rates, or means over each interval."
+    )
+
+
+def simulate(
+    session: Session, *, model: ImuModel, noise: ImuNoise, site: Site, seed: int
+) -> Simulation:
+    """Simulate a session.
+
+    Parameters
+    ----------
+    session : Session
+        Its length and rate.
+    model : ImuModel
+        Errors of the instrument.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity and latitude.
+    seed : int, shape ()
+        Seed of plan and noise [1].
+    """
+    plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
+    plan = hand_plan(
+        session.rests, session.rest_time, session.turn_time, session.first_rest_time,
+        int(plan_seed),
+    )  # fmt: skip
+    return simulate_plan(
+        plan, model=model, noise=noise, site=site, rate=session.rate, sampled=session.kind,
+        seed=int(noise_seed),
+    )  # fmt: skip
+
+
+def silent(fraction: float, words: str) -> None:
+    """Tell nobody of `fraction` [1] and `words`."""
+
+
+def calibrate(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate an IMU from a hand-rotated log.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    site : Site
+        Local gravity, and latitude where the Earth's rotation is to be modelled.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it in the rests.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with covariance, checks and a verdict [SI].
+
+    Raises
+    ------
+    FoucaultError
+        Too few rests, rests all in a plane, exchanged axes, wrong units: see `errors.SYMPTOMS`.
+    """
+    started = clock.monotonic()
+    settings = settings or Settings()
+    if not settings.earth_rate:
+        site = replace(site, latitude=None)
+    progress(0.05, "finding the rests")
+    rests = find_rests(
+        log, window=settings.window, threshold=settings.threshold, shortest=settings.shortest
+    )
+    needed = NEEDED + (3 if settings.accel_quadratic else 0)
+    enough_rests(log, rests, needed, settings.shortest)
+    data = SessionData.reduce(log, rests.first, rests.last, site)
+    findings = [*log.findings, *rests.findings, *check_input(data)]
+    progress(0.3, "calibrating")
+    result = _likelihood(data, rests, settings, noise, prior or {}, progress)
+    progress(1.0, "done")
+    return complete(result, data, rests, findings, instrument or {}, clock.monotonic() - started)
+
+
+def complete(
+    result: Result,
+    data: SessionData,
+    rests: Rests,
+    findings: list[Finding],
+    instrument: Mapping[str, Any],
+    seconds: float,
+) -> Result:
+    """Add to a result what does not depend on how the coefficients were estimated.
+
+    Parameters
+    ----------
+    result : Result
+        With coefficients, checks and its own findings and tables.
+    data : Session
+        What was observed [SI].
+    rests : Rests
+        How the rests were found.
+    findings : list of Finding
+        What was noticed before the estimation.
+    instrument : mapping
+        Name, serial and so on.
+    seconds : float
+        How long it took [s].
+    """
+    site, log = data.site, data.log
+    return replace(
+        result,
+        findings=(*findings, *result.findings),
+        instrument=dict(instrument),
+        site={
+            "gravity": site.gravity,
+            "latitude": site.latitude,
+            "height": site.height,
+            "gravity_source": site.gravity_source,
+        },
+        validity=_validity(data),
+        diagnostics=result.diagnostics
+        | {
+            "gravity": site.gravity,
+            "detection": {
+                "threshold": rests.threshold,
+                "window": rests.window * log.interval,
+                "rests": len(rests),
+                "rest_time": float(data.rest_time.sum()),
+            },
+        },
+        provenance=provenance(log, seconds),
+        tables=dict(result.tables) | {"detection": detection_table(log, rests)},
+    )
+
+
+def _names(settings: Settings, gyro: bool) -> tuple[str, ...]:
+    names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
+    if settings.accel_quadratic:
+        names += [f"accel.quadratic.{a}" for a in AXES]
+    if settings.g_sensitivity and gyro:
+        names += [n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")]
+    return tuple(n for n in LAYOUT.names if n in names)
+
+
+def _prior(names: tuple[str, ...], given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+    layout = LAYOUT.subset(names)
+    mean, sd = np.zeros(len(names)), np.full(len(names), np.inf)
+    for name, (value, spread) in given.items():
+        for i in layout.group(name):
+            mean[i], sd[i] = value, spread
+    return CoefficientVector(layout, mean, prior_sd=sd)
+
+
+def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNoise:
+    log = data.log
+    if noise is not None:
+        return SessionNoise.declared(noise, log.interval)
+    assert log.accel is not None
+    accel = measure_noise(log.accel, log.interval, rests)
+    if log.gyro is None:
+        zero = np.zeros(3)
+        return SessionNoise(accel.psd_of_mean, zero, zero, ImuNoise())
+    gyro = measure_noise(log.gyro, log.interval, rests)
+    # A noise-free log still has rounding; a zero variance cannot be inverted.
+    floor = (1e-12**2, 1e-12**2)
+    return SessionNoise(
+        np.maximum(accel.psd_of_mean, floor[0]),
+        np.maximum(gyro.psd_of_mean, floor[1]),
+        np.maximum(gyro.psd, floor[1]),
+        ImuNoise(),
+    )
+
+
+def _likelihood(
+    data: SessionData,
+    rests: Rests,
+    settings: Settings,
+    declared: ImuNoise | None,
+    given: Mapping[str, tuple[float, float]],
+    progress: Progress,
+) -> Result:
+    names = _names(settings, data.gyro_mean is not None)
+    prior = _prior(names, given)
+    loss = gauss_newton.huber if settings.loss == "huber" else gauss_newton.least_squares
+    start = likelihood.first_guess(data)
+    assert start is not None  # check_input has solved the same equations
+    estimate, noise, before = likelihood.fit(
+        data, names, start, _noise(data, rests, declared),
+        prior=prior, loss=loss, repeatability=settings.repeatability,
+    )  # fmt: skip
+    progress(0.7, "predicting held-out rests")
+    prediction = predict(data, names, estimate.state, noise.turn_psd)
+    held_out = _held_out(data, names, estimate, noise, prior, settings)
+    up_b = estimate.state.C_nb[:, 2, :]
+    evidence = judge.Evidence(
+        data, estimate, noise, declared is not None, before,
+        likelihood.components(estimate, data), coverage(up_b), up_b, held_out,
+    )  # fmt: skip
+    checks = judge.checks(evidence)
+    n = len(names)
+    return Result(
+        procedure="hand_rotated",
+        coefficients=estimate.coefficients,
+        equation=EQUATION,
+        frame=FRAME,
+        gauge=Gauge.LOWER.value,
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=tuple(judge.hints(evidence, prediction)),
+        status=estimate.status,
+        diagnostics={
+            "iterations": estimate.iterations,
+            "noise": _noise_json(noise, declared is not None),
+            "chi_square": judge.chi_square_json(evidence.after),
+            "chi_square_of_noise_alone": judge.chi_square_json(before),
+            "coverage": judge.coverage_json(evidence.coverage, len(up_b)),
+            "heading_sd": _heading_sd(estimate, n) if data.earth.any() else None,
+        },
+        tables=judge.tables(evidence, prediction, rest_table(data.log, rests)),
+    )
+
+
+def _held_out(
+    data: SessionData,
+    names: tuple[str, ...],
+    estimate: Estimate,
+    noise: SessionNoise,
+    prior: CoefficientVector,
+    settings: Settings,
+) -> tuple[FloatArray, FloatArray]:
+    n = len(data.accel_mean)
+    folds = min(settings.held_out, n - NEEDED)
+    if folds < 2:
+        return np.full(n, np.nan), np.full(n, np.nan)
+    problem = likelihood.build(data, names, estimate.state, noise, prior)
+
+    def refit(rest_weights: FloatArray) -> Estimate:
+        weights = estimate.weights.copy()
+        weights[:n] *= rest_weights
+        return gauss_newton.solve(problem, loss=partial(_constant, weights), max_iterations=1)
+
+    return hold_out(data, noise, refit, folds)
+
+
+def _constant(weights: FloatArray, norms: FloatArray) -> FloatArray:
+    return weights
+
+
+def _heading_sd(estimate: Estimate, n: int) -> float:
+    """Standard deviation of the heading of the first rest, about up [rad]."""
+    up = estimate.state.C_nb[0, 2, :]
+    return float(np.sqrt(up @ estimate.state_cov[n : n + 3, n : n + 3] @ up))
+
+
+def _noise_json(noise: SessionNoise, declared: bool) -> dict[str, Any]:
+    return {
+        "source": "declared" if declared else "measured in the rests",
+        "accel_white": [float(v) for v in np.sqrt(noise.accel_psd)],
+        "gyro_white": [float(v) for v in np.sqrt(noise.turn_psd)],
+        "accel_repeatability": noise.accel_repeatability,
+        "gyro_repeatability": noise.gyro_repeatability,
+        "turn_repeatability": noise.turn_repeatability,
+    }
+
+
+def _validity(data: SessionData) -> dict[str, Any]:
+    """Return the ranges that the session covered: outside them the result is extrapolated."""
+    log = data.log
+    out: dict[str, Any] = {"accel": [-data.site.gravity, data.site.gravity]}
+    if log.gyro is not None:
+        # Not the single largest sample: a spike is not a range.
+        out["gyro"] = [float(v) for v in np.quantile(log.gyro, (0.001, 0.999))]
+    if log.temperature is not None:
+        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+    return out

@@ -1,0 +1,177 @@
+"""Calibrate a hand-rotated IMU by the published sums of squares, to compare with other programs.
+
+The recipe of reference [1] to the letter: rests by a multiple of the initial variance, the norm
+of the first samples of each rest, then the directions of gravity between rests with the gyro
+bias held at the mean of the initial rest. `hand_rotated` is the better estimator.
+
+References
+----------
+.. [1] D. Tedaldi, A. Pretto, E. Menegatti, "A robust and easy to implement method for IMU
+   calibration without external equipments", ICRA 2014.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose import session as judge
+from foucault.diagnose.published_rests import find_published_rests
+from foucault.diagnose.rests import rest_table
+from foucault.diagnose.session_input import check_input, enough_rests
+from foucault.errors import Status, error
+from foucault.estimate import norm_observation, published_hand_rotated
+from foucault.models.earth import Site
+from foucault.models.imu import EQUATION, LAYOUT, Gauge, ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.models.rests_and_turns import Session as SessionData
+from foucault.procedures.hand_rotated import (
+    FRAME,
+    NEEDED,
+    Progress,
+    Seconds,
+    Session,
+    complete,
+    silent,
+    simulate,
+)
+from foucault.result import Result, Verdict
+from foucault.tables import AXES, Log
+
+FloatArray = npt.NDArray[np.float64]
+
+__all__ = ["Session", "Settings", "calibrate", "simulate"]
+
+
+class Settings(BaseModel):
+    """The numbers of the recipe."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    initial_rest: Seconds = Field(
+        default=50.0, gt=0, description="Rest at the start of the log, for bias and variance."
+    )
+    window: Seconds = Field(default=1.0, gt=0, description="Window of the rest detector.")
+    variance_factor: float = Field(
+        default=6.0, gt=0, description="Threshold of the detector over the initial variance."
+    )
+    samples_per_rest: int = Field(
+        default=100, gt=0, description="Samples used of each rest; shorter rests are left out."
+    )
+
+
+def calibrate(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate an IMU from a hand-rotated log by the published recipe.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    site : Site
+        Local gravity; the recipe knows no Earth rate.
+    settings : Settings or None
+        The numbers of the recipe; None takes the published ones.
+    noise, prior : None
+        The recipe has no place for them [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with the covariance that the scatter of the residuals suggests [SI].
+    """
+    started = clock.monotonic()
+    settings = settings or Settings()
+    if noise is not None or prior:
+        raise error("published.unweighted", what="[noise]" if noise is not None else "[prior]")
+    progress(0.05, "finding the rests")
+    rests = find_published_rests(
+        log,
+        initial_rest=settings.initial_rest,
+        factor=settings.variance_factor,
+        window=2 * round(settings.window * log.rate / 2) + 1,
+        shortest=settings.samples_per_rest,
+    )
+    enough_rests(log, rests, NEEDED, settings.samples_per_rest * log.interval)
+    data = SessionData.reduce(log, rests.first, rests.last, replace(site, latitude=None))
+    findings = [*log.findings, *check_input(data)]
+    progress(0.5, "calibrating")
+    result = replace(_published(data, settings), tables={"rests": rest_table(log, rests)})
+    progress(1.0, "done")
+    return complete(result, data, rests, findings, instrument or {}, clock.monotonic() - started)
+
+
+def _published(data: SessionData, settings: Settings) -> Result:
+    log, gravity = data.log, data.site.gravity
+    assert log.accel is not None
+    solved = norm_observation.solve(data.accel_mean, gravity)
+    assert solved is not None  # check_input has solved the same equations
+    readings = np.concatenate([log.accel[a : a + settings.samples_per_rest] for a in data.first])
+    start = ImuModel(accel_matrix=solved[0], accel_bias=solved[1])
+    accel = published_hand_rotated.fit_norms(readings, gravity, start)
+    vectors, status, costs = [accel.coefficients], accel.status, [accel.chi_square / 2]
+    if log.gyro is not None:
+        f_b, _ = accel.state.compensate(data.accel_mean, None)
+        up_b = f_b / np.linalg.norm(f_b, axis=1)[:, None]
+        end = int(np.searchsorted(log.time, log.time[0] + settings.initial_rest)) + 1
+        model = replace(accel.state, gyro_bias=log.gyro[:end].mean(axis=0))
+        gyro = published_hand_rotated.fit_directions(
+            log, up_b, data.last[:-1] - 1, data.first[1:] - 1, model, runge_kutta=True
+        )
+        bias = _held_bias(log.gyro[:end])
+        vectors += [bias, gyro.coefficients]
+        costs.append(gyro.chi_square / 2)
+        status = gyro.status if status is Status.CONVERGED else status
+    checks = judge.status_checks(status, len(data.accel_mean))
+    return Result(
+        procedure="hand_rotated_published",
+        coefficients=_joined(vectors),
+        equation=EQUATION,
+        frame=FRAME,
+        gauge=Gauge.LOWER.value,
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=(),
+        status=status,
+        diagnostics={"costs": costs},
+    )
+
+
+def _held_bias(gyro: FloatArray) -> CoefficientVector:
+    layout = LAYOUT.subset(f"gyro.bias.{a}" for a in AXES)
+    cov = np.diag(gyro.var(axis=0, ddof=1) / len(gyro))
+    return CoefficientVector(layout, gyro.mean(axis=0), cov, free=np.zeros(3, bool))
+
+
+def _joined(vectors: list[CoefficientVector]) -> CoefficientVector:
+    """Put vectors with independent errors together, in the order of the model."""
+    names = [n for v in vectors for n in v.names]
+    values = np.concatenate([v.values for v in vectors])
+    free = np.concatenate([v.free for v in vectors])
+    cov = np.zeros((len(names), len(names)))
+    at = 0
+    for v in vectors:
+        cov[at : at + len(v), at : at + len(v)] = v.cov
+        at += len(v)
+    order = np.array([names.index(n) for n in LAYOUT.names if n in names])
+    layout = LAYOUT.subset(names[i] for i in order)
+    return CoefficientVector(layout, values[order], cov[np.ix_(order, order)], free[order])
