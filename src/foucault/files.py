@@ -1,0 +1,75 @@
+"""Files written whole or not at all, and their fingerprints."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from foucault.errors import FoucaultError, error
+
+
+@contextmanager
+def atomic(path: str | Path) -> Iterator[Path]:
+    """Write a file whole or not at all.
+
+    Yields a temporary path in the same folder with the same suffixes. When the block ends
+    well the file takes its real name in one step; when it fails in any way the temporary file
+    is removed and what was there before is untouched.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file to write; its folder must exist.
+
+    Yields
+    ------
+    Path
+        Where to write.
+
+    Raises
+    ------
+    FoucaultError
+        ``output.unwritable``: disk full, read-only, no permission, no such folder.
+    """
+    target = Path(path)
+    # The process number keeps two runs that write the same file out of each other's way.
+    temporary = target.with_name(f".partial-{os.getpid()}-{target.name}")
+    try:
+        if target.is_dir():
+            raise IsADirectoryError(None, "it is a folder", str(target))
+        temporary.touch()  # an unwritable folder shows before hours of work, not after
+        yield temporary
+        temporary.replace(target)
+    except OSError as problem:
+        _remove(temporary)
+        if problem.filename is not None and _elsewhere(str(problem.filename), target):
+            raise  # some other file failed inside the block; not ours to explain
+        raise unwritable(target, problem) from problem
+    except BaseException:
+        _remove(temporary)
+        raise
+
+
+def unwritable(path: str | Path, problem: OSError) -> FoucaultError:
+    """Build the error for output that cannot be written, from what the system said."""
+    reason = problem.strerror or str(problem) or type(problem).__name__
+    return error("output.unwritable", path=path, reason=reason)
+
+
+def sha256(path: str | Path) -> str:
+    """Compute the SHA-256 of a file, in hexadecimal, without holding it in memory."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _elsewhere(name: str, target: Path) -> bool:
+    return Path(name).absolute().parent != target.absolute().parent
+
+
+def _remove(temporary: Path) -> None:
+    # Where the folder itself is out of reach there is nothing of ours in it.
+    with suppress(OSError):
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,164 @@
+"""The rows of `foucault.errors.SYMPTOMS` that concern files and logs.
+
+(code, severity, symptom, message, cure), as there; kept apart only for length.
+"""
+
+from __future__ import annotations
+
+# fmt: off
+ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("output.unwritable", "error", "Disk full, read-only or missing folder, no permission",
+     "'{path}' cannot be written: {reason}. Nothing was changed; what was there before is intact.",
+     "Free some space, or choose a folder that exists and that you may write to."),
+    ("log.cannot_write", "error", "A log file name with a suffix that is not written",
+     "'{path}': logs are written as {allowed}.",
+     "Give the file one of these suffixes."),
+    # Finding the file and its columns
+    ("log.no_file", "error", "A log description without a file",
+     "The log description names no file.",
+     'Write file = "session.csv" in [log].'),
+    ("log.missing_file", "error", "A log that is not there",
+     "The log '{path}' {what}.{hint}",
+     "Correct file in [log]; a relative path starts from the folder of the campaign file."),
+    ("log.format_unknown", "error", "A log whose format cannot be told from its name or content",
+     "The format of '{file}' cannot be told from its suffix, and it is not text.",
+     'Write format = "csv", "text", "parquet", "npy", "npz", "mat" or "binary" in [log].'),
+    ("log.unreadable", "error", "A damaged file, or one of another format than it claims",
+     "'{file}' cannot be read as {format}: {reason}.",
+     "Copy the file again from the logger, or correct format in [log]."),
+    ("log.matlab_73", "error", "A MATLAB 7.3 (HDF5) file",
+     "'{file}' is a MATLAB 7.3 file, which is not read.",
+     "Save it in MATLAB with save(..., '-v7'), or as CSV."),
+    ("log.empty", "error", "A log without samples",
+     "'{file}' has no samples.",
+     "Check that the logger was recording, and that header and delimiter in [log] fit the "
+     "file."),
+    ("log.header_count", "error", "A title line with another count of columns than the data",
+     "'{file}': the title line names {names} columns, but line {line}, the first of the data, "
+     "has {cells}.",
+     "Correct the file or delimiter in [log], or write header = 1 and give columns by number "
+     "from 0."),
+    ("log.undescribed", "error", "A log that was not described",
+     "'{file}' has {have}, but [log] says neither which of them are gyro or accelerometer nor "
+     "their units.",
+     'Add [log.gyro] with columns = ["gx", "gy", "gz"] and unit = "deg/s", and [log.accel] '
+     "likewise."),
+    ("log.cannot_guess", "error", "Columns that were left out and cannot be guessed",
+     "'{file}' has {have}; none has a usual name of {block}.",
+     "Write {example} in [log.{block}], by name or by number from 0."),
+    ("log.unknown_column", "error", "A column that the file does not have",
+     "'{file}' has no column '{name}'.{hint}",
+     "{allowed} Correct it in [log.{block}]."),
+    ("log.three_columns", "error", "A triad with more or fewer than three columns",
+     "[log.{block}] columns = {given} is not a list of three.",
+     'Name the columns of x, y and z, for example columns = ["gx", "gy", "gz"].'),
+    ("log.variable", "error", "A variable that the .mat or .npz file does not have",
+     "'{file}' has no variable '{name}'.{hint}",
+     "Its variables are: {allowed}. Correct variable in [log]."),
+    ("log.record_missing", "error", "A binary file whose records were not described",
+     "'{file}' is binary, but [log] does not say what its records are.",
+     'Add [log.record] with type = "float64" and columns = 7 (and byte_order, skip).'),
+    ("log.record_columns", "error", "Binary records without their count of columns",
+     "[log.record] does not say how many numbers a record has, or says it twice differently.",
+     'Write type = "float32" and columns = 7, or one type per column: type = ["uint32", "int16", '
+     '"int16", "int16"].'),
+    # What the columns mean
+    ("log.time_and_rate", "error", "Both a time column and a sample rate",
+     "[log] gives both a time column and a rate.",
+     "Keep [log.time], or keep rate where the time column is too coarse to be used."),
+    ("log.no_time", "error", "Neither a time column nor a sample rate",
+     "[log] says neither which column of '{file}' is time nor the sample rate.",
+     'Write rate = "100 Hz" in [log], or add [log.time] with column = "t" and unit = "s".'),
+    ("log.rate", "error", "A sample rate that is not positive",
+     "[log] rate = {rate} Hz is not positive.",
+     'Write the sample rate, for example rate = "100 Hz".'),
+    ("log.kind", "error", "A unit of increments for rates, or of rates for increments",
+     "[log.{block}]: '{unit}' is a unit of {other}s, but kind is \"{kind}\".",
+     'Write kind = "{other}", or the unit of a {kind}.'),
+    ("log.kinds_differ", "error", "Rates of one triad beside increments of the other",
+     "[log.gyro] has kind = \"{gyro}\" but [log.accel] has kind = \"{accel}\".",
+     "Both must be rates or both increments; read them from two campaigns if they differ."),
+    ("log.count_scale", "error", "Counts without a count scale",
+     "[log.{block}] has unit = \"count\" without a scale, or with increments.",
+     'Add scale = "{example}"; for increments write the size of one count as the unit, for '
+     'example unit = "{tick}".'),
+    ("log.scale_without_count", "error", "A count scale or zero for data that are not counts",
+     "[log.{block}] has a scale or a zero, but its unit is '{unit}'.",
+     'Write unit = "count", or leave scale and zero out.'),
+    ("log.scale_zero", "error", "A count scale of zero",
+     "[log.{block}] scale has a zero.",
+     "Write the counts per unit from the maker's sheet; a negative scale turns the sign."),
+    ("log.join_length", "error", "Two files of one log with different numbers of samples",
+     "'{first}' has {n_first} samples but '{second}' has {n_second}.",
+     "Cut both to the samples they share, so that each row of one belongs to the same row of "
+     "the other."),
+    ("log.join_time", "error", "Two files of one log whose times differ",
+     "Row {row}: '{first}' is at {t_first} s but '{second}' at {t_second} s, more than half an "
+     "interval ({half} s) apart.",
+     "Both files must be sampled together: cut or resample them to common times."),
+    # The samples
+    ("log.ragged", "error", "A line with another count of columns than the rest",
+     "'{file}' line {line} has {have} columns instead of {want}.",
+     "Correct or delete the line; if the columns are separated otherwise, write delimiter in "
+     "[log]."),
+    ("log.truncated", "error", "A last line that was cut off",
+     "'{file}' ends in the middle of line {line}, with {have} of {want} columns.",
+     "Delete the last line; if more is missing, copy the file again from the logger."),
+    ("log.record_cut", "error", "A binary file that ends in the middle of a record",
+     "'{file}' ends with {left} bytes of a record of {record} bytes.",
+     "Correct type, columns or skip in [log.record]; if they are right, the file was cut: remove "
+     "these bytes."),
+    ("log.not_numeric", "error", "A cell that is not a number",
+     "'{file}' {line}, column '{column}': '{cell}' is not a number.{hint}",
+     "Correct the cell, or choose another column in [log]; leave a missing value empty."),
+    ("log.missing_value", "error", "Missing values (NaN or empty cells)",
+     "'{file}': missing values in {columns}, {count} in all: {rows} of the data (from 0).",
+     'Write missing = "drop" in [log] to leave these rows out.'),
+    ("log.infinite", "error", "Infinite values",
+     "'{file}': infinite or missing values in {columns}, {count} in all: {rows} of the data (from "
+     "0).",
+     'Write missing = "drop" in [log] to leave these rows out.'),
+    ("log.dropped", "warning", "Missing or infinite values that were left out",
+     "Missing or infinite values in {columns} were left out, {count} in all: {rows} of the data "
+     "(from 0).",
+     "Nothing to do if they are few; a turn across a gap is less certain."),
+    ("log.time_backward", "error", "Time that runs backward",
+     "Time runs backward at row {row} of the data (from 0): {time} s after {before} s; {count} "
+     "such rows in all.",
+     "The logger was restarted, or two logs were put together: keep one part of the file."),
+    ("log.time_repeated", "error", "The same time twice",
+     "Row {row} of the data (from 0) has the same time as the row before, {time} s; {count} such "
+     "rows in all.",
+     'Delete the doubled rows; if the clock is only too coarse, replace [log.time] by rate = '
+     '"100 Hz" in [log].'),
+    ("log.gap", "warning", "Gaps: samples are missing",
+     "Time has {count} gaps; about {lost} samples are missing. The longest is {longest} s after "
+     "{start} s, where {nominal} s is usual.",
+     "The logger lost data: a rest or turn across a gap is less certain, so repeat it if you "
+     "can."),
+    ("log.irregular", "warning", "An irregular sample rate",
+     "The rate is irregular: {share} % of the intervals are more than 10 % off the usual "
+     "{nominal} s (1st to 99th percentile {low} to {high} s).",
+     "Use the instrument's own clock as time; if it samples evenly and only its time is coarse, "
+     "replace [log.time] by rate in [log]."),
+    ("log.saturated", "warning", "A saturated axis",
+     "{triad} {axis} is saturated; samples at the limit: {count}, the first at {start} s.",
+     "Turn more slowly or choose a wider range; leave the saturated turns out."),
+    ("log.stuck", "warning", "An axis that does not move",
+     "{triad} {axis} stays at {value} (SI) from {start} s to {end} s.",
+     "The axis is stuck or its resolution is too coarse: check the column in [log.{triad}] and "
+     "the instrument."),
+    ("log.accel_unit", "warning", "g given as m/s^2, or rates as increments, or the reverse",
+     "The median specific force is {norm} m/s^2, {ratio} times gravity, with unit = \"{unit}\" and "
+     "kind = \"{kind}\".",
+     "The unit is probably wrong; in [log.accel] write {lines}."),
+    ("log.accel_norm", "warning", "A specific force that is not gravity, for no known reason",
+     "The median specific force is {norm} m/s^2, {ratio} times gravity, with unit = \"{unit}\" and "
+     "kind = \"{kind}\".",
+     "Check unit, scale, zero and columns in [log.accel]."),
+    ("log.gyro_unit", "warning", "Angular rates no gyro can measure (deg/s read as rad/s)",
+     "The gyro reaches {peak} rad/s ({degrees} deg/s), with unit = \"{unit}\" and kind = "
+     "\"{kind}\"; no gyro measures that.",
+     "The unit is probably wrong; in [log.gyro] write {lines}."),
+)
+# fmt: on

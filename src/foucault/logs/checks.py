@@ -1,0 +1,238 @@
+"""What can be wrong with the samples of a log, and what probably caused it.
+
+Structure that no later stage could survive (missing values, time that runs backward) is an
+error. All else is a finding: it is reported with its likely cause, and the work goes on.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import Finding, error, finding
+from foucault.tables import FloatArray
+from foucault.units import STANDARD_GRAVITY, factor
+
+GAP = 1.5
+"""An interval longer than this many nominal intervals is a gap [1]."""
+
+IRREGULAR = (0.1, 0.01)
+"""Irregular: this part of an interval off [1], in more than this part of all intervals [1]."""
+
+FASTEST_GYRO = 100.0
+"""No gyro in use measures more (5730 deg/s) [rad/s]."""
+
+GRAVITY_BAND = 1.25
+"""The median specific force of a working log is gravity within this factor [1]."""
+
+CAUSE_BAND = 1.15
+"""A wrong unit explains a wrong norm when it brings it within this factor of gravity [1]."""
+
+_SAMPLE = 200_000  # rows are thinned to about this many for a median or quantile
+
+
+def finite(
+    columns: dict[str, FloatArray], missing: Literal["error", "drop"], file: str
+) -> tuple[npt.NDArray[np.bool_] | None, tuple[Finding, ...]]:
+    """Look for missing (NaN) and infinite values.
+
+    Parameters
+    ----------
+    columns : dict of str to ndarray, each shape (n,) or (n, 3)
+        The blocks of the log by name [SI].
+    missing : {"error", "drop"}
+        Whether such rows are an error or are left out.
+    file : str
+        Name of the file, for the texts.
+
+    Returns
+    -------
+    keep : ndarray of bool, shape (n,), or None
+        Rows to keep; None where all are good.
+    findings : tuple of Finding
+        What was left out.
+    """
+    bad: dict[str, npt.NDArray[np.int64]] = {}
+    for name, values in columns.items():
+        # A sum is finite only if every term is: one pass without a mask for the usual case.
+        if not np.isfinite(values.sum()):
+            wrong = ~np.isfinite(values)
+            rows = np.flatnonzero(wrong.any(axis=1) if wrong.ndim == 2 else wrong)
+            if len(rows):
+                bad[name] = rows
+    if not bad:
+        return None, ()
+    rows = np.unique(np.concatenate(list(bad.values())))
+    where = ", ".join(bad)
+    if missing == "error":
+        infinite = any(np.isinf(columns[name][rows]).any() for name in bad)
+        code = "log.infinite" if infinite else "log.missing_value"
+        raise error(code, file=file, count=len(rows), rows=_row_list(rows), columns=where)
+    keep = np.ones(len(next(iter(columns.values()))), bool)
+    keep[rows] = False
+    told = finding("log.dropped", count=len(rows), rows=_row_list(rows), columns=where)
+    return keep, (told,)
+
+
+def timing(time: FloatArray) -> tuple[Finding, ...]:
+    """Check that time runs forward, and look for gaps and an irregular rate.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Time of each sample [s].
+
+    Returns
+    -------
+    tuple of Finding
+        Gaps and irregularity; time that repeats or runs backward is raised as an error.
+    """
+    if len(time) < 3:
+        return ()
+    step = np.diff(time)
+    wrong = step <= 0
+    if wrong.any():
+        row = int(np.argmax(wrong)) + 1
+        code = "log.time_repeated" if step[row - 1] == 0 else "log.time_backward"
+        count = int(wrong.sum())
+        raise error(code, row=row, time=_seconds(time[row]), before=_seconds(time[row - 1]),
+                    count=count)  # fmt: skip
+    nominal = float(np.median(step))
+    gaps = step > GAP * nominal
+    off = ~gaps & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
+    found = []
+    if off.mean() > IRREGULAR[1]:
+        low, high = np.quantile(step, (0.01, 0.99))
+        words = {"nominal": f"{nominal:.6g}", "low": f"{low:.4g}", "high": f"{high:.4g}"}
+        found.append(finding("log.irregular", share=f"{100 * off.mean():.3g}", **words))
+    if gaps.any():
+        longest = int(np.argmax(step))
+        found.append(
+            finding(
+                "log.gap",
+                count=int(gaps.sum()),
+                lost=f"{np.sum(np.round(step[gaps] / nominal) - 1):.0f}",
+                longest=f"{step[longest]:.4g}",
+                start=_seconds(time[longest]),
+                nominal=f"{nominal:.6g}",
+            )
+        )
+    return tuple(found)
+
+
+ACCEL_UNITS = {"rate": ("m/s^2", "g", "mg"), "increment": ("m/s", "g*s")}
+"""Units people log specific force and its increments in, for naming the likely one."""
+
+_ACCEL_KINDS = {"rate": "specific force", "increment": "velocity increment"}
+
+
+def accel_scale(
+    accel: FloatArray,
+    interval: float,
+    unit: str,
+    one: float | None,
+    kind: Literal["rate", "increment"],
+    gravity: float = STANDARD_GRAVITY,
+) -> tuple[Finding, ...]:
+    """Compare the median specific force with gravity, and name the unit that would fit.
+
+    Parameters
+    ----------
+    accel : ndarray, shape (n, 3)
+        Specific force as read [m/s^2].
+    interval : float
+        Nominal sample interval [s].
+    unit : str
+        Unit as declared in the campaign.
+    one : float or None
+        SI value of one such unit; None for counts with a scale [m/s^2 or m/s].
+    kind : {"rate", "increment"}
+        Kind as declared in the campaign.
+    gravity : float
+        Local gravity [m/s^2].
+
+    Returns
+    -------
+    tuple of Finding
+        One where the median is not gravity.
+    """
+    norm = float(np.median(np.linalg.norm(_thinned(accel), axis=1)))
+    if _near(norm, gravity, GRAVITY_BAND):
+        return ()
+    words = {"norm": f"{norm:.4g}", "ratio": f"{norm / gravity:.3g}", "unit": unit, "kind": kind}
+    if one is None or norm == 0:
+        return (finding("log.accel_norm", **words),)
+    raw = norm / one * (interval if kind == "increment" else 1.0)
+    fits = []
+    for other, units in ACCEL_UNITS.items():
+        for candidate in units:
+            value = raw * factor(candidate, _ACCEL_KINDS[other])
+            true = value / interval if other == "increment" else value
+            if _near(true, gravity, CAUSE_BAND):
+                lines = f'unit = "{candidate}"'
+                if other != kind:
+                    lines += f' and kind = "{other}" (in [log.gyro] too)'
+                fits.append(lines)
+    if not fits:
+        return (finding("log.accel_norm", **words),)
+    return (finding("log.accel_unit", lines=", or ".join(fits), **words),)
+
+
+def gyro_scale(
+    gyro: FloatArray, unit: str, kind: Literal["rate", "increment"]
+) -> tuple[Finding, ...]:
+    """Find rates that no gyro can measure: deg/s read as rad/s, rates read as increments.
+
+    Parameters
+    ----------
+    gyro : ndarray, shape (n, 3)
+        Angular rate as read [rad/s].
+    unit : str
+        Unit as declared in the campaign.
+    kind : {"rate", "increment"}
+        Kind as declared in the campaign.
+
+    Returns
+    -------
+    tuple of Finding
+        One where the rates are impossible.
+
+    Notes
+    -----
+    Rates that are too small cannot be told from a quiet instrument by the log alone; the
+    turns between rests show them.
+    """
+    peak = float(np.quantile(np.abs(_thinned(gyro)).max(axis=1), 0.999))
+    if peak <= FASTEST_GYRO:
+        return ()
+    likely = []
+    if unit.startswith("rad"):
+        likely.append('unit = "deg/s"' if kind == "rate" else 'unit = "deg"')
+    if kind == "increment":
+        likely.append('kind = "rate" with a unit such as "rad/s" (in [log.accel] too)')
+    lines = ", or ".join(likely) or "the right unit or count scale"
+    return (
+        finding(
+            "log.gyro_unit", peak=f"{peak:.4g}", degrees=f"{np.degrees(peak):.4g}", unit=unit,
+            kind=kind, lines=lines,
+        ),
+    )  # fmt: skip
+
+
+def _near(value: float, wanted: float, band: float) -> bool:
+    return wanted / band < value < wanted * band
+
+
+def _thinned(values: FloatArray) -> FloatArray:
+    return values[:: max(1, len(values) // _SAMPLE)]
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.9g}"
+
+
+def _row_list(rows: npt.NDArray[np.int64]) -> str:
+    shown = ", ".join(str(row) for row in rows[:5])
+    return f"{'row' if len(rows) == 1 else 'rows'} {shown}{', ...' if len(rows) > 5 else ''}"

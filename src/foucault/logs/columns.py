@@ -1,0 +1,102 @@
+"""From the words of a description to column numbers of a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foucault.errors import error, suggestion
+from foucault.logs.raw import RawTable
+from foucault.tables import AXES
+
+if TYPE_CHECKING:
+    from foucault.logs.description import ColumnName
+
+TIME_NAMES = ("time", "t", "timestamp", "time_s", "seconds", "sec")
+TEMPERATURE_NAMES = ("temperature", "temp")
+TRIAD_PREFIXES = {
+    "gyro": ("gyro", "gyr", "g", "w", "omega", "angular_velocity"),
+    "accel": ("accel", "acc", "a", "f", "linear_acceleration"),
+}
+"""Usual beginnings of column names; ``gx``, ``gyr_x``, ``gyro.x`` and ``Gyro X`` all count."""
+
+
+def find(raw: RawTable, wanted: ColumnName, path: Path, block: str) -> tuple[int, float]:
+    """Find one column.
+
+    Parameters
+    ----------
+    raw : RawTable
+        The file.
+    wanted : str or int
+        Name, or number from 0; text may start with "-".
+    path : Path
+        The file, for the error text.
+    block : str
+        Block of the campaign that names the column, for the error text.
+
+    Returns
+    -------
+    number : int
+        Number of the column.
+    sign : float
+        -1.0 where the sign is to be turned, else 1.0.
+    """
+    if isinstance(wanted, str) and wanted not in raw.names and wanted.startswith("-"):
+        number, _ = find(raw, wanted[1:], path, block)
+        return number, -1.0
+    text = str(wanted)
+    if isinstance(wanted, str) and wanted in raw.names:
+        return raw.names.index(wanted), 1.0
+    if text.isdigit() and int(text) < len(raw.names):
+        return int(text), 1.0
+    if raw.named:
+        hint = suggestion(text, raw.names)
+        allowed = "The columns are " + ", ".join(raw.names) + "."
+    else:
+        hint = ""
+        count = len(raw.names)
+        allowed = f"The file has no names; its {count} columns are numbered 0 to {count - 1}."
+    raise error(
+        "log.unknown_column", file=path.name, name=text, block=block, hint=hint, allowed=allowed
+    )
+
+
+def guess(raw: RawTable, block: str, path: Path) -> list[int]:
+    """Find the columns of a block by the names people usually give them.
+
+    Parameters
+    ----------
+    raw : RawTable
+        The file.
+    block : {"time", "gyro", "accel", "temperature"}
+        What is looked for.
+    path : Path
+        The file, for the error text.
+
+    Returns
+    -------
+    list of int
+        Column numbers: one, or three for a triad.
+    """
+    plain = [_plain(name) for name in raw.names] if raw.named else []
+    singles = {"time": TIME_NAMES, "temperature": TEMPERATURE_NAMES}.get(block)
+    groups: list[Sequence[str]]
+    if singles is not None:
+        groups = [[name] for name in singles]
+    else:
+        groups = [[p + axis for axis in AXES] for p in TRIAD_PREFIXES[block]]
+    for group in groups:
+        names = [re.sub(r"[^a-z0-9]", "", name) for name in group]
+        if set(names) <= set(plain):
+            return [plain.index(name) for name in names]
+    example = "columns = [1, 2, 3]" if singles is None else "column = 0"
+    have = f"columns {', '.join(raw.names)}" if raw.named else f"{len(raw.names)} unnamed columns"
+    raise error("log.cannot_guess", file=path.name, block=block, have=have, example=example)
+
+
+def _plain(name: str) -> str:
+    # "Gyro_X (deg/s)" and "gyro x [deg/s]" both mean gyrox
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*", "", name).lower())

@@ -1,0 +1,101 @@
+"""NumPy files: one array (.npy) or several by name (.npz)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import error, suggestion
+from foucault.logs.own import ARRAY_KEY
+from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable
+from foucault.tables import FloatArray
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription
+
+Array = npt.NDArray[Any]
+
+
+def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
+    """Open a .npy or .npz file; pickled objects are refused."""
+    loaded = np.load(path, allow_pickle=False, mmap_mode="r")
+    if isinstance(loaded, np.ndarray):
+        return from_arrays(path, {"": loaded}, None, progress)
+    with loaded:
+        marker = str(loaded[ARRAY_KEY]) if ARRAY_KEY in loaded.files else ""
+        arrays = {name: loaded[name] for name in loaded.files if name != ARRAY_KEY}
+    return from_arrays(path, arrays, description.variable, progress, marker)
+
+
+def from_arrays(
+    path: Path,
+    arrays: Mapping[str, Array],
+    variable: str | None,
+    progress: Progress | None,
+    marker: str = "",
+) -> RawTable:
+    """Make columns of the arrays of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for error texts.
+    arrays : mapping of str to ndarray
+        Arrays by name, each shape (n,), (n, k) or (k, n): samples run along the longer side.
+    variable : str or None
+        The one array to use; if None all arrays with as many samples as the longest.
+    progress : callable or None
+        Called with the fraction read, from 0 to 1.
+    marker : str
+        What the file says about itself if this package wrote it.
+
+    Returns
+    -------
+    RawTable
+        Columns by number for one matrix, ``name``, ``name.0``, ``name.1`` ... for several.
+    """
+    tables = {n: t for n, a in arrays.items() if (t := _samples_first(a)) is not None}
+    if variable is not None:
+        if variable not in tables:
+            hint, allowed = suggestion(variable, tables), ", ".join(tables)
+            raise error("log.variable", file=path.name, name=variable, hint=hint, allowed=allowed)
+        tables = {variable: tables[variable]}
+    rows = max((len(t) for t in tables.values()), default=0)
+    if rows == 0:
+        raise error("log.empty", file=path.name)
+    columns: dict[str, Array] = {}
+    longest = {n: t for n, t in tables.items() if len(t) == rows}
+    for name, table in longest.items():
+        columns |= _named_columns(name, table, alone=len(longest) == 1)
+    series = list(columns.values())
+
+    def blocks(wanted: Sequence[int]) -> Iterator[FloatArray]:
+        for start in range(0, rows, BLOCK_ROWS):
+            part = [series[c][start : start + BLOCK_ROWS] for c in wanted]
+            yield np.column_stack(part).astype(np.float64)
+            if progress:
+                progress(min(1.0, (start + BLOCK_ROWS) / rows))
+
+    return RawTable(tuple(columns), not all(map(str.isdigit, columns)), blocks, marker)
+
+
+def _samples_first(array: Array) -> Array | None:
+    numeric = array.dtype.names is not None or array.dtype.kind in "iuf"
+    if not numeric or array.ndim not in (1, 2) or array.size == 0:
+        return None
+    return array.T if array.ndim == 2 and array.shape[0] < array.shape[1] else array
+
+
+def _named_columns(name: str, table: Array, alone: bool) -> dict[str, Array]:
+    if table.dtype.names is not None:
+        return {field: table[field].reshape(len(table)) for field in table.dtype.names}
+    if table.ndim == 1:
+        return {name or "0": table}
+    if table.shape[1] == 1 and not alone:
+        return {name: table[:, 0]}
+    prefix = "" if alone else f"{name}."
+    return {f"{prefix}{i}": table[:, i] for i in range(table.shape[1])}

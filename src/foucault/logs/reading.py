@@ -1,0 +1,243 @@
+"""One file or several, of any format, into one log in SI units and body axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from foucault.errors import Finding, error
+from foucault.files import sha256
+from foucault.logs import axes, checks, columns
+from foucault.logs.own import describe, sampled_of
+from foucault.logs.raw import Progress, RawTable, open_raw
+from foucault.tables import FloatArray, Log
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription, Triad
+
+
+@dataclass(frozen=True)
+class _Pick:
+    """Columns of one block: SI = (raw - zero) * factor, each shape (k,)."""
+
+    block: str
+    numbers: list[int]
+    zero: FloatArray
+    factor: FloatArray
+
+
+def read(
+    description: LogDescription, folder: str | Path = ".", progress: Progress | None = None
+) -> Log:
+    """Read a log.
+
+    Parameters
+    ----------
+    description : LogDescription
+        Files, columns and units.
+    folder : str or Path
+        Folder that relative file names start from.
+    progress : callable or None
+        Called with the fraction done, from 0 to 1.
+
+    Returns
+    -------
+    Log
+        The samples in body axes; `findings` tells what looks wrong, `source` where they came
+        from [SI].
+
+    Notes
+    -----
+    Increments are divided by the interval that ends at their sample, so that integrating the
+    log gives them back; after a gap, and for the first sample, by the nominal interval.
+    """
+    parts: list[dict[str, FloatArray]] = []
+    names, prints, used = [], [], description
+    files = list(description.files().items())
+    for i, (name, wanted) in enumerate(files):
+        path = Path(folder) / name
+        raw = open_raw(path, description, _part_of(progress, i, len(files)))
+        used, blocks = _complete(description, wanted, raw, path)
+        parts.append(_columns(used, blocks, raw, path))
+        names.append(path.name)
+        prints.append(sha256(path))
+    sampled = sampled_of(raw.marker) if used is not description else None
+    data = _joined(parts, names, used)
+    told: tuple[Finding, ...] = ()
+    keep, told = checks.finite(data, used.missing, names[0])
+    if keep is not None:
+        data = {block: values[keep] for block, values in data.items()}
+        if not keep.any():
+            raise error("log.empty", file=names[0])
+    source = {
+        "file": " + ".join(names),
+        "sha256": " + ".join(prints),
+        "rows": len(data["time"]),
+        "description": used.model_dump(mode="json", exclude_none=True),
+    }
+    return _finished(data, used, sampled, told, source)
+
+
+def _part_of(progress: Progress | None, i: int, n: int) -> Progress | None:
+    return progress and (lambda done: progress((i + done) / n))
+
+
+def _complete(
+    description: LogDescription, wanted: tuple[str, ...], raw: RawTable, path: Path
+) -> tuple[LogDescription, tuple[str, ...]]:
+    """Fill in what one of our own files says about itself; others must be described."""
+    if description.gyro is not None or description.accel is not None:
+        return description, wanted
+    if sampled_of(raw.marker) is None:
+        have = ", ".join(raw.names) if raw.named else f"{len(raw.names)} unnamed columns"
+        raise error("log.undescribed", file=path.name, have=have)
+    own = describe(raw.names)
+    if not own.keys() & {"gyro", "accel"}:
+        raise error("log.cannot_guess", file=path.name, block="gyro", have=", ".join(raw.names),
+                    example='columns = ["gyro_x", "gyro_y", "gyro_z"]')  # fmt: skip
+    said = description.model_dump(exclude={"time", "rate", "temperature"})
+    complete = type(description).model_validate({**said, **own})
+    return complete, tuple(name for name in own if name != "time")
+
+
+def _columns(
+    used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
+) -> dict[str, FloatArray]:
+    """Read the blocks of one file, converted to SI as they come in."""
+    picks = list(_picks(used, blocks, raw, path))
+    numbers = [number for pick in picks for number in pick.numbers]
+    pieces: dict[str, list[FloatArray]] = {pick.block: [] for pick in picks}
+    for rows in raw.blocks(numbers):
+        start = 0
+        for pick in picks:
+            end = start + len(pick.numbers)
+            values = (rows[:, start:end] - pick.zero) * pick.factor
+            pieces[pick.block].append(values if values.shape[1] > 1 else values[:, 0])
+            start = end
+    data = {}
+    for block in list(pieces):  # each block's pieces are freed before the next is joined
+        data[block] = _concatenated(pieces.pop(block))
+    if not data or len(next(iter(data.values()))) == 0:
+        raise error("log.empty", file=path.name)
+    return data
+
+
+def _concatenated(pieces: list[FloatArray]) -> FloatArray:
+    if not pieces:
+        return np.empty(0)
+    out = np.empty((sum(len(p) for p in pieces), *pieces[0].shape[1:]))
+    end = len(out)
+    while pieces:
+        piece = pieces.pop()
+        out[end - len(piece) : end] = piece
+        end -= len(piece)
+    return out
+
+
+def _picks(
+    used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
+) -> Iterator[_Pick]:
+    from foucault.logs.description import scaled_unit
+
+    if used.time is not None:
+        one = np.array([scaled_unit(used.time.unit, "time")])
+        numbers, sign = _numbers(raw, [used.time.column], "time", path)
+        yield _Pick("time", numbers, np.zeros(1), one * sign)
+    elif used.rate is None:
+        raise error("log.no_time", file=path.name)
+    for name in blocks:
+        block = getattr(used, name)
+        wanted = [block.column] if name == "temperature" else list(block.columns or [None])
+        numbers, sign = _numbers(raw, wanted, name, path)
+        zero, factor = block.conversion()
+        yield _Pick(name, numbers, zero, factor * sign)
+
+
+def _numbers(
+    raw: RawTable, wanted: list[Any], block: str, path: Path
+) -> tuple[list[int], FloatArray]:
+    if wanted == [None]:
+        numbers = columns.guess(raw, block, path)
+        return numbers, np.ones(len(numbers))
+    found = [columns.find(raw, name, path, block) for name in wanted]
+    return [number for number, _ in found], np.array([sign for _, sign in found])
+
+
+def _joined(
+    parts: list[dict[str, FloatArray]], names: list[str], used: LogDescription
+) -> dict[str, FloatArray]:
+    """Put the blocks of several files side by side; the first file's time counts."""
+    data = {block: values for part in reversed(parts) for block, values in part.items()}
+    lengths = [len(next(iter(part.values()))) for part in parts]
+    for name, length in zip(names, lengths, strict=True):
+        if length != lengths[0]:
+            raise error("log.join_length", first=names[0], second=name, n_first=lengths[0],
+                        n_second=length)  # fmt: skip
+    if used.rate is not None:
+        return {"time": np.arange(lengths[0]) / used.rate, **data}
+    data = {"time": parts[0]["time"], **data}
+    for name, part in zip(names[1:], parts[1:], strict=True):
+        half = 0.5 * float(np.median(np.diff(data["time"]))) if lengths[0] > 1 else np.inf
+        apart = np.abs(part["time"] - data["time"])
+        if np.nanmax(apart) > half:
+            row = int(np.argmax(apart > half))
+            raise error("log.join_time", first=names[0], second=name, row=row,
+                        t_first=f"{data['time'][row]:.9g}", t_second=f"{part['time'][row]:.9g}",
+                        half=f"{half:.4g}")  # fmt: skip
+    return data
+
+
+def _finished(
+    data: dict[str, FloatArray],
+    used: LogDescription,
+    sampled: Any,
+    findings: tuple[Finding, ...],
+    source: dict[str, Any],
+) -> Log:
+    time = data["time"]
+    findings += checks.timing(time)
+    triads = {"gyro": used.gyro, "accel": used.accel}
+    kind = next(block.kind for block in triads.values() if block is not None)
+    for name, block in triads.items():
+        if block is not None:
+            findings += axes.check(time, data[name], name, _limits(block, used, name))
+    if kind == "increment":
+        dt = _intervals(time)[:, None]
+        for name in triads.keys() & data.keys():
+            data[name] /= dt
+    log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
+              findings, source)  # fmt: skip
+    return replace(log, findings=findings + _implausible(log, used))
+
+
+def _limits(block: Triad, used: LogDescription, name: str) -> FloatArray | None:
+    limits = block.limits()
+    if limits is None:
+        return None
+    zero, factor = block.conversion()
+    return np.sort((limits[None, :] - zero[:, None]) * factor[:, None], axis=1)
+
+
+def _intervals(time: FloatArray) -> FloatArray:
+    """Return the interval that ends at each sample, shape (n,) [s]."""
+    step = np.diff(time, prepend=np.nan)
+    nominal = np.median(step[1:]) if len(time) > 1 else np.nan
+    step[~(step <= checks.GAP * nominal)] = nominal
+    return step
+
+
+def _implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
+    """Return what the sizes of the numbers say about the declared units."""
+    found: tuple[Finding, ...] = ()
+    if log.accel is not None and used.accel is not None:
+        block = used.accel
+        counts = block.scale is not None
+        one = None if counts else abs(float(block.conversion()[1][0]))
+        found += checks.accel_scale(log.accel, log.interval, block.unit, one, block.kind)
+    if log.gyro is not None and used.gyro is not None:
+        found += checks.gyro_scale(log.gyro, used.gyro.unit, used.gyro.kind)
+    return found

@@ -1,0 +1,179 @@
+"""What the samples tell: gaps, jitter, saturated and stuck axes, wrong units."""
+
+import numpy as np
+import pytest
+
+from foucault.logs import axes, checks
+
+RNG = np.random.default_rng
+G = 9.80665
+
+
+def codes(found):
+    return [f.code for f in found]
+
+
+def test_even_time_says_nothing():
+    assert checks.timing(1e9 + np.arange(1000) / 128.0) == ()
+    jitter = RNG(1).uniform(-0.0004, 0.0004, 1000)
+    assert checks.timing(np.arange(1000) / 100.0 + jitter) == ()
+
+
+def test_gaps_are_counted_and_placed():
+    time = np.delete(np.arange(1000) / 100.0, [100, 500, 501, 502])
+    (found,) = checks.timing(time)
+    assert found.code == "log.gap"
+    assert found.message == (
+        "Time has 2 gaps; about 4 samples are missing. The longest is 0.04 s after 4.99 s, where "
+        "0.01 s is usual."
+    )
+
+
+def test_irregular_rate():
+    time = np.cumsum(RNG(2).uniform(0.006, 0.013, 1000))
+    (found,) = checks.timing(time)
+    assert found.code == "log.irregular"
+    assert "% of the intervals are more than 10 % off the usual" in found.message
+
+
+def session(n=4000, noise=0.02, seed=3):
+    """Specific force of four rests with turns between, noise and 16-bit counts."""
+    rng = RNG(seed)
+    time = np.arange(n) / 100.0
+    angle = np.pi / 2 * np.floor(time / 10.0)
+    turning = np.clip((time % 10.0) - 9.0, 0.0, 1.0)
+    angle = angle + np.pi / 2 * turning
+    f = G * np.column_stack([np.sin(angle), 0.3 * np.cos(3 * angle), np.cos(angle)])
+    f += rng.normal(0.0, noise, (n, 3))
+    return time, f
+
+
+def counts(f, size=0.002):
+    return np.round(f / size) * size
+
+
+@pytest.mark.parametrize("size", [0.0005, 0.002, 0.01, 0.03, 0.1, 1.0])
+@pytest.mark.parametrize("noise", [0.0, 0.001, 0.02])
+def test_healthy_sensors_of_any_resolution_are_left_alone(size, noise):
+    time, f = session(noise=noise)
+    assert axes.check(time, counts(f, size), "accel") == ()
+
+
+def test_a_log_without_noise_is_left_alone():
+    time, f = session(noise=0.0)
+    assert axes.check(time, f, "accel") == ()
+
+
+def test_slow_turns_over_the_top_are_not_saturation():
+    time = np.arange(6000) / 100.0
+    f = np.column_stack([np.sin(time * w) for w in (0.2, 0.9, 3.0)]) * G
+    assert axes.check(time, counts(f, 0.01), "accel") == ()
+    assert axes.check(time, counts(f + RNG(5).normal(0, 0.005, f.shape), 0.01), "accel") == ()
+
+
+def test_saturated_gyro():
+    time = np.arange(3000) / 100.0
+    rate = np.zeros((3000, 3))
+    rate[1000:1200, 1] = 6.0 * np.sin(np.linspace(0, 2 * np.pi, 200))
+    rate = counts(rate + RNG(6).normal(0.0, 0.005, rate.shape), 0.001)
+    assert axes.check(time, rate, "gyro") == ()
+    clipped = np.clip(rate, -4.363, 4.363)
+    (found,) = axes.check(time, clipped, "gyro")
+    assert found.code == "log.saturated"
+    at_limit = int((np.abs(clipped[:, 1]) == 4.363).sum())
+    first = time[np.argmax(np.abs(clipped[:, 1]) == 4.363)]
+    assert found.message == (
+        f"gyro y is saturated; samples at the limit: {at_limit}, the first at {first:.9g} s."
+    )
+
+
+def test_declared_range_finds_a_single_sample():
+    time, f = session()
+    f = counts(f)
+    f[1234, 2] = 2 * G
+    limits = np.array([[-2 * G, 2 * G]] * 3)
+    (found,) = axes.check(time, f, "accel", limits)
+    assert found.message == "accel z is saturated; samples at the limit: 1, the first at 12.34 s."
+    assert axes.check(time, session()[1], "accel", limits) == ()
+
+
+def test_stuck_axis():
+    time, f = session()
+    f = counts(f)
+    f[1500:1700, 0] = f[1500, 0]
+    (found,) = axes.check(time, f, "accel")
+    assert found.code == "log.stuck"
+    assert f"accel x stays at {f[1500, 0]:.6g} (SI) from 15 s to 16.99 s" in found.message
+    f[:, 2] = 0.0
+    assert codes(axes.check(time, f, "accel")) == ["log.stuck", "log.stuck"]
+
+
+def test_an_axis_constant_for_less_than_a_second_is_not_stuck():
+    time, f = session()
+    f = counts(f)
+    f[1500:1590, 0] = f[1499, 0]
+    assert "log.stuck" not in codes(axes.check(time, f, "accel"))
+
+
+@pytest.mark.parametrize("interval", [0.1, 0.01, 0.001])
+@pytest.mark.parametrize(
+    ("said", "one", "kind", "truth"),
+    [
+        ("g", G, "rate", ("m/s^2", "rate")),
+        ("m/s^2", 1.0, "rate", ("g", "rate")),
+        ("mg", G / 1000, "rate", ("g", "rate")),
+        ("g", G, "rate", ("mg", "rate")),
+        ("m/s^2", 1.0, "rate", ("mg", "rate")),
+        ("m/s^2", 1.0, "rate", ("m/s", "increment")),
+        ("m/s", 1.0, "increment", ("m/s^2", "rate")),
+        ("g", G, "rate", ("g*s", "increment")),
+        ("m/s", 1.0, "increment", ("g*s", "increment")),
+    ],
+)
+def test_accelerometer_in_another_unit(interval, said, one, kind, truth):
+    _, f = session()
+    size = {"m/s^2": 1.0, "g": G, "mg": G / 1000, "m/s": 1.0, "g*s": G}
+    raw = f / size[truth[0]] * (interval if truth[1] == "increment" else 1.0)
+    seen = raw * one / (interval if kind == "increment" else 1.0)
+    (found,) = checks.accel_scale(seen, interval, said, one, kind)
+    assert found.code == "log.accel_unit"
+    assert f'unit = "{truth[0]}"' in found.cure
+    assert (f'kind = "{truth[1]}"' in found.cure) == (truth[1] != kind)
+
+
+def test_right_units_say_nothing():
+    _, f = session()
+    assert checks.accel_scale(f, 0.01, "m/s^2", 1.0, "rate") == ()
+    assert checks.accel_scale(1.08 * f, 0.01, "count", None, "rate") == ()
+
+
+def test_specific_force_that_nothing_explains():
+    _, f = session()
+    for one in (None, 1.0):
+        (found,) = checks.accel_scale(2 * f, 0.01, "count", one, "rate")
+        assert found.code == "log.accel_norm"
+        assert "Check unit, scale, zero and columns in [log.accel]" in found.cure
+
+
+def test_gyro_rates_that_no_gyro_measures():
+    rate = RNG(8).normal(0.0, 2.0, (2000, 3))
+    assert checks.gyro_scale(rate, "rad/s", "rate") == ()
+    (found,) = checks.gyro_scale(np.degrees(rate), "rad/s", "rate")
+    assert found.code == "log.gyro_unit"
+    assert 'in [log.gyro] write unit = "deg/s"' in found.cure
+    (found,) = checks.gyro_scale(rate / 0.01, "rad", "increment")
+    assert 'kind = "rate" with a unit such as "rad/s"' in found.cure
+    rate[7] = 1e6  # a single spike is no wrong unit
+    assert checks.gyro_scale(rate, "rad/s", "rate") == ()
+
+
+def test_read_reports_what_the_checks_find(read_text):
+    time, f = session()
+    rows = [f"{t:.2f},{x:.4f},{y:.4f},{z:.4f}" for t, (x, y, z) in zip(time, f, strict=True)]
+    del rows[100:103]
+    log = read_text(
+        "\n".join(["t,ax,ay,az", *rows]),
+        time={"unit": "s"},
+        accel={"unit": "g", "saturation": 9.0},
+    )
+    assert codes(log.findings) == ["log.gap", *["log.saturated"] * 2, "log.accel_unit"]

@@ -1,0 +1,45 @@
+"""A long log is read without holding it more than three times."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from foucault.logs import write
+from foucault.tables import Log
+
+READ = """
+import json, sys
+import pyarrow.csv, pyarrow.parquet, pydantic, pint
+from foucault.logs import LogDescription, read
+def peak():
+    with open("/proc/self/status") as lines:
+        return next(1024 * int(l.split()[1]) for l in lines if l.startswith("VmHWM"))
+before = peak()
+log = read(LogDescription(file=sys.argv[1]))
+print(json.dumps([len(log), peak() - before]))
+"""
+
+
+def peak(folder, suffix, rows):
+    """Return the memory that reading `rows` rows takes in a process of its own [byte]."""
+    rng = np.random.default_rng(1)
+    file = folder / f"log{suffix}"
+    gyro, accel = rng.normal(size=(2, rows, 3))
+    write(Log(np.arange(rows) / 1000.0, gyro, accel), file)
+    command = [sys.executable, "-c", READ, str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    got, memory = json.loads(done.stdout)
+    assert got == rows
+    return memory
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_peak_memory_grows_by_less_than_three_tables(tmp_path, suffix):
+    # The difference of two sizes leaves out what pyarrow takes for its buffers once.
+    short, long = 500_000, 1_500_000
+    grown = peak(tmp_path, suffix, long) - peak(tmp_path, suffix, short)
+    assert grown <= 3 * (long - short) * 7 * 8

@@ -1,0 +1,277 @@
+"""Every mistake a file or its description can hold gives one error, and its words help."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from foucault.errors import SYMPTOMS, FoucaultError
+from foucault.logs import LogDescription, read
+
+HEAD = "t,gx,gy,gz,ax,ay,az"
+WORDS = {
+    "time": {"column": "t", "unit": "s"},
+    "gyro": {"columns": ["gx", "gy", "gz"], "unit": "deg/s"},
+    "accel": {"columns": ["ax", "ay", "az"], "unit": "g"},
+}
+
+
+def lines(n=20):
+    rng = np.random.default_rng(1)
+    out = []
+    for i in range(n):
+        values = [0.01 * i, *rng.normal(0, 0.1, 3), *rng.normal([0, 0, 1], 0.01)]
+        out.append(",".join(f"{v:.6f}" for v in values))
+    return out
+
+
+def cells(row, column, value):
+    """Put `value` into one cell of good lines."""
+    good = lines()
+    parts = good[row].split(",")
+    parts[column] = value
+    good[row] = ",".join(parts)
+    return good
+
+
+def refused(read_text, rows, code, *parts, head=HEAD, **words):
+    text = "\n".join([head, *rows] if head else rows) + "\n"
+    with pytest.raises(FoucaultError) as caught:
+        read_text(text, **{**WORDS, **words})
+    assert caught.value.code == code, caught.value
+    for part in parts:
+        assert part in str(caught.value)
+
+
+def test_good_lines_are_good(read_text):
+    log = read_text("\n".join([HEAD, *lines()]), **WORDS)
+    assert len(log) == 20
+    assert log.findings == ()
+
+
+def test_missing_file_names_what_is_there(tmp_path):
+    (tmp_path / "session.csv").write_text("")
+    (tmp_path / "sesion.txt").write_text("")
+    with pytest.raises(FoucaultError) as caught:
+        read(LogDescription.model_validate({"file": "sesion.csv", **WORDS}), tmp_path)
+    assert caught.value.code == "log.missing_file"
+    assert "sesion.csv' does not exist. The folder has" in str(caught.value)
+    assert "session.csv" in str(caught.value)
+    with pytest.raises(FoucaultError, match="is a folder, not a file"):
+        read(LogDescription.model_validate({"file": ".", **WORDS}), tmp_path)
+    with pytest.raises(FoucaultError, match="does not exist"):
+        read(LogDescription.model_validate({"file": "no/where.csv", **WORDS}), tmp_path)
+
+
+def test_unknown_column(read_text):
+    gyro = {"columns": ["gx", "gyy", "gz"], "unit": "deg/s"}
+    refused(
+        read_text, lines(), "log.unknown_column", "'log.csv' has no column 'gyy'.",
+        "Did you mean 'gy'?", "The columns are t, gx, gy, gz, ax, ay, az.", "[log.gyro]",
+        gyro=gyro,
+    )  # fmt: skip
+
+
+def test_column_number_beyond_the_last(read_text):
+    gyro = {"columns": [1, 2, 7], "unit": "deg/s"}
+    refused(
+        read_text, lines(), "log.unknown_column", "no column '7'", "numbered 0 to 6",
+        gyro=gyro, time={"column": 0, "unit": "s"}, head=None,
+    )  # fmt: skip
+
+
+def test_columns_that_cannot_be_guessed(read_text):
+    refused(
+        read_text, lines(), "log.cannot_guess", "'log.csv' has 7 unnamed columns",
+        "columns = [1, 2, 3] in [log.gyro]", gyro={"unit": "deg/s"}, head=None,
+        time={"column": 0, "unit": "s"},
+    )  # fmt: skip
+    refused(
+        read_text, lines(), "log.cannot_guess", "none has a usual name of accel",
+        accel={"unit": "g"}, head="t,gx,gy,gz,k,l,m",
+    )  # fmt: skip
+
+
+def test_ragged_line(read_text):
+    short = lines()
+    short[4] = short[4].rpartition(",")[0]
+    refused(read_text, short, "log.ragged", "'log.csv' line 6 has 6 columns instead of 7")
+    long = lines()
+    long[9] += ",3.0"
+    refused(read_text, long, "log.ragged", "line 11 has 8 columns instead of 7")
+    refused(
+        read_text, [row.replace(",", "  ") for row in short], "log.ragged",
+        "line 6 has 6 columns instead of 7", head=HEAD.replace(",", " "),
+    )  # fmt: skip
+
+
+def test_title_line_with_another_count(read_text):
+    refused(
+        read_text, lines(), "log.header_count", "names 6 columns, but line 2",
+        head="t,gx,gy,gz,ax,ay",
+    )  # fmt: skip
+
+
+def test_truncated_last_line(read_text):
+    cut = lines()
+    cut[-1] = cut[-1][:20]
+    refused(
+        read_text, cut, "log.truncated", "ends in the middle of line 21, with 3 of 7 columns",
+        "Delete the last line",
+    )  # fmt: skip
+    with pytest.raises(FoucaultError) as caught:
+        read_text("\n".join([HEAD, *lines()])[:-8] + "-", **WORDS)
+    assert caught.value.code == "log.truncated"
+
+
+def test_cell_that_is_not_a_number(read_text):
+    refused(
+        read_text, cells(7, 5, "0.0l"), "log.not_numeric",
+        "'log.csv' line 9, column 'ay': '0.0l' is not a number.",
+    )  # fmt: skip
+    rows = [row.replace(",", ";").replace(".", ",") for row in lines()]
+    refused(read_text, rows, "log.not_numeric", 'write decimal = ","', head=HEAD.replace(",", ";"))
+
+
+def test_text_in_utf_16(tmp_path):
+    (tmp_path / "log.csv").write_text("\n".join([HEAD, *lines()]), encoding="utf-16")
+    with pytest.raises(FoucaultError, match=r"saved as UTF-16\?"):
+        read(LogDescription.model_validate({"file": "log.csv", **WORDS}), tmp_path)
+
+
+def test_text_in_columns_that_are_not_used_is_fine(read_text):
+    rows = [f"rest {i},{row}" for i, row in enumerate(lines())]
+    assert len(read_text("\n".join(["note," + HEAD, *rows]), **WORDS)) == 20
+
+
+@pytest.mark.parametrize("cell", ["nan", "NaN", "", "NA"])
+def test_missing_value(read_text, cell):
+    rows = cells(7, 5, cell)
+    refused(
+        read_text, rows, "log.missing_value",
+        "missing values in accel, 1 in all: row 7 of the data (from 0)", 'missing = "drop"',
+    )  # fmt: skip
+    log = read_text("\n".join([HEAD, *rows]), **WORDS, missing="drop")
+    assert len(log) == log.source["rows"] == 19
+    assert [f.code for f in log.findings] == ["log.dropped", "log.gap"]
+    assert "Missing or infinite values in accel were left out, 1 in all: row 7 of the data" in (
+        log.findings[0].message
+    )
+
+
+@pytest.mark.parametrize("cell", ["inf", "-inf", "Infinity"])
+def test_infinite_value(read_text, cell):
+    refused(read_text, cells(3, 1, cell), "log.infinite", "in gyro", "row 3 of the data")
+
+
+def test_many_missing_values_are_counted(read_text):
+    rows = cells(3, 0, "")
+    rows[5:13] = [",,,,,,"] * 8
+    refused(read_text, rows, "log.missing_value", "9 in all: rows 3, 5, 6, 7, 8, ...")
+    refused(read_text, [",,,,,,"] * 9, "log.empty", missing="drop")
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "t,gx,gy,gz,ax,ay,az\n", "# only remarks\n"])
+def test_empty_log(read_text, text):
+    with pytest.raises(FoucaultError, match=r"'log.csv' has no samples") as caught:
+        read_text(text, **WORDS)
+    assert caught.value.code == "log.empty"
+
+
+def test_empty_files_of_other_formats(tmp_path):
+    np.save(tmp_path / "a.npy", np.empty((0, 7)))
+    (tmp_path / "b.bin").write_bytes(b"")
+    for file in ("a.npy", "b.bin"):
+        words = {"file": file, "rate": "1 Hz", "record": {"type": "float32", "columns": 7}}
+        words |= {"accel": {"columns": [0, 1, 2], "unit": "g"}, "format": file[-3:]}
+        words["format"] = {"npy": "npy", "bin": "binary"}[file[-3:]]
+        with pytest.raises(FoucaultError, match="has no samples"):
+            read(LogDescription.model_validate(words), tmp_path)
+
+
+def test_time_backward_and_repeated(read_text):
+    refused(
+        read_text, cells(8, 0, "0.005"), "log.time_backward",
+        "row 8 of the data (from 0): 0.005 s after 0.07 s; 1 such rows",
+    )  # fmt: skip
+    refused(
+        read_text, cells(8, 0, "0.07"), "log.time_repeated",
+        "Row 8 of the data (from 0) has the same time as the row before, 0.07 s", "rate =",
+    )  # fmt: skip
+
+
+def test_neither_time_nor_rate(read_text):
+    refused(read_text, lines(), "log.no_time", 'Write rate = "100 Hz"', time=None)
+
+
+def test_undescribed(read_text):
+    refused(
+        read_text, lines(), "log.undescribed", "'log.csv' has t, gx, gy, gz, ax, ay, az",
+        "Add [log.gyro]", gyro=None, accel=None,
+    )  # fmt: skip
+
+
+def test_damaged_files(tmp_path):
+    good = gzip.compress("\n".join([HEAD, *lines(2000)]).encode())
+    (tmp_path / "cut.csv.gz").write_bytes(good[: len(good) // 2])
+    for name in ("a.parquet", "b.npz", "c.npy", "d.mat"):
+        (tmp_path / name).write_bytes(b"\x01\x02 no such thing" * 50)
+    for name in ("cut.csv.gz", "a.parquet", "b.npz", "c.npy", "d.mat"):
+        with pytest.raises(FoucaultError) as caught:
+            read(LogDescription.model_validate({"file": name, **WORDS}), tmp_path)
+        assert caught.value.code == "log.unreadable", caught.value
+        assert f"'{name}' cannot be read as" in str(caught.value)
+
+
+def test_pickled_objects_are_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(FoucaultError) as caught:
+        read(LogDescription.model_validate({"file": "a.npy", **WORDS}), tmp_path)
+    assert caught.value.code == "log.unreadable"
+
+
+def test_binary_mistakes(tmp_path):
+    (tmp_path / "log.ins").write_bytes(np.ones(70).tobytes() + b"abc")
+    words = {"file": "log.ins", "rate": "1 Hz", "accel": {"columns": [0, 1, 2], "unit": "g"}}
+    with pytest.raises(FoucaultError, match="cannot be told from its suffix"):
+        read(LogDescription.model_validate(words), tmp_path)
+    with pytest.raises(FoucaultError, match=r"Add \[log.record\]"):
+        read(LogDescription.model_validate({**words, "format": "binary"}), tmp_path)
+    record = {"type": "float64", "columns": 7}
+    with pytest.raises(FoucaultError, match="ends with 3 bytes of a record of 56 bytes"):
+        read(LogDescription.model_validate({**words, "record": record}), tmp_path)
+
+
+def test_two_files_must_belong_together(tmp_path):
+    rows = lines()
+
+    def save(name, rows):
+        (tmp_path / name).write_text("\n".join([HEAD, *rows]))
+
+    def load():
+        words = {**WORDS, "gyro": {**WORDS["gyro"], "file": "gyro.csv"}}
+        words["accel"] = {**WORDS["accel"], "file": "accel.csv"}
+        return read(LogDescription.model_validate(words), tmp_path)
+
+    save("gyro.csv", rows)
+    save("accel.csv", cells(5, 0, "0.0549"))
+    log = load()
+    assert log.source["file"] == "gyro.csv + accel.csv"
+    assert log.time[5] == 0.05
+    save("accel.csv", cells(5, 0, "0.0551"))
+    with pytest.raises(FoucaultError) as caught:
+        load()
+    assert caught.value.code == "log.join_time"
+    assert "Row 5: 'gyro.csv' is at 0.05 s but 'accel.csv' at 0.0551 s" in str(caught.value)
+    save("accel.csv", rows[:-1])
+    with pytest.raises(FoucaultError, match=r"'gyro.csv' has 20 samples but 'accel.csv' has 19"):
+        load()
+
+
+def test_every_symptom_of_logs_is_complete():
+    for code, row in SYMPTOMS.items():
+        if code.startswith(("log.", "output.")):
+            assert row.severity in ("error", "warning")
+            assert row.symptom
+            assert row.message.endswith((".", "{hint}"))
+            assert row.cure.endswith(".")
