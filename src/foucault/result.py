@@ -59,8 +59,8 @@ class Problem:
         ``(state, step) -> state``; applies a step, shape (n,), also on a rotation.
     values : callable
         ``state -> ndarray``, shape (len(layout),), the coefficients of a state [SI].
-    n_blocks : int
-        Number of observations.
+    n_blocks : int, shape ()
+        Number of observations [1].
     prior : CoefficientVector or None
         Gaussian prior on the coefficients: values and prior_sd, infinite where there is none.
     """
@@ -86,16 +86,19 @@ class Estimate:
         The full state at the solution, nuisance parameters included.
     status : Status
         How the computation ended.
-    iterations : int
-        Number of iterations used.
+    iterations : int, shape ()
+        Number of iterations used [1].
     residuals : ndarray, shape (m,)
         Whitened residuals at the solution, prior rows last [1].
+    leverage : ndarray, shape (m,)
+        Share of each residual that the fit absorbs, 0 to 1; their sum is the number of
+        parameters.
     blocks : ndarray of int, shape (m,)
         Observation each residual belongs to, -1 for a prior.
     chi_square : float
-        Sum of squares of the residuals.
-    dof : int
-        Degrees of freedom: residuals minus parameters.
+        Sum of squares of the residuals [1].
+    dof : int, shape ()
+        Degrees of freedom: residuals minus parameters [1].
     information : ndarray, shape (n, n)
         Fisher information of the coefficients with the nuisance parameters eliminated.
     state_cov : ndarray, shape (n_total, n_total)
@@ -111,6 +114,7 @@ class Estimate:
     status: Status
     iterations: int
     residuals: FloatArray
+    leverage: FloatArray
     blocks: npt.NDArray[np.int64]
     chi_square: float
     dof: int
@@ -132,8 +136,9 @@ class Level(StrEnum):
 class Check:
     """One test of a result: a number, its limits, and a sentence for people.
 
-    `low` and `high` are None where the test has no limit on that side. `fails` is the level
-    the verdict falls to when the number is outside.
+    `value`, `low` and `high` are in the unit [that `sentence` says]; `low` and `high` are None
+    where the test has no limit on that side. `fails` is the level the verdict falls to when the
+    number is outside.
     """
 
     name: str
@@ -227,3 +232,27 @@ class Result:
             The same samples, compensated [SI].
         """
         return self.model.apply(log)
+
+
+def provenance(log: Log, seconds: float) -> dict[str, Any]:
+    """Return what a result remembers of its making: versions, input, date, duration.
+
+    Parameters
+    ----------
+    log : Log
+        The input.
+    seconds : float
+        How long the computation took [s].
+    """
+    import datetime
+    import importlib.metadata
+    import platform
+
+    packages = ("foucault", "numpy", "scipy", "numba")
+    return {
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "seconds": round(seconds, 3),
+        "versions": {"python": platform.python_version()}
+        | {name: importlib.metadata.version(name) for name in packages},
+        "input": log.source,
+    }

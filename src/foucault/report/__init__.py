@@ -1,0 +1,94 @@
+"""The report: a run folder as one self-contained page. It formats and computes nothing."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from foucault.files import atomic
+from foucault.run_folder import REPORT_FILE, load_result
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from foucault.report.page import Section
+    from foucault.report.sections import Heading
+    from foucault.result import Result
+
+_HERE = Path(__file__).parent
+
+
+def write(folder: str | Path) -> Path:
+    """Write report.html from what the run folder holds.
+
+    Parameters
+    ----------
+    folder : str or Path
+        A run folder with a complete result.
+
+    Returns
+    -------
+    Path
+        The report written: one HTML file that needs no network.
+    """
+    folder = Path(folder)
+    text = html(load_result(folder))
+    with atomic(folder / REPORT_FILE) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return folder / REPORT_FILE
+
+
+def html(result: Result) -> str:
+    """Return the report of `result` as HTML."""
+    from foucault.report.sections import heading, sections
+
+    return render(heading(result), sections(result))
+
+
+def render(head: Heading, sections: Sequence[Section]) -> str:
+    """Return a self-contained page of `sections` as HTML."""
+    from plotly.offline import get_plotlyjs
+
+    return str(
+        _template().render(
+            head=head,
+            sections=sections,
+            css=(_HERE / "page.css").read_text(encoding="utf-8"),
+            js=(_HERE / "page.js").read_text(encoding="utf-8"),
+            plotly=get_plotlyjs(),
+        )
+    )
+
+
+@cache
+def _template() -> Any:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup, escape
+
+    def symbol(text: str) -> Markup:
+        """Write ``b_ax`` with its index lowered."""
+        letter, _, index = text.partition("_")
+        return Markup("<i>{}</i><sub>{}</sub>").format(letter, index)
+
+    def script(value: Any) -> Markup:
+        """Write JSON that cannot end the script element it stands in."""
+        text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+        return Markup(text.replace("<", "\\u003c"))
+
+    def prose(text: str) -> Markup:
+        """Write `code` between backticks as such."""
+        parts = text.split("`")
+        code = Markup("<code>{}</code>")
+        return Markup("").join(code.format(p) if i % 2 else escape(p) for i, p in enumerate(parts))
+
+    environment = Environment(
+        loader=FileSystemLoader(_HERE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"symbol": symbol, "script": script, "prose": prose}
+    return environment.get_template("page.html")

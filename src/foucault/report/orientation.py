@@ -1,0 +1,165 @@
+"""Two pictures of the orientations visited: a sphere to turn, and a flat map for print.
+
+Both show the direction of up in body axes, one point per rest. The map is two discs of equal
+area (Lambert's projection), each seen from +z: the half where z points up and the half where
+it points down, so that a direction on the rim stands at the same place in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.report.figures import BAD, FIRST, SOFT, Trace, layout, numbers
+from foucault.report.page import Figure
+
+FloatArray = npt.NDArray[np.float64]
+
+HEIGHT = 330  # of both pictures, which stand side by side [px]
+
+
+def sphere(up: FloatArray, missing: FloatArray) -> Figure:
+    """Draw directions, shape (n, 3), and missing ones, shape (m, 3), on a sphere."""
+    data = [*_wires(), *_axes()]
+    styles = [(up, "visited", FIRST, "circle", 5), (missing, "missing", BAD, "diamond-open", 7)]
+    for points, name, colour, symbol, size in styles:
+        if len(points):
+            x, y, z = (numbers(points[:, i]) for i in range(3))
+            data.append(
+                {
+                    "type": "scatter3d",
+                    "mode": "markers",
+                    "name": name,
+                    "x": x,
+                    "y": y,
+                    "z": z,
+                    "customdata": list(range(1, len(points) + 1)),
+                    "marker": {"color": colour, "symbol": symbol, "size": size},
+                    "hovertemplate": name + " %{customdata}<extra></extra>",
+                }
+            )
+    hidden = {"visible": False, "range": [-1.35, 1.35]}
+    scene = {
+        "xaxis": hidden,
+        "yaxis": hidden,
+        "zaxis": hidden,
+        "aspectmode": "cube",
+        "dragmode": "orbit",
+        "camera": {"eye": {"x": 0.92, "y": -1.0, "z": 0.62}},
+    }
+    look = layout(HEIGHT, scene=scene, meta={"ratio": 0.9})
+    look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
+    return Figure(data, look, "Turn it with the pointer.", on="screen", share=38)
+
+
+def _wires() -> list[Trace]:
+    """The sphere as parallels and meridians, which hide nothing behind them."""
+    t = np.linspace(0, 2 * np.pi, 61)
+    gap = [np.nan]
+    x, y, z = [], [], []
+    for latitude in np.deg2rad([-60, -30, 0, 30, 60]):
+        x += [*(np.cos(latitude) * np.cos(t)), *gap]
+        y += [*(np.cos(latitude) * np.sin(t)), *gap]
+        z += [*np.full(t.size, np.sin(latitude)), *gap]
+    for longitude in np.deg2rad([0, 30, 60, 90, 120, 150]):
+        x += [*(np.cos(t) * np.cos(longitude)), *gap]
+        y += [*(np.cos(t) * np.sin(longitude)), *gap]
+        z += [*np.sin(t), *gap]
+    line = {"color": "var(--sphere)", "width": 1}
+    return [_quiet(x=numbers(x), y=numbers(y), z=numbers(z), mode="lines", line=line)]
+
+
+def _axes() -> list[Trace]:
+    out: list[Trace] = []
+    for i, name in enumerate("xyz"):
+        tip = [0.0, 0.0, 0.0]
+        tip[i] = 1.25
+        ends = {a: [0.0, tip[k]] for k, a in enumerate("xyz")}
+        out.append(
+            _quiet(
+                **ends,
+                mode="lines+text",
+                line={"color": SOFT, "width": 3},
+                text=["", name],
+                textfont={"color": "var(--ink)", "size": 14},
+            )
+        )
+    return out
+
+
+def _quiet(**trace: Any) -> Trace:
+    return {"type": "scatter3d", "hoverinfo": "skip", "showlegend": False, **trace}
+
+
+def flat_map(up: FloatArray, missing: FloatArray, words: Sequence[str]) -> Figure:
+    """Draw the same directions on two discs; `words` name the missing ones."""
+    rests = [f"rest {k + 1}" for k in range(len(up))]
+    data: list[Trace] = []
+    shapes: list[Trace] = []
+    for half, (sign, ref) in enumerate(((1, ""), (-1, "2"))):
+        on = {"xaxis": f"x{ref}", "yaxis": f"y{ref}", "showlegend": half == 0}
+        data.append(_dots(up, rests, sign, "visited", FIRST, "circle") | on)
+        if len(missing):
+            data.append(_dots(missing, words, sign, "missing", BAD, "diamond-open") | on)
+        shapes += _disc(ref)
+    notes = [
+        {"text": text, "x": x, "y": y, "xref": f"x{r}", "yref": f"y{r}", "showarrow": False}
+        for r, half in (("", "z up"), ("2", "z down"))
+        for text, x, y in (("x", 1.13, 0), ("y", 0, 1.13), (f"<b>{half}</b>", 0, -1.2))
+    ]
+    bare = {"visible": False, "range": [-1.27, 1.27]}
+    look = layout(
+        HEIGHT,
+        xaxis=bare | {"domain": [0, 0.47]},
+        yaxis=bare | {"scaleanchor": "x"},
+        xaxis2=bare | {"domain": [0.53, 1], "anchor": "y2"},
+        yaxis2=bare | {"scaleanchor": "x2", "anchor": "x2"},
+        shapes=shapes,
+        annotations=notes,
+        meta={"ratio": 0.62},  # a narrow screen needs less height
+    )
+    look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
+    return Figure(data, look, "Equal-area map, both halves seen from +z.", share=62)
+
+
+def _dots(
+    points: FloatArray, words: Sequence[str], sign: int, name: str, colour: str, symbol: str
+) -> Trace:
+    z = points[:, 2] * sign
+    pick = (z >= 0) if sign > 0 else (z > 0)
+    flat = points[pick, :2] / np.sqrt(1 + z[pick])[:, None]  # radius sqrt(1 - |z|)
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "legendgroup": name,
+        "x": numbers(flat[:, 0]),
+        "y": numbers(flat[:, 1]),
+        "text": [w for w, p in zip(words, pick, strict=True) if p],
+        "marker": {
+            "color": colour,
+            "size": 9,
+            "symbol": symbol,
+            "line": {"width": 0 if name == "visited" else 2},
+        },
+        "hovertemplate": "%{text}<extra></extra>",
+    }
+
+
+def _disc(ref: str) -> list[Trace]:
+    """The rim and the circles 30 and 60 deg below the pole."""
+    radii = [1.0, *np.sqrt(1 - np.cos(np.deg2rad([60.0, 30.0])))]
+    line = {"color": "var(--sphere)", "width": 1}
+    place = {"type": "circle", "xref": f"x{ref}", "yref": f"y{ref}", "layer": "below"}
+    circles = [
+        place | {"x0": -r, "x1": r, "y0": -r, "y1": r, "line": line, "fillcolor": "rgba(0,0,0,0)"}
+        for r in map(float, radii)
+    ]
+    cross = [
+        place | {"type": "line", "x0": -a, "x1": a, "y0": -b, "y1": b, "line": line}
+        for a, b in ((1.0, 0.0), (0.0, 1.0))
+    ]
+    return circles + cross

@@ -1,0 +1,52 @@
+// Draws the figures that stand in the page as JSON. A colour written "var(--name)" is taken
+// from the style sheet, so that figures follow light, dark and print like everything else.
+(function () {
+  "use strict";
+  const root = document.documentElement;
+  const plots = [...document.querySelectorAll(".plot")].map((box) => {
+    const text = box.querySelector("script");
+    const figure = JSON.parse(text.textContent);
+    text.remove();
+    return { box, figure };
+  });
+  const config = { displaylogo: false, responsive: true, displayModeBar: false, plotlyServerURL: "" };
+
+  function painted(value, style) {
+    if (typeof value === "string") {
+      return value.startsWith("var(") ? style.getPropertyValue(value.slice(4, -1)).trim() : value;
+    }
+    if (Array.isArray(value)) return value.map((item) => painted(item, style));
+    if (value && typeof value === "object") {
+      return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, painted(v, style)]));
+    }
+    return value;
+  }
+
+  function draw() {
+    const style = getComputedStyle(root);
+    for (const { box, figure } of plots) {
+      if (box.offsetParent === null) continue; // not shown in this medium
+      const { data, layout } = painted(figure, style);
+      layout.width = box.clientWidth;
+      layout.height = Math.min(layout.height, box.clientWidth * (layout.meta?.ratio ?? Infinity));
+      box.style.height = layout.height + "px";
+      Plotly.react(box, data, layout, config);
+    }
+  }
+
+  function print(on) {
+    root.classList.toggle("print", on);
+    draw();
+  }
+
+  // Figures in space need WebGL; the flat ones beside them say the same.
+  if (!document.createElement("canvas").getContext("webgl")) root.classList.add("flat");
+  draw();
+  let width = window.innerWidth;
+  window.addEventListener("resize", () => {
+    if (window.innerWidth !== width) { width = window.innerWidth; draw(); }
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  window.addEventListener("beforeprint", () => print(true));
+  window.addEventListener("afterprint", () => print(false));
+})();

@@ -1,0 +1,287 @@
+"""The document result.json: its schema, and a `Result` as plain JSON values and back.
+
+Values are SI with angles in radians; display values are there for people and are ignored when
+a document is read. JSON knows no NaN and no infinity: both are written as null. A key may be
+added within a version; changing or removing one makes a new version.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
+from typing_extensions import TypedDict
+
+from foucault import units
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.errors import ADVICE, Finding, Status
+from foucault.result import Check, Level, Result, Verdict
+
+FloatArray = npt.NDArray[np.float64]
+
+SCHEMA = "foucault.result/1"
+"""Name and version of the document."""
+
+COVARIANCE_TOLERANCE = 1e-6
+"""How far a stored correlation matrix may be from symmetric and positive, as rounding [1]."""
+
+
+class CoefficientRow(BaseModel):
+    """One coefficient: value and sd in the SI unit `unit`, and as people read them."""
+
+    name: str
+    symbol: str
+    meaning: str
+    kind: str = Field(description="What is measured, for instance 'angular rate'; fixes the unit")
+    unit: str = Field(description="SI unit of value, sd and prior_sd")
+    value: float | None = Field(description="null where the computation met no finite number")
+    sd: float | None = Field(description="Standard deviation; null where unknown")
+    free: bool = Field(description="true where estimated, false where held at its value")
+    prior_sd: float | None = Field(description="Standard deviation of the prior; null for none")
+    display_unit: str
+    display_value: float | None
+    display_sd: float | None
+
+    @model_validator(mode="after")
+    def _unit_is_si(self) -> Self:
+        if self.kind not in units.KINDS:
+            raise ValueError(f"kind '{self.kind}' of {self.name} is not known")
+        if self.unit != units.KINDS[self.kind].si:
+            raise ValueError(f"unit of {self.name} must be '{units.KINDS[self.kind].si}'")
+        return self
+
+
+class Covariance(BaseModel):
+    """Covariance of the coefficients, in the products of their SI units."""
+
+    names: list[str] = Field(description="Coefficient of each row and column")
+    matrix: list[list[float | None]]
+
+
+class VerdictRow(BaseModel):
+    """How far the result can be trusted, and why."""
+
+    level: Level
+    reasons: list[str]
+
+
+class CheckRow(BaseModel):
+    """One test of the result. `low` or `high` is null where there is no limit on that side."""
+
+    name: str
+    value: float | None
+    low: float | None
+    high: float | None
+    passed: bool
+    sentence: str
+    fails: Level = Field(description="Level the verdict falls to when the check fails")
+
+
+class FindingRow(BaseModel):
+    """Something noticed in the data that did not stop the work."""
+
+    code: str
+    severity: str
+    message: str
+    cure: str
+
+
+class TableRow(BaseModel):
+    """A table saved beside the document as Parquet."""
+
+    file: str = Field(description="Path relative to result.json, with forward slashes")
+    rows: int
+    sha256: str
+
+
+class CampaignRow(BaseModel):
+    """The campaign file, with every default filled in, that led to this result."""
+
+    file: str
+    sha256: str
+
+
+_OPEN = ConfigDict(extra="allow")  # these keep keys that are not listed here
+
+
+class Site(TypedDict, total=False):
+    """Where the instrument stood."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    gravity: Annotated[float | None, Field(description="local gravity [m/s^2]")]
+    gravity_source: Annotated[str | None, Field(description="'given' or 'normal gravity'")]
+    latitude: Annotated[float | None, Field(description="geodetic, positive north [rad]")]
+    height: Annotated[float | None, Field(description="above the ellipsoid [m]")]
+
+
+class Provenance(TypedDict, total=False):
+    """What the result was made from and with."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    versions: Annotated[dict[str, str], Field(description="package name to version")]
+    inputs: Annotated[
+        list[dict[str, JsonValue]], Field(description="input files: file, sha256, size, ...")
+    ]
+    seed: Annotated[int | None, Field(description="seed of random numbers; null where unused")]
+    created: Annotated[str | None, Field(description="date and time, ISO 8601 with offset")]
+    seconds: Annotated[float | None, Field(description="duration of the computation [s]")]
+
+
+class ResultDocument(BaseModel):
+    """A calibration result: coefficients with covariance, and what is needed to trust it."""
+
+    model_config = ConfigDict(title="Foucault calibration result", populate_by_name=True)
+
+    schema_: Literal["foucault.result/1"] = Field(alias="schema")
+    procedure: str
+    status: Status = Field(description="How the computation ended")
+    advice: str = Field(description="What the status means for the user")
+    verdict: VerdictRow
+    instrument: dict[str, JsonValue] = Field(description="Name, serial number, ... as given")
+    site: Site
+    equation: str = Field(description="Model equation: what the instrument says for what is true")
+    frame: str = Field(description="Axes the coefficients refer to")
+    gauge: str = Field(description="Which physical directions define these axes")
+    validity: dict[str, JsonValue] = Field(description="Range in which the result may be used")
+    coefficients: list[CoefficientRow]
+    covariance: Covariance | None = Field(description="null where unknown")
+    checks: list[CheckRow]
+    findings: list[FindingRow]
+    diagnostics: dict[str, JsonValue] = Field(description="Numbers of the procedure, all SI")
+    provenance: Provenance
+    campaign: CampaignRow | None = None
+    tables: dict[str, TableRow]
+
+    @model_validator(mode="after")
+    def _names_agree(self) -> Self:
+        names = [row.name for row in self.coefficients]
+        if len(set(names)) < len(names):
+            raise ValueError("a coefficient appears twice")
+        if self.covariance is not None:
+            if self.covariance.names != names:
+                raise ValueError("covariance.names differ from the names of the coefficients")
+            if [len(r) for r in self.covariance.matrix] != [len(names)] * len(names):
+                raise ValueError(f"covariance.matrix must have {len(names)} x {len(names)} numbers")
+        return self
+
+
+def result_schema() -> dict[str, Any]:
+    """Return the JSON schema of result.json."""
+    return ResultDocument.model_json_schema(by_alias=True)
+
+
+def document(result: Result) -> dict[str, Any]:
+    """Return `result` as plain JSON values, without its tables."""
+    vector = result.coefficients
+    covariance = (
+        None if vector.cov is None else {"names": list(vector.names), "matrix": plain(vector.cov)}
+    )
+    out = {
+        "schema": SCHEMA,
+        "procedure": result.procedure,
+        "status": result.status.value,
+        "advice": ADVICE[result.status],
+        "verdict": {"level": result.verdict.level.value, "reasons": list(result.verdict.reasons)},
+        "instrument": plain(result.instrument),
+        "site": plain(result.site),
+        "equation": result.equation,
+        "frame": result.frame,
+        "gauge": result.gauge,
+        "validity": plain(result.validity),
+        "coefficients": plain(vector.rows()),
+        "covariance": covariance,
+        "checks": [plain(vars(check)) for check in result.checks],
+        "findings": [finding.as_dict() for finding in result.findings],
+        "diagnostics": plain(result.diagnostics),
+        "provenance": plain(result.provenance),
+        "campaign": None,
+        "tables": {},
+    }
+    ResultDocument.model_validate(out)  # what is written can be read back
+    return out
+
+
+def result_of(doc: ResultDocument, tables: dict[str, Any]) -> Result:
+    """Return the `Result` that a validated document describes, with its `tables`."""
+    return Result(
+        procedure=doc.procedure,
+        coefficients=_vector(doc),
+        equation=doc.equation,
+        frame=doc.frame,
+        gauge=doc.gauge,
+        verdict=Verdict(doc.verdict.level, tuple(doc.verdict.reasons)),
+        checks=tuple(
+            Check(**{**row.model_dump(), "value": _number(row.value), "fails": row.fails})
+            for row in doc.checks
+        ),
+        findings=tuple(Finding(**row.model_dump()) for row in doc.findings),
+        status=doc.status,
+        instrument=dict(doc.instrument),
+        site=dict(doc.site),
+        validity=dict(doc.validity),
+        diagnostics=dict(doc.diagnostics),
+        provenance=dict(doc.provenance),
+        tables=tables,
+    )
+
+
+def _vector(doc: ResultDocument) -> CoefficientVector:
+    rows = doc.coefficients
+    cov = None
+    if doc.covariance is not None:
+        cov = np.array([[_number(v) for v in row] for row in doc.covariance.matrix])
+    return CoefficientVector(
+        Layout(tuple(Coefficient(r.name, r.symbol, r.kind, r.meaning) for r in rows)),
+        np.array([_number(r.value) for r in rows], float),
+        None if cov is None else cov.reshape(len(rows), len(rows)),
+        np.array([r.free for r in rows], bool),
+        np.array([np.inf if r.prior_sd is None else r.prior_sd for r in rows], float),
+    )
+
+
+def covariance_problem(vector: CoefficientVector) -> str | None:
+    """Say why the covariance of `vector` cannot be one, or return None where it can.
+
+    Coefficients whose variance is unknown (NaN) or zero (held) are left out.
+    """
+    if vector.cov is None:
+        return None
+    sd2 = np.diag(vector.cov)
+    if (sd2 < 0).any():
+        return f"the variance of {vector.names[int(np.nanargmin(sd2))]} is negative"
+    keep = np.flatnonzero(np.isfinite(sd2) & (sd2 > 0))
+    sd = np.sqrt(sd2[keep])
+    correlation = vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd)
+    if not np.isfinite(correlation).all():
+        return "a covariance between two coefficients of known variance is null"
+    skew = np.abs(correlation - correlation.T)
+    if skew.max(initial=0.0) > COVARIANCE_TOLERANCE:
+        i, j = np.unravel_index(int(np.argmax(skew)), skew.shape)
+        pair = f"{vector.names[keep[i]]} and {vector.names[keep[j]]}"
+        return f"it is not symmetric between {pair}"
+    if keep.size and np.linalg.eigvalsh(correlation)[0] < -COVARIANCE_TOLERANCE:
+        return "a combination of coefficients has a negative variance"
+    return None
+
+
+def plain(value: Any) -> Any:
+    """Return `value` as JSON values: arrays as lists, numbers that are not finite as None."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
