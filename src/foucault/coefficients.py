@@ -167,7 +167,7 @@ class CoefficientVector:
         return self.value(name) if name in self.layout else default
 
     def with_values(self, values: dict[str, float]) -> CoefficientVector:
-        """Return a copy with the named values [SI unit] replaced."""
+        """Return a copy with the named `values` [SI unit] replaced."""
         changed = self.values.copy()
         for name, value in values.items():
             changed[self.layout.index(name)] = value
@@ -223,7 +223,7 @@ class CoefficientVector:
 
 
 def format_value(value: float, sd: float | None) -> str:
-    """Write `value` to the second significant digit of `sd` (both in one display unit)."""
+    """Write `value` [display unit] to the second significant digit of `sd` [the same unit]."""
     if sd is None or not np.isfinite(sd) or sd <= 0:
         return f"{value:.6g}"
     decimals = max(0, 1 - int(np.floor(np.log10(sd))))

@@ -72,6 +72,14 @@ TURNS = (
 )
 """One row per turn between two rests."""
 
+DETECTION = (
+    Column("time", "s", "middle of the window"),
+    Column("accel_level", "1", "moving sd of the accelerometers, relative to rest"),
+    Column("gyro_level", "1", "moving sd of the gyros, relative to rest"),
+    Column("level", "1", "the larger of the two, compared with the threshold"),
+)
+"""How the rests were found, thinned out for a figure."""
+
 
 @dataclass(frozen=True)
 class Log:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from foucault.errors import error
+from foucault.errors import FoucaultError, error
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -117,7 +117,10 @@ def _registry() -> Any:
 
 
 _SQRT = re.compile(r"sqrt\(([^()]+)\)")
-_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)$", re.DOTALL)
+# No digit, comma or point may follow: "1,5 deg" is not 1 of something.
+_NUMBER = re.compile(
+    r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\d.,])\s*(.*)$", re.DOTALL
+)
 
 
 def _known_units() -> list[str]:
@@ -207,7 +210,7 @@ def parse(text: object, kind: str, key: str = "value") -> float:
 
 
 def convert(value: float, kind: str, unit: str) -> float:
-    """Express an SI `value` of `kind` in `unit`."""
+    """Express `value` [SI unit of `kind`] in `unit`."""
     return value / factor(unit, kind)
 
 
@@ -235,7 +238,13 @@ class Quantity:
         from pydantic_core import core_schema
 
         def read(value: object, info: Any) -> float:
-            return parse(value, self.kind, str(info.field_name or "value"))
+            try:
+                return parse(value, self.kind, str(info.field_name or "value"))
+            except FoucaultError as problem:
+                # A reader that wants the place of the mistake too (a campaign file) says so.
+                if "locate" in (info.context or ()):
+                    raise ValueError(problem) from None
+                raise
 
         return core_schema.with_info_plain_validator_function(read)
 

@@ -1,0 +1,46 @@
+# Every target makes its own virtual environment first: a fresh machine needs Python >= 3.11
+# and make, nothing else.
+PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 python,$(shell \
+  $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
+BIN := .venv/bin
+
+.PHONY: help demo test lint bench docs clean
+
+help:
+	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
+	@echo "make test   lint, then every test"
+	@echo "make lint   style, types and layers"
+	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
+	@echo "make docs   the documentation as a web site in site/"
+
+demo: .venv/installed-run
+	$(BIN)/foucault demo -o demo
+
+test: lint
+	$(BIN)/pytest -n auto
+
+lint: .venv/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/mypy
+
+bench: .venv/installed-bench
+	$(BIN)/python benchmarks/run.py
+
+docs: .venv/installed-docs
+	$(BIN)/python docs/generate.py
+	$(BIN)/mkdocs build --strict
+
+clean:
+	rm -rf .venv build dist site demo .mypy_cache .ruff_cache .pytest_cache
+
+.venv/bin/python:
+	@test -n "$(PYTHON)" || { echo "Foucault needs Python 3.11 or later; none was found." >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+
+# One stamp per set of extras, so that `make demo` installs only what a user would.
+.venv/installed-%: constraints.txt pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.$(if $(filter run,$*),,[$*])'
+	@touch $@
+.PRECIOUS: .venv/installed-%

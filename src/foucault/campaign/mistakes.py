@@ -1,0 +1,133 @@
+"""One clear error for the first mistake in a table, with its full dotted key."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection, Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from foucault import units
+from foucault.campaign.fields import dotted, fields_at, kind_of, models_in
+from foucault.errors import FoucaultError, error, suggestion
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def validate(
+    model: type[Model],
+    raw: Mapping[str, Any],
+    where: tuple[str, ...] = (),
+    also: Collection[str] = (),
+) -> Model:
+    """Check `raw` against `model`.
+
+    Parameters
+    ----------
+    model : type
+        A pydantic model.
+    raw : dict
+        Table as TOML gives it.
+    where : tuple of str
+        Keys that lead to the table.
+    also : collection of str
+        Keys of the table that the model does not know but that are allowed.
+    """
+    try:
+        return model.model_validate(raw, context={"locate": True})
+    except ValidationError as problem:
+        raise _first(problem, model, raw, where, also) from None
+
+
+def _first(
+    problem: ValidationError,
+    model: type[BaseModel],
+    raw: Mapping[str, Any],
+    where: tuple[str, ...],
+    also: Collection[str],
+) -> FoucaultError:
+    details = sorted(problem.errors(), key=lambda d: d["type"] != "extra_forbidden")
+    first = details[0]
+    if first["type"] == "extra_forbidden":
+        # A misspelt key usually makes another one missing: that is one mistake.
+        beside = ("missing", first["loc"][:-1])
+        details = [d for d in details if (d["type"], d["loc"][:-1]) != beside]
+    rest = len(details) - 1
+    more = f" ({rest} more {'mistakes' if rest > 1 else 'mistake'} beside it.)" if rest else ""
+    loc = _keys(first["loc"], raw)
+    key = dotted((*where, *loc))
+    if first["type"] == "extra_forbidden":
+        allowed = sorted({*fields_at(model, loc[:-1]), *(also if len(loc) == 1 else ())})
+        table = dotted((*where, *loc[:-1]))
+        return error(
+            "campaign.key",
+            key=key,
+            hint=suggestion(str(loc[-1]), allowed),
+            more=more,
+            table=f"[{table}]" if table else "a campaign file",
+            allowed=", ".join(allowed),
+        )
+    if first["type"] == "missing":
+        return error("campaign.required", key=key, example=_example(model, loc), more=more)
+    cause = first.get("ctx", {}).get("error")
+    inner = cause.args[0] if cause is not None and cause.args else None
+    if isinstance(inner, FoucaultError):
+        placed = _placed(inner, key, str(loc[-1]))
+        return FoucaultError(placed.code, placed.message + more, placed.cure)
+    given = repr(first["input"])
+    reason = first["msg"].removeprefix("Value error, ").replace("Input should", "it should")
+    words = re.findall(r"'([^']+)'", reason)
+    return error(
+        "campaign.value",
+        key=key,
+        given=given if len(given) < 60 else given[:57] + "...",
+        reason=reason.rstrip("."),
+        hint=suggestion(str(first["input"]), words),
+        more=more,
+    )
+
+
+def parse_at(key: str, text: str, kind: str) -> float:
+    """Turn text with a unit into SI; a mistake in it names its dotted `key`."""
+    try:
+        return units.parse(text, kind, key)
+    except FoucaultError as problem:
+        raise _placed(problem, key, key) from None
+
+
+def _placed(problem: FoucaultError, key: str, said: str) -> FoucaultError:
+    """Name the full dotted key, once, where the error says `said` or nothing."""
+    message = problem.message.removeprefix(f"{said}: ")
+    return FoucaultError(problem.code, f"{key}: {message}", problem.cure)
+
+
+def _keys(loc: tuple[str | int, ...], raw: Any) -> tuple[str | int, ...]:
+    """Drop what pydantic adds to a location (names of union members) and keep the keys."""
+    out: list[str | int] = []
+    at = raw
+    for i, key in enumerate(loc):
+        if isinstance(at, Mapping):
+            if key not in at and i < len(loc) - 1:
+                continue  # the last key may be missing: that is the mistake
+            out.append(key)
+            at = at.get(key)
+        elif isinstance(at, list) and isinstance(key, int) and key < len(at):
+            out.append(key)
+            at = at[key]
+    return tuple(out) or loc
+
+
+def _example(model: type[BaseModel], loc: tuple[str | int, ...]) -> str:
+    field = fields_at(model, loc[:-1]).get(str(loc[-1]))
+    if field is None:
+        return f"{loc[-1]} = ..."
+    if field.examples:
+        return f"{loc[-1]} = {json.dumps(field.examples[0])}"
+    kind = kind_of(field)
+    if kind is not None:
+        return f'{loc[-1]} = "{units.KINDS[kind].example}"'
+    if models_in(field.annotation) or field.annotation == dict[str, Any]:
+        return f"a table [{dotted(loc)}]"
+    return field.description or f"{loc[-1]} = ..."

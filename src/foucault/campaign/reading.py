@@ -1,0 +1,169 @@
+"""From the text of a campaign file to a `Campaign` in SI."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from foucault import procedures
+from foucault.campaign.mistakes import parse_at, validate
+from foucault.campaign.tables import CampaignFile, PriorEntry, SimulateTable
+from foucault.errors import Finding, error, suggestion
+from foucault.logs.description import LogDescription
+from foucault.models import earth, imu, noise
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign file as read: everything in SI.
+
+    Attributes
+    ----------
+    path : Path
+        The file; relative paths in it start from its folder.
+    text : str
+        The file as it was, kept in the run folder.
+    instrument : dict
+        Name, serial number, operator, note.
+    site : Site
+        Where it was calibrated [SI].
+    log : LogDescription
+        How to read the log.
+    procedure : str
+        Name of the procedure.
+    settings : pydantic model
+        Settings of the procedure [SI].
+    noise : ImuNoise or None
+        Noise [SI]; None where the procedure estimates it.
+    prior : dict of str to (float, float)
+        Mean and standard deviation of coefficients or groups [SI].
+    simulate : SimulateTable
+        Which instrument to simulate.
+    session : pydantic model
+        What to do with it in a simulation, as the procedure defines it [SI].
+    tables : CampaignFile
+        The common tables as written, with defaults.
+    findings : tuple of Finding
+        What was noticed in the file.
+    """
+
+    path: Path
+    text: str
+    instrument: dict[str, Any]
+    site: earth.Site
+    log: LogDescription
+    procedure: str
+    settings: Any
+    noise: noise.ImuNoise | None
+    prior: dict[str, tuple[float, float]]
+    simulate: SimulateTable
+    session: Any
+    tables: CampaignFile
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        """Folder that relative paths in the file start from."""
+        return self.path.parent
+
+
+def load(path: str | Path) -> Campaign:
+    """Read a campaign file; the first mistake in it is raised with its full dotted key.
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        if path.is_file():
+            raise error("campaign.syntax", path=path, reason=problem) from None
+        near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        raise error("campaign.missing", path=path, hint=suggestion(path.name, near)) from None
+    return parse(text, path)
+
+
+def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
+    """Read a campaign from `text`; `path` is where it would lie."""
+    path = Path(path)
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise error("campaign.syntax", path=path, reason=problem) from None
+    file = validate(CampaignFile, raw)
+    name = file.procedure.get("name")
+    if name is None:
+        example = f'name = "{next(iter(procedures.PROCEDURES))}"'
+        raise error("campaign.required", key="procedure.name", example=example, more="")
+    module = procedures.load(str(name))
+    settings = {k: v for k, v in file.procedure.items() if k != "name"}
+    common = {k: v for k, v in file.simulate.items() if k in SimulateTable.model_fields}
+    session = {k: v for k, v in file.simulate.items() if k not in common}
+    return Campaign(
+        path=path,
+        text=text,
+        instrument=file.instrument.model_dump(),
+        site=file.site.site(),
+        log=file.log,
+        procedure=str(name),
+        settings=validate(module.Settings, settings, ("procedure",), ("name",)),
+        noise=None if file.noise is None else file.noise.noise(),
+        prior={key: _prior(key, entry) for key, entry in file.prior.items()},
+        simulate=validate(SimulateTable, common, ("simulate",)),
+        session=validate(module.Session, session, ("simulate",), SimulateTable.model_fields),
+        tables=file,
+        findings=file.site.findings(),
+    )
+
+
+def coefficient_kind(name: str) -> str:
+    """Return the kind of coefficient `name` or of the whole group `name`."""
+    members = [imu.LAYOUT.coefficients[i] for i in imu.LAYOUT.group(name)]
+    kinds: list[str] = list(dict.fromkeys(c.kind for c in members))
+    if len(kinds) > 1:
+        groups = list(dict.fromkeys(f'"{c.name.rpartition(".")[0]}"' for c in members))
+        raise error("prior.kind", name=name, kinds=", ".join(kinds), example=" and ".join(groups))
+    return kinds[0]
+
+
+def _prior(name: str, entry: PriorEntry) -> tuple[float, float]:
+    kind = coefficient_kind(name)
+    mean = parse_at(f'prior."{name}".mean', entry.mean, kind)
+    sd = parse_at(f'prior."{name}".sd', entry.sd, kind)
+    if not sd > 0:
+        raise error("prior.sd", name=name, given=repr(entry.sd))
+    return mean, sd
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of campaign files, with the settings of every procedure."""
+    out = CampaignFile.model_json_schema()
+    settings, sessions = [], []
+    for name in procedures.PROCEDURES:
+        module = procedures.load(name)
+        own = _part(out, module.Settings, f"Settings of {name}")
+        own["properties"] = {"name": {"const": name}} | own.get("properties", {})
+        own["required"] = ["name", *own.get("required", [])]
+        settings.append(own)
+        session = _part(out, module.Session, f"Simulated session of {name}")
+        common = _part(out, SimulateTable, "")
+        session["properties"] = common["properties"] | session.get("properties", {})
+        sessions.append(session)
+    out["properties"]["procedure"] = {"oneOf": settings}
+    out["properties"]["simulate"] = {"anyOf": sessions}
+    out["title"] = "Foucault campaign"
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | out
+
+
+def _part(schema: dict[str, Any], model: type[BaseModel], title: str) -> dict[str, Any]:
+    """Return the schema of `model`, its definitions moved to those of `schema`."""
+    part = model.model_json_schema()
+    schema.setdefault("$defs", {}).update(part.pop("$defs", {}))
+    return part | {"title": title}

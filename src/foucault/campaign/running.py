@@ -1,0 +1,205 @@
+"""What a campaign file asks for, done: read its log, calibrate, or simulate it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from foucault import logs, procedures
+from foucault.campaign.mistakes import parse_at
+from foucault.campaign.reading import Campaign, load
+from foucault.campaign.tables import grade
+from foucault.campaign.writing import LOG_TABLE
+from foucault.coefficients import CoefficientVector
+from foucault.errors import error
+from foucault.files import atomic, unwritable
+from foucault.models.imu import LAYOUT, Gauge, ImuModel
+from foucault.result import Result
+from foucault.simulate.hand_rotated import Simulation, draw_errors
+from foucault.tables import Log
+
+Progress = Callable[[float, str], None]
+
+TRUTH_FILE = "truth.json"
+SESSION_LOG = "log.csv"
+SESSION_CAMPAIGN = "campaign.toml"
+
+
+def _silent(_fraction: float, _words: str) -> None:
+    """Tell nobody."""
+
+
+def read_log(campaign: Campaign, progress: Progress = _silent) -> Log:
+    """Read the log of a campaign; its findings follow those of the campaign file."""
+    log = logs.read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
+    return replace(log, findings=campaign.findings + log.findings)
+
+
+def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> Result:
+    """Read the log of a campaign and calibrate it.
+
+    Parameters
+    ----------
+    campaign : Campaign, str or Path
+        The campaign or its file.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with covariance, checks and a verdict [SI].
+    """
+    if not isinstance(campaign, Campaign):
+        campaign = load(campaign)
+    result: Result = procedures.load(campaign.procedure).calibrate(
+        read_log(campaign, progress),
+        site=campaign.site,
+        settings=campaign.settings,
+        noise=campaign.noise,
+        prior=campaign.prior,
+        instrument=campaign.instrument,
+        progress=progress,
+    )
+    return result
+
+
+# -- simulation ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Session:
+    """A simulated session: its log, and the truth behind it.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        What was simulated.
+    simulation : Simulation
+        Log, true errors and true attitudes [SI].
+    seed : int, shape ()
+        Seed of all random numbers [1].
+    """
+
+    campaign: Campaign
+    simulation: Simulation
+    seed: int
+
+    @property
+    def truth(self) -> CoefficientVector:
+        """The coefficients the simulated instrument had, in the body axes of results."""
+        return self.simulation.model.in_gauge(Gauge.LOWER)[0].coefficients()
+
+
+def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Session:
+    """Simulate the session that a campaign describes.
+
+    Parameters
+    ----------
+    campaign : Campaign, str or Path
+        The campaign or its file.
+    seed : int or None, shape ()
+        Seed; None takes that of the campaign [1].
+    """
+    if not isinstance(campaign, Campaign):
+        campaign = load(campaign)
+    seed = campaign.simulate.seed if seed is None else seed
+    typical = grade(campaign.simulate.grade, "simulate.grade")
+    simulation = procedures.load(campaign.procedure).simulate(
+        campaign.session,
+        model=_instrument(campaign, seed),
+        noise=campaign.noise or typical.noise,
+        site=campaign.site,
+        seed=seed,
+    )
+    return Session(campaign, simulation, seed)
+
+
+def _instrument(campaign: Campaign, seed: int) -> ImuModel:
+    """Draw the errors of the instrument, then set those the campaign gives."""
+    drawn = draw_errors(campaign.simulate.grade, seed).coefficients()
+    given = {}
+    for name, text in campaign.simulate.errors.items():
+        kind = LAYOUT.coefficients[LAYOUT.index(name)].kind
+        given[name] = parse_at(f'simulate.errors."{name}"', text, kind)
+    return ImuModel.from_coefficients(drawn.with_values(given))
+
+
+def save_session(session: Session, folder: str | Path) -> Path:
+    """Write a simulated session as a user would have it, with the truth beside it.
+
+    Parameters
+    ----------
+    session : Session
+        The session.
+    folder : str or Path
+        Gets log.csv, campaign.toml and truth.json.
+
+    Returns
+    -------
+    Path
+        The campaign file written; `calibrate` takes it as it is.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise unwritable(folder, problem) from None
+    logs.write(session.simulation.log, folder / SESSION_LOG)
+    with atomic(folder / TRUTH_FILE) as temporary:
+        temporary.write_text(json.dumps(_truth(session), indent=1) + "\n", encoding="utf-8")
+    text = _with_own_log(session.campaign.text)
+    if session.seed != session.campaign.simulate.seed:
+        text = _with_seed(text, session.seed)
+    with atomic(folder / SESSION_CAMPAIGN) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return folder / SESSION_CAMPAIGN
+
+
+def _truth(session: Session) -> dict[str, Any]:
+    keep = ("name", "symbol", "value", "unit", "display_value", "display_unit")
+    rows = session.truth.rows()
+    return {
+        "seed": session.seed,
+        "grade": session.campaign.simulate.grade,
+        "gauge": Gauge.LOWER.value,
+        "coefficients": [{k: row[k] for k in keep} for row in rows],
+        "rests": {
+            "first": session.simulation.first.tolist(),
+            "last": session.simulation.last.tolist(),
+            "C_nb": session.simulation.C_nb.tolist(),
+        },
+    }
+
+
+_HEADER = re.compile(r"^[ \t]*\[+[ \t]*([A-Za-z_]+)", re.MULTILINE)
+
+
+def _with_own_log(text: str) -> str:
+    """Let [log] describe the log as it is written here; everything else stays as it is."""
+    starts = [m.start() for m in _HEADER.finditer(text)]
+    names = [m.group(1) for m in _HEADER.finditer(text)]
+    if "log" not in names:
+        raise error("campaign.required", key="log", example="a table [log]", more="")
+    edges = [*starts, len(text)]
+    pieces = [text[: edges[0]]]
+    for name, start, end in zip(names, starts, edges[1:], strict=True):
+        if name != "log":
+            pieces.append(text[start:end])
+        elif LOG_TABLE not in pieces:
+            pieces.append(LOG_TABLE + "\n")
+    return "".join(pieces)
+
+
+def _with_seed(text: str, seed: int) -> str:
+    head, found, rest = text.partition("[simulate]")
+    if not found:
+        return f"{text.rstrip()}\n\n[simulate]\nseed = {seed}\n"
+    changed, n = re.subn(
+        r"^[ \t]*seed[ \t]*=.*$", f"seed = {seed}", rest, count=1, flags=re.MULTILINE
+    )
+    return head + found + (changed if n else f"\nseed = {seed}{rest}")

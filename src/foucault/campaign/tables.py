@@ -1,0 +1,218 @@
+"""The tables of a campaign file, as pydantic models: every key, its kind and its meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from foucault.errors import Finding, error, finding, suggestion
+from foucault.logs.description import LogDescription
+from foucault.models import earth, noise
+from foucault.units import Quantity
+
+GRAVITY_LIMITS = (9.7, 9.9)
+"""Anything outside is a mistake: gravity on the surface lies in 9.764 .. 9.834 [m/s^2]."""
+
+GRAVITY_ANOMALY = 500e-6
+"""Largest believable departure from normal gravity, relative; anomalies reach 400 mGal."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Instrument(_Table):
+    """What was calibrated; repeated in the result and the report."""
+
+    name: str = Field(default="", description="Make and model.")
+    serial: str = Field(default="", description="Serial number.")
+    operator: str = Field(default="", description="Who made the measurement.")
+    note: str = Field(
+        default="", description="Anything else worth keeping, such as the temperature."
+    )
+
+
+class SiteTable(_Table):
+    """Where it was calibrated."""
+
+    latitude: Annotated[float, Quantity("angle")] | None = Field(
+        default=None,
+        description="Geodetic latitude, positive north. Without it Earth rate is not modelled.",
+    )
+    longitude: Annotated[float, Quantity("angle")] | None = Field(
+        default=None, description="Longitude, positive east; kept for the record."
+    )
+    height: Annotated[float, Quantity("length")] = Field(
+        default=0.0, description="Height above the ellipsoid."
+    )
+    gravity: Annotated[float, Quantity("gravity")] | None = Field(
+        default=None, description="Local gravity; left out, normal gravity at latitude and height."
+    )
+
+    def site(self) -> earth.Site:
+        """Return the site, with normal gravity where none is given."""
+        if self.latitude is not None and abs(self.latitude) > np.pi / 2:
+            raise error("site.latitude", given=np.degrees(self.latitude))
+        if self.gravity is None:
+            if self.latitude is None:
+                raise error("site.unknown")
+            return earth.Site.at(self.latitude, self.height)
+        if not GRAVITY_LIMITS[0] <= self.gravity <= GRAVITY_LIMITS[1]:
+            raise error("site.gravity", given=self.gravity)
+        return earth.Site(self.gravity, self.latitude, self.height)
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Compare gravity as given with normal gravity."""
+        if self.gravity is None or self.latitude is None:
+            return ()
+        normal = earth.gravity(self.latitude, self.height)
+        off = abs(self.gravity / normal - 1)
+        if off < GRAVITY_ANOMALY:
+            return ()
+        return (finding("site.gravity_differs", given=self.gravity, normal=normal, ppm=off * 1e6),)
+
+
+class _Noise(_Table):
+    def over(self, start: noise.TriadNoise) -> noise.TriadNoise:
+        """Replace in `start` what the file gives."""
+        return replace(start, **self.model_dump(exclude_none=True))
+
+
+class AccelNoise(_Noise):
+    """Noise of the accelerometers."""
+
+    white: Annotated[float, Quantity("velocity random walk")] | None = Field(
+        default=None, description="Velocity random walk."
+    )
+    bias_instability: Annotated[float, Quantity("specific force")] | None = Field(
+        default=None, description="Standard deviation of a first-order Markov bias."
+    )
+    correlation_time: Annotated[float, Quantity("time")] | None = Field(
+        default=None, description="Correlation time of that bias."
+    )
+    random_walk: Annotated[float, Quantity("acceleration random walk")] | None = Field(
+        default=None, description="Acceleration random walk."
+    )
+    quantisation: Annotated[float, Quantity("specific force")] | None = Field(
+        default=None, description="Step of the output."
+    )
+
+
+class GyroNoise(_Noise):
+    """Noise of the gyros."""
+
+    white: Annotated[float, Quantity("angle random walk")] | None = Field(
+        default=None, description="Angle random walk."
+    )
+    bias_instability: Annotated[float, Quantity("angular rate")] | None = Field(
+        default=None, description="Standard deviation of a first-order Markov bias."
+    )
+    correlation_time: Annotated[float, Quantity("time")] | None = Field(
+        default=None, description="Correlation time of that bias."
+    )
+    random_walk: Annotated[float, Quantity("rate random walk")] | None = Field(
+        default=None, description="Rate random walk."
+    )
+    quantisation: Annotated[float, Quantity("angular rate")] | None = Field(
+        default=None, description="Step of the output."
+    )
+
+
+class NoiseTable(_Table):
+    """Noise of the sensors, where it is known better than the rests can tell."""
+
+    grade: str | None = Field(
+        default=None,
+        description="Start from a typical class.",
+        json_schema_extra={"enum": [*noise.GRADES, None]},
+    )
+    accel: AccelNoise | None = None
+    gyro: GyroNoise | None = None
+
+    def noise(self) -> noise.ImuNoise:
+        """Return the noise: the grade, with what is given for accel and gyro replaced."""
+        if self.grade is None and self.accel is None and self.gyro is None:
+            raise error("noise.empty", allowed=", ".join(noise.GRADES))
+        start = noise.ImuNoise() if self.grade is None else grade(self.grade, "noise.grade").noise
+        return noise.ImuNoise(
+            start.accel if self.accel is None else self.accel.over(start.accel),
+            start.gyro if self.gyro is None else self.gyro.over(start.gyro),
+        )
+
+
+class PriorEntry(_Table):
+    """What is known of a coefficient, or of every coefficient of a group, beforehand."""
+
+    mean: str = Field(description="Expected value with its unit.", examples=["0 deg/h"])
+    sd: str = Field(description="Standard deviation with its unit.", examples=["10 deg/h"])
+
+
+class SimulateTable(_Table):
+    """How `foucault simulate` makes the instrument."""
+
+    seed: int = Field(default=1, ge=0, description="Seed of every random number.")
+    grade: str = Field(
+        default="mems",
+        description="Typical class its errors and noise are drawn from.",
+        json_schema_extra={"enum": list(noise.GRADES)},
+    )
+    errors: dict[str, str] = Field(
+        default={},
+        description="Coefficients set to a value instead of drawn.",
+        examples=[{"gyro.bias.x": "30 deg/h"}],
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _join(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and isinstance(raw.get("errors"), dict):
+            return raw | {"errors": joined(raw["errors"])}
+        return raw
+
+
+class CampaignFile(_Table):
+    """A campaign of Foucault."""
+
+    instrument: Instrument = Instrument()
+    site: SiteTable = SiteTable()
+    log: LogDescription
+    procedure: dict[str, Any]
+    noise: NoiseTable | None = None
+    prior: dict[str, PriorEntry] = {}
+    simulate: dict[str, Any] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _join(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and isinstance(raw.get("prior"), dict):
+            return raw | {"prior": joined(raw["prior"])}
+        return raw
+
+
+def joined(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Undo TOML's nesting of ``gyro.bias = ...`` written without quotes."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, dict) and not {"mean", "sd"} & value.keys():
+            out |= joined(value, f"{before}{key}.")
+        else:
+            out[before + key] = value
+    return out
+
+
+def grade(name: str, key: str) -> noise.Grade:
+    """Return the typical class `name` given for `key`."""
+    if name not in noise.GRADES:
+        raise error(
+            "campaign.value",
+            key=key,
+            given=repr(name),
+            reason=f"it should be one of {', '.join(noise.GRADES)}",
+            hint=suggestion(name, noise.GRADES),
+            more="",
+        )
+    return noise.grade(name)

@@ -1,0 +1,212 @@
+"""Campaign files written for people: the template to start from, and the file as resolved."""
+
+from __future__ import annotations
+
+import json
+import os
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from foucault import procedures, units
+from foucault.campaign.fields import dotted, kind_of
+from foucault.campaign.reading import Campaign
+from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
+
+_HEAD = """\
+# Campaign file of Foucault.
+# {summary}.
+#
+# A number with a dimension is text with its unit ("0.01 deg/h"); a bare number is refused.
+# Known units: m s min h Hz rad deg arcmin arcsec g mg ug ppm percent count K, their products,
+# quotients, powers and sqrt(). `foucault schema` prints what every key takes.
+"""
+
+LOG_TABLE = """\
+[log]
+file = "log.csv"                        # relative to this file
+# CSV or spaced text (.gz too), Parquet, .npy, .npz, .mat and binary records can be read.
+# Columns by name, or by number from 0 in a file without a header; "-gy" flips a sign.
+# Without a time column write rate = "100 Hz" instead of `time`.
+time = { column = "time", unit = "s" }
+gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }
+accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_rest = "z up" }
+# first_rest: the axis that points up (or down) at first; checked, since norms cannot show a
+# wrong sign or exchanged axes. Leave it out if it is not known.
+# Raw counts:  gyro = { columns = [...], unit = "count", scale = "131 count/(deg/s)" }
+# Increments:  gyro = { columns = [...], unit = "0.1 arcsec", kind = "increment" }
+# A file that says -1 g along up at rest:  accel = { ..., reads = "gravity" }
+"""
+
+_NOISE = """\
+# Left out, the noise is measured in the rests.
+# [noise]
+# grade = "mems"                        # mems, tactical, navigation: typical values
+# [noise.accel]
+# white = "120 ug/sqrt(Hz)"
+# [noise.gyro]
+# white = "0.3 deg/sqrt(h)"
+"""
+
+_PRIOR = """\
+# What is known beforehand of a coefficient, or of every coefficient of a group.
+# [prior]
+# "gyro.bias" = { mean = "0 deg/h", sd = "1000 deg/h" }
+# "accel.scale.x" = { mean = "0 ppm", sd = "500 ppm" }
+"""
+
+
+def template(procedure: str) -> str:
+    """Write a commented campaign file for `procedure`.
+
+    It loads as it is, and with the log that `foucault simulate` makes it also runs as it is.
+
+    Parameters
+    ----------
+    procedure : str
+        A key of `procedures.PROCEDURES`.
+    """
+    module = procedures.load(procedure)
+    summary = (module.__doc__ or procedure).strip().splitlines()[0].rstrip(".")
+    instrument = {"name": "example IMU", "serial": "0001", "operator": "", "note": ""}
+    # Where Foucault's pendulum hung: the Pantheon in Paris.
+    site = {"latitude": '"48.8462 deg"', "longitude": '"2.3464 deg"', "height": '"60 m"'}
+    settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(module.Settings, {})]
+    parts = [
+        _HEAD.format(summary=summary),
+        "\n".join(["[instrument]", *_commented(Instrument, _texts(instrument))]) + "\n",
+        "\n".join(["[site]", *_commented(SiteTable, site)]) + "\n",
+        LOG_TABLE,
+        "\n".join(settings) + "\n",
+        _NOISE,
+        _PRIOR,
+        "\n".join(["[simulate]", *_simulate_lines(procedure)]) + "\n",
+    ]
+    return "\n".join(parts)
+
+
+def _simulate_lines(procedure: str) -> list[str]:
+    own = _commented(procedures.load(procedure).Session, {})
+    errors = [
+        "# Coefficients set to a value instead of drawn:",
+        '# errors = { "gyro.bias.x" = "30 deg/h" }',
+    ]
+    return [*_commented(SimulateTable, {}, leave_out=("errors",)), *own, *errors]
+
+
+def _commented(
+    model: type[BaseModel], values: Mapping[str, str], leave_out: tuple[str, ...] = ()
+) -> list[str]:
+    """Write every field with its description; one without a value becomes a comment."""
+    out: list[str] = []
+    for name, field in model.model_fields.items():
+        if name in leave_out:
+            continue
+        out += [f"# {line}" for line in textwrap.wrap(field.description or "", 92)]
+        value = values.get(name, _default(field))
+        out.append(f"{name} = {value}" if value is not None else f"# {name} = {_sample(field)}")
+    return out
+
+
+def _default(field: FieldInfo) -> str | None:
+    value = field.get_default(call_default_factory=True)
+    if value is None:
+        return None
+    kind = kind_of(field)
+    if kind is None:
+        return _text(value)
+    unit = units.display_unit(kind, value)
+    return _text(f"{units.convert(value, kind, unit):.12g} {unit}")
+
+
+def _sample(field: FieldInfo) -> str:
+    kind = kind_of(field)
+    if kind is not None:
+        return _text(units.KINDS[kind].example)
+    return _text(field.examples[0]) if field.examples else "..."
+
+
+def _texts(values: Mapping[str, str]) -> dict[str, str]:
+    return {key: _text(value) for key, value in values.items()}
+
+
+def _text(value: Any) -> str:
+    """Write a value as TOML."""
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{dotted((k,))} = {_text(v)}" for k, v in value.items())
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_text(v) for v in value) + "]"
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return "nan" if value != value else ("inf" if value > 0 else "-inf")
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+# -- the file as resolved ------------------------------------------------------------------
+
+
+def resolved(campaign: Campaign, folder: str | Path) -> str:
+    """Write the campaign with every default filled in, as it is kept in the run folder.
+
+    Numbers are written in SI to the last bit, files relative to `folder`, so that the copy
+    gives the same result from there.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    folder : str or Path
+        Where the copy will lie.
+    """
+    tables = campaign.tables
+    log = _exact(tables.log)
+    _relocate(log, campaign.folder, Path(folder))
+    site = _exact(tables.site)
+    note = ""
+    if tables.site.gravity is None:
+        note = f"# gravity: {campaign.site.gravity!r} m/s^2, {campaign.site.gravity_source}"
+    parts = [
+        "# The campaign with every default filled in, in SI units.",
+        _table("instrument", campaign.instrument),
+        _table("site", site) + note,
+        _table("log", log),
+        _table("procedure", {"name": campaign.procedure} | _exact(campaign.settings)),
+    ]
+    if tables.noise is not None:
+        parts.append(_table("noise", _exact(tables.noise)))
+    if tables.prior:
+        parts.append(_table("prior", {k: v.model_dump() for k, v in tables.prior.items()}))
+    simulate = _exact(campaign.simulate) | _exact(campaign.session)
+    parts.append(_table("simulate", simulate))
+    return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def _relocate(block: dict[str, Any], old: Path, new: Path) -> None:
+    for key, value in block.items():
+        if isinstance(value, dict):
+            _relocate(value, old, new)
+        elif key == "file":
+            block[key] = Path(os.path.relpath(old / value, new)).as_posix()
+
+
+def _exact(model: BaseModel) -> dict[str, Any]:
+    """Return the fields that have a value; a quantity as text in SI, to the last bit."""
+    out: dict[str, Any] = {}
+    for name, field in type(model).model_fields.items():
+        value, kind = getattr(model, name), kind_of(field)
+        if value is None:
+            continue
+        if isinstance(value, BaseModel):
+            out[name] = _exact(value)
+        else:
+            out[name] = value if kind is None else f"{value!r} {units.KINDS[kind].si}"
+    return out
+
+
+def _table(name: str, values: Mapping[str, Any]) -> str:
+    lines = [f"{dotted((key,))} = {_text(value)}" for key, value in values.items()]
+    return "\n".join([f"[{name}]", *lines, ""])

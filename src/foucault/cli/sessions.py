@@ -1,0 +1,196 @@
+"""Commands about logs: inspect and simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from foucault.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from foucault.campaign import Campaign
+    from foucault.diagnose.inspection import Inspection
+    from foucault.tables import Log
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands of this module to the program."""
+    app.command(
+        "inspect",
+        epilog="Examples: foucault inspect campaign.toml --plots quick.html; "
+        "foucault inspect session/log.csv",
+    )(inspect)
+    app.command(
+        "simulate",
+        epilog="Examples: foucault simulate hand_rotated -o session; "
+        "foucault simulate campaign.toml -o session --seed 7",
+    )(simulate)
+
+
+def load_or_template(name: str) -> Campaign:
+    """Return the campaign of a file, or the template of a procedure."""
+    from foucault import campaign, procedures
+
+    if name in procedures.PROCEDURES:
+        return campaign.parse(campaign.template(name), f"{name}.toml")
+    return campaign.load(name)
+
+
+def simulate(
+    ctx: typer.Context,
+    what: Annotated[str, typer.Argument(help="A campaign file, or the name of a procedure.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    seed: Annotated[
+        int | None, typer.Option(help="Seed; that of the campaign if left out.", min=0)
+    ] = None,
+) -> None:
+    """Simulate a session: the log a user would have, and the truth beside it."""
+    from foucault import campaign
+
+    screen: Screen = ctx.obj
+    with screen.progress() as tell:
+        tell(0.1, "simulating")
+        session = campaign.simulate(load_or_template(what), seed)
+        tell(0.6, "writing")
+        file = campaign.save_session(session, output)
+    log = session.simulation.log
+    screen.say(
+        f"Wrote {len(log)} samples ({log.duration:.0f} s at {log.rate:g} Hz) to {output}, "
+        f"with the truth in {output / 'truth.json'}.",
+        f"Next: foucault calibrate {file} -o {output / 'run'}",
+    )
+    screen.data({"folder": str(output), "campaign": str(file), "samples": len(log)})
+
+
+def inspect(
+    ctx: typer.Context,
+    log: Annotated[
+        Path, typer.Argument(help="A campaign file, or a log that foucault has written.")
+    ],
+    plots: Annotated[Path | None, typer.Option(help="HTML file to write quick plots to.")] = None,
+) -> None:
+    """Look at a log: rates, gaps, whether its units are plausible, and the rests found."""
+    from foucault.diagnose import inspection
+
+    screen: Screen = ctx.obj
+    with screen.progress() as tell:
+        table = _read(log, tell)
+        tell(0.7, "finding rests")
+        seen = inspection.inspect(table)
+        if plots is not None:
+            from foucault.report import quick
+
+            tell(0.9, "drawing")
+            quick.write(seen, plots)
+    screen.table("", ("log", str(log)), _overview(seen))
+    screen.table("readings", ("axis", "mean", "sd", "min", "max", "noise at rest"), _axes(seen))
+    screen.table(
+        "rests", ("rest", "start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)"), _rests(seen)
+    )
+    screen.findings(seen.findings)
+    if plots is not None:
+        screen.say(f"Plots are in {plots}.")
+    screen.data(_document(log, seen))
+
+
+def _read(path: Path, tell: Any) -> Log:
+    from foucault import campaign, logs
+    from foucault.logs.description import LogDescription
+
+    if path.suffix == ".toml":
+        return campaign.read_log(campaign.load(path), tell)
+    description = LogDescription.model_validate({"file": path.name})
+    return logs.read(description, path.parent, lambda done: tell(done, "reading the log"))
+
+
+def _overview(seen: Inspection) -> list[tuple[str, str]]:
+    log = seen.log
+    kind = {"rate": "instantaneous", "increment": "means over each interval"}[log.sampled]
+    rows = [
+        ("samples", f"{len(log)}"),
+        ("duration", f"{log.duration:.2f} s"),
+        ("rate", f"{log.rate:.6g} Hz"),
+        ("interval", f"{seen.shortest * 1e3:.4g} to {seen.longest * 1e3:.4g} ms"),
+        ("gaps", f"{seen.gaps}"),
+        ("readings", kind),
+        ("rests found", f"{len(seen.rests)} (level below {seen.rests.threshold:.3g} x the quiet)"),
+    ]
+    f = _means(seen, "accel")
+    if f is not None and len(f):
+        size = np.linalg.norm(f, axis=1)
+        rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (gravity: 9.8)"))
+    return rows
+
+
+def _axes(seen: Inspection) -> list[tuple[str, ...]]:
+    from foucault.tables import AXES
+    from foucault.units import convert
+
+    rows = []
+    for name, axes, kind, unit, noise_kind, noise_unit in (
+        ("accel", seen.accel, "gravity", "m/s^2", "velocity random walk", "ug/sqrt(Hz)"),
+        ("gyro", seen.gyro, "angular rate", "deg/s", "angle random walk", "deg/sqrt(h)"),
+    ):
+        if axes is None:
+            continue
+        for i, axis in enumerate(AXES):
+            columns = (axes.mean, axes.sd, axes.lowest, axes.highest)
+            numbers = [f"{convert(float(c[i]), kind, unit):.4g}" for c in columns]
+            noise = convert(float(axes.noise[i]), noise_kind, noise_unit)
+            rows.append((f"{name} {axis} ({unit})", *numbers, f"{noise:.3g} {noise_unit}"))
+    return rows
+
+
+def _rests(seen: Inspection) -> list[tuple[str, ...]]:
+    from foucault.tables import AXES
+
+    f, w = _means(seen, "accel"), _means(seen, "gyro")
+    rows: list[tuple[str, ...]] = []
+    for k in range(len(seen.rests)):
+        up = size = turning = ""
+        if f is not None:
+            largest = int(np.argmax(np.abs(f[k])))
+            tilt = np.degrees(np.arccos(abs(f[k, largest]) / np.linalg.norm(f[k])))
+            up = f"{'+' if f[k, largest] > 0 else '-'}{AXES[largest]} ({tilt:.0f} deg off)"
+            size = f"{np.linalg.norm(f[k]):.4f}"
+        if w is not None:
+            turning = f"{np.degrees(np.linalg.norm(w[k])):.3f}"
+        start, end = (f"{seen.rest_rows[c][k]:.2f} s" for c in ("start", "end"))
+        rows.append((str(k + 1), start, end, up, size, turning))
+    return rows
+
+
+def _means(seen: Inspection, triad: str) -> Any:
+    from foucault.tables import AXES
+
+    names = [f"{triad}_{axis}" for axis in AXES]
+    if names[0] not in seen.rest_rows:
+        return None
+    return np.stack([seen.rest_rows[name] for name in names], axis=1)
+
+
+def _document(path: Path, seen: Inspection) -> dict[str, Any]:
+    """What `inspect` found, in SI."""
+    log = seen.log
+    keep = ("mean", "sd", "lowest", "highest", "noise")
+    triads = {
+        name: {key: getattr(axes, key).tolist() for key in keep}
+        for name, axes in (("accel", seen.accel), ("gyro", seen.gyro))
+        if axes is not None
+    }
+    return {
+        "log": str(path),
+        "samples": len(log),
+        "duration": log.duration,
+        "rate": log.rate,
+        "interval": [seen.shortest, seen.longest],
+        "gaps": seen.gaps,
+        "sampled": log.sampled,
+        **triads,
+        "threshold": seen.rests.threshold,
+        "rests": {name: column.tolist() for name, column in seen.rest_rows.items()},
+        "findings": [item.as_dict() for item in seen.findings],
+    }

@@ -1,0 +1,119 @@
+"""Everything public says what it does, and every number its shape or unit."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+import re
+from collections.abc import Iterator
+from types import FunctionType, ModuleType
+from typing import Any
+
+import pytest
+
+import foucault
+
+# What these show is for people; their numbers are positions and colours.
+WITHOUT_NUMBERS = ("foucault.cli", "foucault.report")
+
+NUMERIC = re.compile(r"\b(float|int|complex|\w*Array|NDArray|ndarray|ArrayLike)\b")
+STATED = re.compile(r"\[[^\]\n]+\]|shape \(")
+ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*) ?:(.*(?:\n(?:[ \t]+.*)?)*)", re.MULTILINE)
+
+
+def _modules() -> list[ModuleType]:
+    found = pkgutil.walk_packages(foucault.__path__, "foucault.")
+    names = ["foucault", *(m.name for m in found if not m.name.startswith(WITHOUT_NUMBERS))]
+    return [importlib.import_module(name) for name in names]
+
+
+def _functions(module: ModuleType) -> Iterator[tuple[str, FunctionType]]:
+    for name, thing in vars(module).items():
+        if name.startswith("_"):
+            continue
+        thing = getattr(thing, "py_func", thing)  # a compiled kernel
+        if inspect.isfunction(thing) and thing.__module__ == module.__name__:
+            yield f"{module.__name__}.{name}", thing
+        if inspect.isclass(thing) and thing.__module__ == module.__name__:
+            for key, member in vars(thing).items():
+                member = getattr(member, "__func__", member)
+                if not key.startswith("_") and inspect.isfunction(member):
+                    yield f"{module.__name__}.{name}.{key}", member
+
+
+def _classes(module: ModuleType) -> Iterator[tuple[str, type]]:
+    for name, thing in vars(module).items():
+        if (
+            inspect.isclass(thing)
+            and not name.startswith("_")
+            and thing.__module__ == module.__name__
+        ):
+            yield f"{module.__name__}.{name}", thing
+
+
+def _is_number(annotation: Any) -> bool:
+    text = annotation if isinstance(annotation, str) else str(annotation)
+    return bool(NUMERIC.search(re.sub(r"Callable\[.*\]|Literal\[.*\]", "", text)))
+
+
+def _section(doc: str, title: str) -> dict[str, str]:
+    """Return name -> entry of a numpydoc section."""
+    match = re.search(rf"^{title}\n-+\n(.*?)(?=^\w[^\n]*\n-{{3,}}|\Z)", doc, re.M | re.S)
+    if match is None:
+        return {}
+    return {
+        name.strip("* "): text
+        for names, text in ENTRY.findall(match.group(1))
+        for name in names.split(",")
+    }
+
+
+def unstated(annotations: dict[str, Any], doc: str, title: str) -> list[str]:
+    """Return the numbers whose shape or unit `doc` does not say."""
+    entries = _section(doc, title)
+    missing = []
+    for name, annotation in annotations.items():
+        if not _is_number(annotation):
+            continue
+        # Without the section the sentence itself must name the argument and say the unit.
+        text = entries.get(name, doc if not entries and f"`{name}`" in doc else "")
+        if not STATED.search(text):
+            missing.append(name)
+    return missing
+
+
+@pytest.mark.parametrize("module", _modules(), ids=lambda m: m.__name__)
+def test_public_things_are_documented(module: ModuleType) -> None:
+    assert (
+        (module.__doc__ or "").strip()
+        or not vars(module).get("__file__", "").endswith("__init__.py")
+        or not list(_functions(module))
+    ), f"{module.__name__} has no docstring"
+    things = [*_functions(module), *_classes(module)]
+    assert [name for name, thing in things if not inspect.getdoc(thing)] == []
+
+
+@pytest.mark.parametrize("module", _modules(), ids=lambda m: m.__name__)
+def test_every_number_states_its_shape_or_unit(module: ModuleType) -> None:
+    missing = []
+    for name, function in _functions(module):
+        annotations = {k: v for k, v in function.__annotations__.items() if k != "return"}
+        doc = inspect.getdoc(function) or ""
+        missing += [f"{name}({p})" for p in unstated(annotations, doc, "Parameters")]
+    for name, kind in _classes(module):
+        if dataclasses.is_dataclass(kind):
+            annotations = {f.name: f.type for f in dataclasses.fields(kind)}
+            doc = inspect.getdoc(kind) or ""
+            missing += [f"{name}.{p}" for p in unstated(annotations, doc, "Attributes")]
+    assert missing == []
+
+
+def test_the_check_itself_sees_what_is_missing() -> None:
+    doc = "Do.\n\nParameters\n----------\na : float\n    Length [m].\nb, c : float\n    Two.\n"
+    numbers = {"a": "float", "b": "FloatArray", "c": "float | None", "d": "str", "e": "int"}
+    assert unstated(numbers, doc, "Parameters") == ["b", "c", "e"]
+    assert unstated({"a": "float"}, "Turn `a` [rad] around.", "Parameters") == []
+    assert unstated({"a": "float"}, "Turn it around.", "Parameters") == ["a"]
+    assert unstated({"a": "Callable[[float], int]"}, "Call.", "Parameters") == []

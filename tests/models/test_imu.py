@@ -1,0 +1,166 @@
+"""The IMU error model: what every coefficient does, forward and back, and gauges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from foucault.coefficients import CoefficientVector
+from foucault.errors import FoucaultError
+from foucault.models.imu import (
+    LAYOUT,
+    LINEAR_LOWER,
+    PRODUCTS,
+    Gauge,
+    ImuModel,
+    products,
+    products_slope,
+)
+from foucault.tables import AXES, Log
+
+AT = {a: i for i, a in enumerate(AXES)}
+RNG = np.random.default_rng(20)
+F = RNG.uniform(-12.0, 12.0, (50, 3))
+W = RNG.uniform(-4.0, 4.0, (50, 3))
+
+
+def _size(name: str) -> float:
+    """A large but invertible value: a tenth of the signal, at |f| up to 12 and |w| up to 4."""
+    return 1e-3 if name.split(".")[1] in ("quadratic", "cross", "g_sensitivity") else 0.1
+
+
+def _expected(name: str, value: float) -> tuple[np.ndarray, np.ndarray]:
+    """What one coefficient adds to the readings, written out from its name."""
+    accel, gyro = F.copy(), W.copy()
+    triad, group, axes = name.split(".")
+    out, true = (accel, F) if triad == "accel" else (gyro, W)
+    o = AT[axes[0]]
+    if group == "bias":
+        out[:, o] += value
+    elif group == "scale":
+        out[:, o] += value * true[:, o]
+    elif group == "misalignment":
+        out[:, o] += value * true[:, AT[axes[1]]]
+    elif group == "quadratic":
+        out[:, o] += value * true[:, o] ** 2
+    elif group == "cross":
+        out[:, o] += value * true[:, AT[axes[1]]] * true[:, AT[axes[2]]]
+    else:
+        out[:, o] += value * F[:, AT[axes[1]]]
+    return accel, gyro
+
+
+def _model(values: dict[str, float]) -> ImuModel:
+    return ImuModel.from_coefficients(CoefficientVector.zeros(LAYOUT).with_values(values))
+
+
+@pytest.mark.parametrize("name", LAYOUT.names)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_one_coefficient_forward_and_back(name: str, sign: float) -> None:
+    value = sign * _size(name)
+    model = _model({name: value})
+    accel, gyro = model.measure(F, W)
+    want_accel, want_gyro = _expected(name, value)
+    # A few roundings of numbers near 10.
+    np.testing.assert_allclose(accel, want_accel, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(gyro, want_gyro, rtol=0, atol=1e-14)
+    f_b, w_b = model.compensate(accel, gyro)
+    np.testing.assert_allclose(f_b, F, rtol=0, atol=2e-14)
+    np.testing.assert_allclose(w_b, W, rtol=0, atol=2e-14)
+
+
+def _everything() -> ImuModel:
+    rng = np.random.default_rng(3)
+    return _model({n: _size(n) * 0.3 * rng.uniform(-1, 1) for n in LAYOUT.names})
+
+
+def test_all_coefficients_at_once_invert_exactly() -> None:
+    model = _everything()
+    f_b, w_b = model.compensate(*model.measure(F, W))
+    np.testing.assert_allclose(f_b, F, rtol=0, atol=5e-14)
+    np.testing.assert_allclose(w_b, W, rtol=0, atol=5e-14)
+
+
+def test_coefficients_and_matrices_are_two_forms_of_one_thing() -> None:
+    model = _everything()
+    again = ImuModel.from_coefficients(model.coefficients())
+    for block in vars(model):
+        np.testing.assert_allclose(getattr(again, block), getattr(model, block), atol=1e-16)
+    assert model.coefficients(["gyro.scale.y"]).values[0] == pytest.approx(
+        model.gyro_matrix[1, 1] - 1, abs=1e-16
+    )
+
+
+def test_unknown_coefficient_is_refused() -> None:
+    with pytest.raises(FoucaultError, match=r"Did you mean 'gyro.bias.x'\?"):
+        ImuModel().coefficients(["gyro.bais.x"])
+
+
+def test_shapes_may_have_any_leading_axes_and_either_triad_may_be_missing() -> None:
+    model = _everything()
+    accel, gyro = model.measure(F.reshape(5, 10, 3), W.reshape(5, 10, 3))
+    flat, _ = model.measure(F, W)
+    np.testing.assert_allclose(accel.reshape(50, 3), flat, atol=1e-14)
+    assert gyro.shape == (5, 10, 3)
+    f_b, w_b = model.compensate(accel, None)
+    assert w_b is None
+    np.testing.assert_allclose(f_b, F.reshape(5, 10, 3), atol=5e-14)
+    linear = _model({"gyro.bias.x": 0.1})
+    assert linear.compensate(None, W)[0] is None
+    with pytest.raises(ValueError, match="g-sensitivity needs the accelerometer"):
+        model.compensate(None, W)
+
+
+def test_apply_compensates_a_log_and_keeps_the_rest() -> None:
+    model = _everything()
+    accel, gyro = model.measure(F, W)
+    log = Log(np.arange(50) * 0.01, gyro, accel, "increment")
+    out = model.apply(log)
+    np.testing.assert_allclose(out.accel, F, atol=5e-14)
+    np.testing.assert_allclose(out.gyro, W, atol=5e-14)
+    assert out.sampled == "increment"
+    assert out.time is log.time
+
+
+@pytest.mark.parametrize("gauge", list(Gauge))
+def test_a_gauge_is_triangular_and_describes_the_same_instrument(gauge: Gauge) -> None:
+    model = _everything()
+    turned, C_cb = model.in_gauge(gauge)
+    np.testing.assert_allclose(C_cb @ C_cb.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(C_cb) == pytest.approx(1.0)
+    beyond = (
+        np.triu(turned.accel_matrix, 1)
+        if gauge is Gauge.LOWER
+        else np.tril(turned.accel_matrix, -1)
+    )
+    np.testing.assert_allclose(beyond, 0, atol=1e-15)
+    assert (np.diag(turned.accel_matrix) > 0).all()
+    # x_c = C_cb x_b: the same motion in other axes gives the same readings.
+    for got, want in zip(turned.measure(F @ C_cb.T, W @ C_cb.T), model.measure(F, W), strict=True):
+        np.testing.assert_allclose(got, want, rtol=0, atol=5e-14)
+    again, C_same = turned.in_gauge(gauge)
+    np.testing.assert_allclose(C_same, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(again.gyro_matrix, turned.gyro_matrix, atol=1e-15)
+
+
+def test_lower_gauge_axes_are_the_accelerometers_own() -> None:
+    turned, C_cb = _everything().in_gauge(Gauge.LOWER)
+    sensitive = _everything().accel_matrix @ C_cb.T
+    assert sensitive[0, 1:] == pytest.approx([0, 0], abs=1e-15)  # x_c along the x input axis
+    assert turned.accel_matrix[1, 2] == pytest.approx(0, abs=1e-15)  # y_c in the x-y plane
+
+
+def test_slope_of_the_products_is_their_derivative() -> None:
+    step = 1e-6
+    for j in range(3):
+        d = np.zeros(3)
+        d[j] = step
+        numeric = (products(F + d) - products(F - d)) / (2 * step)
+        # The products are quadratic: a central difference is exact but for rounding.
+        np.testing.assert_allclose(products_slope(F)[..., j], numeric, atol=1e-7)
+    assert products(np.array([2.0, 3.0, 5.0])) == pytest.approx([4, 9, 25, 6, 10, 15])
+    assert len(PRODUCTS) == 6
+
+
+def test_linear_names_are_part_of_the_layout() -> None:
+    assert set(LINEAR_LOWER) < set(LAYOUT.names)

@@ -1,0 +1,400 @@
+"""Campaign files: what they give in SI, and one clear error for every mistake."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from foucault import campaign, procedures
+from foucault.errors import FoucaultError
+from foucault.models import earth
+from foucault.units import parse
+
+MINIMAL = """
+[site]
+latitude = "48.8462 deg"
+height = "60 m"
+[log]
+file = "log.csv"
+time = { column = "t", unit = "s" }
+accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
+[procedure]
+name = "hand_rotated"
+"""
+
+
+def _refused(text: str) -> FoucaultError:
+    with pytest.raises(FoucaultError) as caught:
+        campaign.parse(text)
+    return caught.value
+
+
+def test_minimal_campaign_in_si() -> None:
+    read = campaign.parse(MINIMAL, Path("folder/campaign.toml"))
+    assert read.site.latitude == pytest.approx(np.radians(48.8462), rel=1e-15)
+    assert read.site.gravity == earth.gravity(np.radians(48.8462), 60.0)
+    assert read.site.gravity_source == "normal gravity"
+    assert read.procedure == "hand_rotated"
+    assert read.settings == procedures.load("hand_rotated").Settings()
+    assert read.noise is None
+    assert read.prior == {}
+    assert read.findings == ()
+    assert read.folder == Path("folder")
+
+
+def test_noise_prior_and_simulation_in_si() -> None:
+    read = campaign.parse(
+        MINIMAL
+        + """
+[noise]
+grade = "mems"
+[noise.gyro]
+white = "0.1 deg/sqrt(h)"
+random_walk = "2 deg/h/sqrt(h)"
+[prior]
+"gyro.bias" = { mean = "1 deg/h", sd = "10 deg/h" }
+"accel.scale.x" = { mean = "0 ppm", sd = "500 ppm" }
+[simulate]
+seed = 4
+grade = "tactical"
+errors = { "gyro.bias.x" = "30 deg/h" }
+"""
+    )
+    assert read.noise is not None
+    assert read.noise.gyro.white == pytest.approx(parse("0.1 deg/sqrt(h)", "angle random walk"))
+    assert read.noise.gyro.random_walk == pytest.approx(
+        parse("2 deg/h/sqrt(h)", "rate random walk")
+    )
+    assert read.noise.accel.white == pytest.approx(120e-6 * 9.80665)
+    rate = np.pi / 648000
+    assert read.prior["gyro.bias"] == pytest.approx((rate, 10 * rate))
+    assert read.prior["accel.scale.x"] == pytest.approx((0.0, 5e-4))
+    assert (read.simulate.seed, read.simulate.grade) == (4, "tactical")
+    assert read.simulate.errors == {"gyro.bias.x": "30 deg/h"}
+
+
+def test_names_without_quotes_are_understood() -> None:
+    quoted = '[prior]\n"gyro.bias" = { mean = "1 deg/h", sd = "10 deg/h" }\n'
+    bare = '[prior]\ngyro.bias = { mean = "1 deg/h", sd = "10 deg/h" }\n'
+    assert campaign.parse(MINIMAL + quoted).prior == campaign.parse(MINIMAL + bare).prior
+    errors = '[simulate]\nerrors.gyro.bias.x = "30 deg/h"\n'
+    assert campaign.parse(MINIMAL + errors).simulate.errors == {"gyro.bias.x": "30 deg/h"}
+
+
+# (what to add or replace, code, message, part of the cure)
+MISTAKES = [
+    (
+        MINIMAL.replace("latitude", "latitud"),
+        "campaign.key",
+        "site.latitud is not a key of a campaign file. Did you mean 'latitude'?",
+        "Allowed in [site] are: gravity, height, latitude, longitude.",
+    ),
+    (
+        MINIMAL.replace("[site]", "[sites]"),
+        "campaign.key",
+        "sites is not a key of a campaign file. Did you mean 'site'?",
+        "Allowed in a campaign file are: instrument, log, noise",
+    ),
+    (
+        MINIMAL + "windw = 3\n",
+        "campaign.key",
+        "procedure.windw is not a key of a campaign file.",
+        "Allowed in [procedure] are: ",
+    ),
+    (
+        MINIMAL + '[noise.gyro]\nwhit = "0.1 deg/sqrt(h)"\n',
+        "campaign.key",
+        "noise.gyro.whit is not a key of a campaign file. Did you mean 'white'?",
+        "Allowed in [noise.gyro] are: bias_instability",
+    ),
+    (
+        MINIMAL + '[prior]\n"gyro.bias" = { mean = "0 deg/h", sdd = "10 deg/h" }\n',
+        "campaign.key",
+        "prior.\"gyro.bias\".sdd is not a key of a campaign file. Did you mean 'sd'?",
+        'Allowed in [prior."gyro.bias"] are: mean, sd.',
+    ),
+    (
+        MINIMAL + "[simulate]\nsede = 3\n",
+        "campaign.key",
+        "simulate.sede is not a key of a campaign file. Did you mean 'seed'?",
+        "Allowed in [simulate] are: ",
+    ),
+    (
+        MINIMAL.replace('"60 m"', "60"),
+        "unit.missing",
+        "site.height: 60 has no unit; length wants a number and a unit.",
+        'for example "250 m"',
+    ),
+    (
+        MINIMAL.replace('"60 m"', '"60 deg"'),
+        "unit.kind",
+        "site.height: 'deg' does not measure length.",
+        'for example "250 m"',
+    ),
+    (
+        MINIMAL.replace('"60 m"', "60").replace('"48.8462 deg"', '"48.8462 degg"'),
+        "unit.unknown",
+        "site.latitude: Unit 'degg' is not known. Did you mean deg or degree?"
+        " (1 more mistake beside it.)",
+        "Known are m, s, min",
+    ),
+    (
+        MINIMAL.replace("48.8462", "95"),
+        "site.latitude",
+        "site.latitude: 95 deg is outside -90 to 90 deg.",
+        "perhaps latitude and longitude are exchanged",
+    ),
+    (
+        MINIMAL.replace('height = "60 m"', 'gravity = "1 g"\nheight = "60 m"').replace(
+            "1 g", "0.98 g"
+        ),
+        "site.gravity",
+        "site.gravity: 9.61052 m/s^2 is outside 9.7 to 9.9 m/s^2.",
+        "normal gravity is then used",
+    ),
+    (
+        MINIMAL.replace('latitude = "48.8462 deg"', ""),
+        "site.unknown",
+        "site: neither gravity nor latitude is given, so the scale of the accelerometers has no "
+        "reference.",
+        'gravity = "9.80943 m/s^2"',
+    ),
+    (
+        MINIMAL.replace('name = "hand_rotated"', 'name = "hand_rotatde"'),
+        "campaign.procedure",
+        "Procedure 'hand_rotatde' is not known. Did you mean 'hand_rotated'?",
+        "Known procedures are: hand_rotated",
+    ),
+    (
+        MINIMAL.replace('name = "hand_rotated"', ""),
+        "campaign.required",
+        "procedure.name is missing.",
+        'Add it (name = "hand_rotated")',
+    ),
+    (
+        MINIMAL.replace('[procedure]\nname = "hand_rotated"', ""),
+        "campaign.required",
+        "procedure is missing.",
+        "Add it (a table [procedure])",
+    ),
+    (
+        MINIMAL + '[prior]\n"gyro.bias" = { mean = "0 deg/h" }\n',
+        "campaign.required",
+        'prior."gyro.bias".sd is missing.',
+        'Add it (sd = "10 deg/h")',
+    ),
+    (
+        MINIMAL + '[prior]\n"gyro.bais" = { mean = "0 deg/h", sd = "1 deg/h" }\n',
+        "coefficient.unknown",
+        "Coefficient 'gyro.bais' is not part of this model.",
+        "gyro.bias.x",
+    ),
+    (
+        MINIMAL + '[prior]\n"gyro" = { mean = "0 deg/h", sd = "1 deg/h" }\n',
+        "prior.kind",
+        'prior."gyro" holds coefficients of several kinds: angular rate, scale factor error, '
+        "misalignment, g-sensitivity.",
+        '"gyro.bias" and "gyro.scale"',
+    ),
+    (
+        MINIMAL + '[prior]\n"gyro.bias" = { mean = "0 deg/h", sd = "0 deg/h" }\n',
+        "prior.sd",
+        "prior.\"gyro.bias\": sd = '0 deg/h' is not positive.",
+        "leave the prior out",
+    ),
+    (
+        MINIMAL + '[prior]\n"gyro.bias" = { mean = "0 ppm", sd = "1 deg/h" }\n',
+        "unit.kind",
+        "prior.\"gyro.bias\".mean: 'ppm' does not measure angular rate.",
+        '"0.01 deg/h"',
+    ),
+    (
+        MINIMAL + "[noise]\n",
+        "noise.empty",
+        "noise: neither a grade nor a noise of accel or gyro is given.",
+        "mems, tactical, navigation",
+    ),
+    (
+        MINIMAL + '[noise]\ngrade = "mem"\n',
+        "campaign.value",
+        "noise.grade: 'mem' is not allowed; it should be one of mems, tactical, navigation. "
+        "Did you mean 'mems'?",
+        "`foucault schema`",
+    ),
+    (
+        MINIMAL + '[simulate]\nseed = "one"\n',
+        "campaign.value",
+        "simulate.seed: 'one' is not allowed; it should be a valid integer",
+        "`foucault schema`",
+    ),
+    (
+        MINIMAL.replace("[site]", '[instrument]\nname = ["a"]\n[site]'),
+        "campaign.value",
+        "instrument.name: ['a'] is not allowed; it should be a valid string.",
+        "`foucault schema`",
+    ),
+    (
+        MINIMAL + "[noise\n",
+        "campaign.syntax",
+        "'campaign.toml' is not valid TOML: ",
+        "one `key = value` per line",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "code", "message", "cure"), MISTAKES, ids=lambda v: str(v)[:24])
+def test_one_clear_error(text: str, code: str, message: str, cure: str) -> None:
+    problem = _refused(text)
+    assert problem.code == code
+    assert problem.message.startswith(message), problem.message
+    assert cure in problem.cure
+
+
+def test_syntax_error_names_the_line() -> None:
+    problem = _refused("[site]\nlatitude = 48.8 deg\n")
+    assert "line 2" in problem.message
+
+
+def test_misspelt_simulated_coefficient_is_refused_when_simulated() -> None:
+    read = campaign.parse(MINIMAL + '[simulate]\nerrors = { "gyro.bais.x" = "1 deg/h" }\n')
+    with pytest.raises(FoucaultError, match=r"Did you mean 'gyro\.bias\.x'\?"):
+        campaign.simulate(read)
+
+
+def test_gravity_far_from_normal_is_a_finding() -> None:
+    near = MINIMAL.replace("height", 'gravity = "9.8095 m/s^2"\nheight')
+    assert campaign.parse(near).findings == ()
+    assert campaign.parse(near).site.gravity == 9.8095
+    far = campaign.parse(near.replace("9.8095", "9.7805")).findings
+    assert [f.code for f in far] == ["site.gravity_differs"]
+    assert "9.78050 m/s^2 differs from normal gravity" in far[0].message
+    assert "by 2955 ppm" in far[0].message
+
+
+def test_missing_file_suggests_a_near_name(tmp_path: Path) -> None:
+    (tmp_path / "campaign.toml").write_text(MINIMAL)
+    assert campaign.load(tmp_path / "campaign.toml").site.height == 60.0
+    with pytest.raises(FoucaultError) as caught:
+        campaign.load(tmp_path / "campain.toml")
+    assert caught.value.code == "campaign.missing"
+    assert caught.value.message.endswith("does not exist. Did you mean 'campaign.toml'?")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FoucaultError, match="is not valid TOML"):
+        campaign.load(tmp_path / "binary.toml")
+    with pytest.raises(FoucaultError, match="does not exist"):
+        campaign.load(tmp_path)
+
+
+@pytest.mark.parametrize("name", procedures.PROCEDURES)
+def test_template_loads_as_it_is(name: str) -> None:
+    text = campaign.template(name)
+    read = campaign.parse(text)
+    assert read.procedure == name
+    # Writing the defaults out changes nothing.
+    assert read.settings == procedures.load(name).Settings()
+    assert read.session == procedures.load(name).Session()
+    assert max(len(line) for line in text.splitlines()) <= 100
+
+
+@pytest.mark.parametrize("name", procedures.PROCEDURES)
+def test_template_runs_as_it_is_on_its_simulated_log(name: str, tmp_path: Path) -> None:
+    session = campaign.simulate(campaign.parse(campaign.template(name)))
+    result = campaign.calibrate(campaign.save_session(session, tmp_path))
+    assert result.procedure == name
+    assert result.verdict.level == "pass", result.verdict.reasons
+    assert result.findings == ()
+
+
+@pytest.mark.parametrize("name", procedures.PROCEDURES)
+def test_every_key_of_a_template_is_explained(name: str) -> None:
+    module = procedures.load(name)
+    for model in (module.Settings, module.Session):
+        for key, field in model.model_fields.items():
+            assert field.description, key
+
+
+def test_template_with_every_comment_opened_loads() -> None:
+    lines = campaign.template("hand_rotated").splitlines()
+    opened = [
+        line.removeprefix("# ")
+        if line.startswith(
+            ("# [", '# "', "# grade", "# white", "# gravity", "# errors", "# threshold =")
+        )
+        else line
+        for line in lines
+    ]
+    read = campaign.parse("\n".join(opened))
+    assert read.noise is not None
+    assert set(read.prior) == {"gyro.bias", "accel.scale.x"}
+
+
+def test_resolved_campaign_reads_back_to_the_same(tmp_path: Path) -> None:
+    text = MINIMAL + (
+        '[noise]\ngrade = "mems"\n[noise.gyro]\nwhite = "0.1 deg/sqrt(h)"\n'
+        '[prior]\n"gyro.bias" = { mean = "1 deg/h", sd = "10 deg/h" }\n'
+        '[simulate]\nseed = 4\nerrors = { "gyro.bias.x" = "30 deg/h" }\n'
+    )
+    first = campaign.parse(text, tmp_path / "a" / "campaign.toml")
+    again = campaign.parse(campaign.resolved(first, tmp_path / "b" / "run"), tmp_path / "x.toml")
+    for part in ("site", "settings", "session", "noise", "prior", "simulate", "instrument"):
+        assert getattr(again, part) == getattr(first, part), part
+    assert again.log.file == "../../a/log.csv"
+    assert again.log.accel == first.log.accel
+    once_more = campaign.resolved(again, tmp_path)
+    assert tomllib.loads(once_more) == tomllib.loads(campaign.resolved(again, tmp_path))
+
+
+def test_text_that_toml_must_escape_survives(tmp_path: Path) -> None:
+    note = 'say "hi"\\ \t°C \u007f'
+    text = MINIMAL + f"[instrument]\nnote = {json.dumps(note)}\n"
+    again = campaign.parse(campaign.resolved(campaign.parse(text), tmp_path))
+    assert again.instrument["note"] == note
+
+
+def test_schema_accepts_the_template_and_refuses_mistakes() -> None:
+    schema = campaign.schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    check = jsonschema.Draft202012Validator(schema)
+    good = tomllib.loads(campaign.template("hand_rotated"))
+    assert list(check.iter_errors(good)) == []
+    for change in (
+        {"sites": {}},
+        {"site": {"latitude": 48.8}},
+        {"procedure": {"name": "unknown"}},
+        {"procedure": {"name": "hand_rotated", "windw": 1}},
+        {"simulate": {"sede": 1}},
+        {"noise": {"grade": "mem"}},
+    ):
+        assert list(check.iter_errors(good | change)), change
+
+
+def test_saved_session_runs_from_its_own_folder(tmp_path: Path) -> None:
+    read = campaign.parse(MINIMAL + "[simulate]\nseed = 2\n[prior]\n")
+    session = campaign.simulate(read, seed=5)
+    file = campaign.save_session(session, tmp_path)
+    again = campaign.load(file)
+    assert again.simulate.seed == 5
+    assert again.site == read.site
+    log = campaign.read_log(again)
+    np.testing.assert_array_equal(log.gyro, session.simulation.log.gyro)
+    np.testing.assert_array_equal(log.accel, session.simulation.log.accel)
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    assert truth["seed"] == 5
+    by_name = {row["name"]: row["value"] for row in truth["coefficients"]}
+    assert by_name["gyro.bias.x"] == session.simulation.model.gyro_bias[0]
+    assert len(truth["rests"]["first"]) == len(truth["rests"]["C_nb"])
+    np.testing.assert_array_equal(
+        campaign.simulate(again).simulation.log.gyro, session.simulation.log.gyro
+    )
+
+
+def test_injected_error_is_in_the_simulated_instrument() -> None:
+    read = campaign.parse(MINIMAL + '[simulate]\nerrors = { "gyro.bias.x" = "30 deg/h" }\n')
+    assert campaign.simulate(read).truth.value("gyro.bias.x") == pytest.approx(
+        parse("30 deg/h", "angular rate")
+    )

@@ -1,0 +1,182 @@
+"""Units against hand-computed values: every unit of the field, wrong kinds, near misses."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import pytest
+from pydantic import BaseModel, ValidationError
+
+from foucault import units
+from foucault.errors import FoucaultError
+
+DEG = math.pi / 180
+G = 9.80665
+
+BY_HAND = [
+    ("1 deg/h", "angular rate", DEG / 3600),
+    ("0.01 deg/h", "angular rate", 0.01 * DEG / 3600),
+    ("2 deg/s", "angular rate", 2 * DEG),
+    ("2 dps", "angular rate", 2 * DEG),
+    ("3 dph", "angular rate", 3 * DEG / 3600),
+    ("0.5 rad/s", "angular rate", 0.5),
+    ("60 rpm", "angular rate", 2 * math.pi),
+    ("15.041067 arcsec/s", "angular rate", 15.041067 * DEG / 3600),
+    ("0.3 deg/sqrt(h)", "angle random walk", 0.3 * DEG / 60),
+    ("0.3 deg/√h".replace("√h", "√(h)"), "angle random walk", 0.3 * DEG / 60),
+    ("1 deg/h/sqrt(Hz)", "angle random walk", DEG / 3600),
+    ("1 deg/s/sqrt(Hz)", "angle random walk", DEG),
+    ("1 deg/h/sqrt(h)", "rate random walk", DEG / 3600 / 60),
+    ("1 deg/h/g", "g-sensitivity", DEG / 3600 / G),
+    ("50 ug", "specific force", 50e-6 * G),
+    ("50 µg", "specific force", 50e-6 * G),
+    ("2 mg", "specific force", 2e-3 * G),
+    ("1 g", "specific force", G),
+    ("9.81 m/s^2", "gravity", 9.81),
+    ("9.81 m/s**2", "gravity", 9.81),
+    ("980665 mGal", "gravity", G),
+    ("100 ug/sqrt(Hz)", "velocity random walk", 100e-6 * G),
+    ("0.6 m/s/sqrt(h)", "velocity random walk", 0.01),
+    ("60 ug/sqrt(h)", "acceleration random walk", 1e-6 * G),
+    ("10 ug/g^2", "quadratic", 10e-6 / G),
+    ("1 mg/g^2", "quadratic", 1e-3 / G),
+    ("1 ppm/g", "quadratic", 1e-6 / G),
+    ("3 arcsec", "angle", 3 * DEG / 3600),
+    ("3 arcmin", "misalignment", 3 * DEG / 60),
+    ("1 mrad", "misalignment", 1e-3),
+    ("200 ppm", "scale factor error", 200e-6),
+    ("0.1 %", "scale factor error", 1e-3),
+    ("5 ppb", "scale factor error", 5e-9),
+    ("415 count/(m/s^2)", "accelerometer count scale", 415.0),
+    ("4000 LSB/g", "accelerometer count scale", 4000 / G),
+    ("131 LSB/(deg/s)", "gyro count scale", 131 / DEG),
+    ("0.1 arcsec", "angle increment", 0.1 * DEG / 3600),
+    ("125 ug*s", "velocity increment", 125e-6 * G),
+    ("5 ms", "time", 5e-3),
+    ("2 min", "time", 120.0),
+    ("1 h", "time", 3600.0),
+    ("0.2 kHz", "frequency", 200.0),
+    ("380 m", "length", 380.0),
+    ("4 cm", "length", 0.04),
+    ("-45.5 deg", "angle", -45.5 * DEG),
+    ("+1e-3 deg/h", "angular rate", 1e-3 * DEG / 3600),
+    (".5 deg", "angle", 0.5 * DEG),
+]
+
+
+@pytest.mark.parametrize(("text", "kind", "value"), BY_HAND)
+def test_text_becomes_si(text: str, kind: str, value: float) -> None:
+    assert units.parse(text, kind) == pytest.approx(value, rel=1e-14)
+
+
+def test_arcsec_per_g_is_a_deflection_not_a_quadratic_term() -> None:
+    assert units._factor_and_dimension("arcsec/g")[0] == pytest.approx(DEG / 3600 / G, rel=1e-14)
+    with pytest.raises(FoucaultError, match="does not measure quadratic"):
+        units.parse("1 arcsec/g", "quadratic")
+
+
+@pytest.mark.parametrize("kind", units.KINDS)
+def test_examples_and_display_units_are_of_their_kind(kind: str) -> None:
+    row = units.KINDS[kind]
+    assert math.isfinite(units.parse(row.example, kind))
+    sizes = [units.factor(unit, kind) for unit in row.display]
+    assert sizes == sorted(sizes)
+    assert units.factor(row.si, kind) == pytest.approx(1.0, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("1 ppm", "misalignment"),
+        ("1 arcsec", "scale factor error"),
+        ("1 count", "scale factor error"),
+        ("1 deg", "angular rate"),
+        ("1 deg/h", "angle random walk"),
+        ("1 deg/sqrt(h)", "angular rate"),
+        ("1 Hz", "angular rate"),
+        ("1 m/s^2", "velocity random walk"),
+        ("1 ug", "quadratic"),
+        ("1 count/(deg/s)", "accelerometer count scale"),
+        ("1 s", "length"),
+    ],
+)
+def test_wrong_kind_is_refused(text: str, kind: str) -> None:
+    unit = text.split(" ", 1)[1]
+    with pytest.raises(FoucaultError) as caught:
+        units.parse(text, kind)
+    assert caught.value.code == "unit.kind"
+    assert caught.value.message == f"'{unit}' does not measure {kind}."
+    assert units.KINDS[kind].example in caught.value.cure
+
+
+@pytest.mark.parametrize(
+    "given", [0.01, 3, "0.01", "fast", "", None, True, "deg/h", "1,5 deg/h", "1.2.3 deg/h"]
+)
+def test_bare_numbers_and_words_are_refused_with_an_example(given: object) -> None:
+    with pytest.raises(FoucaultError) as caught:
+        units.parse(given, "angular rate", "bias_sd")
+    assert caught.value.code in ("unit.missing", "unit.unknown")
+    if caught.value.code == "unit.missing":
+        assert caught.value.message.startswith(f"bias_sd: {given!r} has no unit")
+        assert '"0.01 deg/h"' in caught.value.cure
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "meant"),
+    [
+        ("1 degg/h", "angular rate", "deg"),
+        ("1 arcsce", "angle", "arcsec"),
+        ("2 pmm", "angle", "ppm"),
+    ],
+)
+def test_misspelt_unit_gets_a_suggestion(text: str, kind: str, meant: str) -> None:
+    with pytest.raises(FoucaultError, match=rf"not known\. Did you mean .*\b{meant}\b") as caught:
+        units.parse(text, kind)
+    assert "deg, arcmin, arcsec" in caught.value.cure
+
+
+@pytest.mark.parametrize("text", ["1 kg", "1 V", "1 gram", "1 __import__('os')", "1 deg//h", "1 ("])
+def test_units_outside_the_vocabulary_are_refused(text: str) -> None:
+    with pytest.raises(FoucaultError) as caught:
+        units.parse(text, "angle")
+    assert caught.value.code in ("unit.unknown", "unit.kind")
+
+
+def test_convert_is_the_inverse_of_parse() -> None:
+    assert units.convert(units.parse("7 deg/h", "angular rate"), "angular rate", "deg/h") == (
+        pytest.approx(7, rel=1e-14)
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "unit"),
+    [
+        ("angular rate", "0.01 deg/h", "deg/h"),
+        ("angular rate", "2 deg/s", "deg/s"),
+        ("specific force", "999 ug", "ug"),
+        ("specific force", "3 mg", "mg"),
+        ("misalignment", "20 arcsec", "arcsec"),
+        ("misalignment", "-2 arcmin", "arcmin"),
+        ("misalignment", "1.5 deg", "deg"),
+    ],
+)
+def test_display_unit_is_the_one_people_would_use(kind: str, text: str, unit: str) -> None:
+    assert units.display_unit(kind, units.parse(text, kind)) == unit
+
+
+class _Settings(BaseModel):
+    rate: Annotated[float, units.Quantity("frequency")]
+
+
+def test_pydantic_field_holds_si_and_refuses_a_bare_number() -> None:
+    assert _Settings.model_validate({"rate": "0.1 kHz"}).rate == 100.0
+    with pytest.raises(FoucaultError, match="rate: 100 has no unit"):
+        _Settings.model_validate({"rate": 100})
+    with pytest.raises(ValidationError) as caught:
+        _Settings.model_validate({"rate": 100}, context={"locate": True})
+    assert caught.value.errors()[0]["loc"] == ("rate",)
+
+
+def test_schema_of_a_quantity_shows_an_example() -> None:
+    assert _Settings.model_json_schema()["properties"]["rate"]["examples"] == ["100 Hz"]
