@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 from collections.abc import Callable, Iterator
@@ -20,11 +21,11 @@ from typer.testing import CliRunner, Result
 
 from foucault import campaign, procedures
 from foucault.cli import app, screen
-from foucault.errors import SYMPTOMS
 from foucault.logs import read
 from foucault.logs.description import LogDescription
 from foucault.result import Level
 from foucault.run_folder import load_result
+from foucault.symptoms import SYMPTOMS
 from make_result import make_result
 
 COMMANDS = [
@@ -229,6 +230,30 @@ def test_a_run_that_ends_badly_leaves_the_result_before(
         assert result.stderr == "interrupted: a result that was there before is intact\n"
     else:
         assert "This is a fault in foucault" in result.stderr
+
+
+def test_an_interrupt_that_a_library_swallowed_still_ends_the_run(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(screen, "INTERRUPTED", threading.Event())
+    screen.INTERRUPTED.set()
+    result = run("calibrate", session, "-o", tmp_path / "run")
+    assert result.exit_code == 130
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_campaign_in_the_run_folder_is_left_as_it_is(
+    tmp_path: Path, answer: Callable[[Any], None]
+) -> None:
+    answer(make_result())
+    run("simulate", "hand_rotated", "-o", tmp_path)
+    before = (tmp_path / "campaign.toml").read_bytes()
+    assert run("calibrate", tmp_path / "campaign.toml", "-o", tmp_path).exit_code == 0
+    assert (tmp_path / "campaign.toml").read_bytes() == before
+    assert (tmp_path / "log.csv").is_file()
+    assert run("calibrate", tmp_path / "campaign.toml", "-o", tmp_path / "run").exit_code == 0
+    kept = (tmp_path / "run" / "campaign.toml").read_text()
+    assert campaign.parse(kept, tmp_path / "run" / "campaign.toml").log.file == "../log.csv"
 
 
 def test_unwritable_output_is_one_clear_error(

@@ -16,7 +16,7 @@ import pytest
 import foucault
 
 # What these show is for people; their numbers are positions and colours.
-WITHOUT_NUMBERS = ("foucault.cli", "foucault.report")
+WITHOUT_NUMBERS = ("foucault.cli", "foucault.report", "foucault.__main__")
 
 NUMERIC = re.compile(r"\b(float|int|complex|\w*Array|NDArray|ndarray|ArrayLike)\b")
 STATED = re.compile(r"\[[^\]\n]+\]|shape \(")

@@ -5,8 +5,9 @@ import gzip
 import numpy as np
 import pytest
 
-from foucault.errors import SYMPTOMS, FoucaultError
+from foucault.errors import FoucaultError
 from foucault.logs import LogDescription, read
+from foucault.symptoms import SYMPTOMS
 
 HEAD = "t,gx,gy,gz,ax,ay,az"
 WORDS = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
 from typing import Annotated, Any
@@ -11,10 +12,10 @@ import typer
 from typer.core import TyperGroup
 
 from foucault.cli import campaigns, results, sessions
-from foucault.cli.screen import Screen
+from foucault.cli.screen import INTERRUPTED, Screen
 from foucault.errors import FoucaultError
 
-BAD_INPUT, INTERRUPTED, FAULT = 1, 130, 70
+BAD_INPUT, BY_INTERRUPT, FAULT = 1, 130, 70
 
 _EPILOG = """\
 Exit codes: 0 done, or a result that passed; 1 bad input; 2 wrong usage; 3 a doubtful result;
@@ -46,14 +47,15 @@ class _Program(TyperGroup):
             ctx.obj.error(problem)
             raise typer.Exit(BAD_INPUT) from None
         except KeyboardInterrupt:
-            print("interrupted: a result that was there before is intact", file=sys.stderr)
-            raise typer.Exit(INTERRUPTED) from None
+            raise _interrupted() from None
         except BrokenPipeError:  # the reader of our output went away
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123  the exit flush must not fail
             raise typer.Exit(0) from None
         except Exception as problem:
             if hasattr(problem, "exit_code"):  # how the parser asks to end, wrong usage included
                 raise
+            if INTERRUPTED.is_set():  # what was cut short may fail in its own way
+                raise _interrupted() from None
             traceback.print_exc()
             print("\nThis is a fault in foucault: please report it.", file=sys.stderr)
             raise typer.Exit(FAULT) from None
@@ -97,6 +99,17 @@ for _module in (campaigns, sessions, results):
     _module.add_to(app)
 
 
+def _interrupted() -> typer.Exit:
+    print("interrupted: a result that was there before is intact", file=sys.stderr)
+    return typer.Exit(BY_INTERRUPT)
+
+
+def _on_interrupt(_signal: int, _frame: Any) -> None:
+    INTERRUPTED.set()
+    raise KeyboardInterrupt
+
+
 def main() -> None:
     """Run the program."""
+    signal.signal(signal.SIGINT, _on_interrupt)
     app()

@@ -59,14 +59,10 @@ def messages(ctx: typer.Context) -> None:
     """Print every error and warning with its cure, as Markdown."""
     from dataclasses import asdict
 
-    from foucault.errors import SYMPTOMS
+    from foucault.symptoms import SYMPTOMS, markdown
 
     screen: Screen = ctx.obj
     if screen.json:
         screen.data([asdict(row) for row in SYMPTOMS.values()])
-        return
-    lines = ["| symptom | | message | what to do |", "|---|---|---|---|"]
-    for row in SYMPTOMS.values():
-        cells = (row.symptom, f"{row.severity} `{row.code}`", row.message, row.cure)
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    print("\n".join(lines))
+    else:
+        print(markdown())

@@ -52,7 +52,11 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> Result:
     with screen.progress() as tell:
         result = campaigns.calibrate(campaign, tell)
         tell(0.9, "writing the report")
-        run_folder.save(result, folder, campaigns.resolved(campaign, folder))
+        # Asked to write beside the campaign, leave that file as its author wrote it.
+        kept = folder / run_folder.CAMPAIGN_FILE
+        own = kept.exists() and kept.samefile(campaign.path)
+        text = campaign.text if own else campaigns.resolved(campaign, folder)
+        run_folder.save(result, folder, text)
         report.write(folder)
     return result
 

@@ -16,6 +16,9 @@ from foucault.result import Level
 PATIENCE = 1.0
 """A progress bar appears when work takes longer than this [s]."""
 
+INTERRUPTED = threading.Event()
+"""Set by Ctrl-C, for the exception itself can be lost inside a library that is being imported."""
+
 EXIT_CODES = {Level.PASS: 0, Level.DOUBTFUL: 3, Level.UNUSABLE: 4}
 COLOURS = {Level.PASS: "bold green", Level.DOUBTFUL: "bold yellow", Level.UNUSABLE: "bold red"}
 
@@ -73,7 +76,7 @@ class Screen:
     def progress(self) -> Iterator[Callable[[float, str], None]]:
         """Yield ``tell(fraction, words)``; a bar appears on a terminal after a second."""
         if self.quiet or self.json or not sys.stderr.isatty():
-            yield lambda fraction, words: None
+            yield lambda fraction, words: _stop_if_interrupted()
             return
         from rich.console import Console
         from rich.progress import Progress
@@ -83,12 +86,22 @@ class Screen:
         timer = threading.Timer(PATIENCE, bar.start)
         timer.daemon = True
         timer.start()
+
+        def tell(fraction: float, words: str) -> None:
+            _stop_if_interrupted()
+            bar.update(task, completed=fraction, description=words)
+
         try:
-            yield lambda fraction, words: bar.update(task, completed=fraction, description=words)
+            yield tell
         finally:
             timer.cancel()
             timer.join()
             bar.stop()
+
+
+def _stop_if_interrupted() -> None:
+    if INTERRUPTED.is_set():
+        raise KeyboardInterrupt
 
 
 def _console() -> Any:

@@ -14,7 +14,6 @@ from foucault.diagnose.coverage import coverage, direction_words
 from foucault.diagnose.rests import Rests, find_rests
 from foucault.errors import Finding, error, finding
 from foucault.estimate import norm_observation
-from foucault.models.earth import EARTH_RATE
 from foucault.models.rests_and_turns import Session
 from foucault.tables import AXES, Log
 
@@ -82,19 +81,16 @@ def check_input(data: Session) -> list[Finding]:
         )
         missing = ", ".join(words for _, words in spread.missing) or "more directions"
         raise error("rests.plane", given=len(raw), why=why, missing=missing)
-    up_b = np.linalg.solve(solved[0], (data.accel_mean - solved[1]).T).T
-    up_b /= np.linalg.norm(up_b, axis=1)[:, None]
+    f_b = np.linalg.solve(solved[0], (data.accel_mean - solved[1]).T).T
+    up_b = np.asarray(f_b / np.linalg.norm(f_b, axis=1)[:, None])
     findings = _orientation(data, up_b[0])
     if data.gyro_mean is None:
         return [*findings, finding("session.no_gyro")]
-    bias: FloatArray = data.gyro_mean.mean(axis=0)
-    declared, best = axes.explain_turns(data.log, up_b, bias, data.last[:-1] - 1, data.first[1:])
+    turns = (data.last[:-1] - 1, data.first[1:])
+    declared, best = axes.explain_turns(data.log, up_b, data.gyro_mean.mean(axis=0), *turns)
     problem = axes.mistake(data.log, declared, best)
     if problem is not None:
         raise problem
-    if data.site.latitude is None:
-        sd = np.degrees(EARTH_RATE / np.sqrt(3)) * 3600
-        findings.append(finding("session.no_latitude", sd=f"{sd:.0f}"))
     return findings
 
 

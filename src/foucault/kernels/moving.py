@@ -40,5 +40,6 @@ def moving_moments(x, window):
                 total -= d
                 square -= d * d
             mean[i, c] = reference + total / window
-            variance[i, c] = max(0.0, (square - total * total / window) / (window - 1))
+            v = (square - total * total / window) / (window - 1)
+            variance[i, c] = 0.0 if v < 0.0 else v  # max() would turn a NaN into a zero
     return mean, variance

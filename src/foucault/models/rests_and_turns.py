@@ -17,6 +17,9 @@ rotation in s, and body-side perturbations ``C_nb Exp(phi)``::
 
     d_rho = Jl^-1 d_eps + Jr^-1 phi_j - Jr^-1 (C_nb[j]' E C_nb[j+1]) phi_{j+1}
     d_eps = - int C_sb inv(L_g) (d_b + dL_g w + dG f) dt
+
+An error of the accelerometers reaches the turns only through G, which makes it second order: the
+Jacobian leaves it out.
 """
 
 from __future__ import annotations

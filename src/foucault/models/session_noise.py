@@ -19,6 +19,10 @@ from foucault.models.rests_and_turns import Prediction, Session
 
 FloatArray = npt.NDArray[np.float64]
 
+QUIETEST = 1e-9
+"""Least white noise, [m/s^2/sqrt(Hz)] and [rad/s/sqrt(Hz)]: below what any instrument has, and far
+enough above rounding that the estimation of a noise-free log settles."""
+
 
 @dataclass(frozen=True)
 class SessionNoise:
@@ -44,6 +48,10 @@ class SessionNoise:
     accel_repeatability: float = 0.0
     gyro_repeatability: float = 0.0
     turn_repeatability: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("accel_psd", "gyro_psd", "turn_psd"):
+            object.__setattr__(self, name, np.maximum(getattr(self, name), QUIETEST**2))
 
     @classmethod
     def declared(cls, noise: ImuNoise, interval: float) -> SessionNoise:
@@ -118,7 +126,7 @@ def window_covariance(start: FloatArray, end: FloatArray, noise: TriadNoise) -> 
     x = T / tau
     gap = np.abs(mid[:, None] - mid[None, :]) / tau
     # exp(-gap) sinh(x/2)/(x/2) for each window, kept from overflowing at long windows.
-    shape = np.where(x > 1e-6, -np.expm1(-x) / np.maximum(x, 1e-300), 1.0)
+    shape = -np.expm1(-x) / x
     between = np.maximum(gap - (x[:, None] + x[None, :]) / 2, 0.0)
     markov = np.exp(-between) * np.outer(shape, shape)
     small = x < 1e-4

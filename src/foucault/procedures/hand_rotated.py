@@ -40,10 +40,10 @@ from foucault.diagnose.rests import (
     rest_table,
 )
 from foucault.diagnose.session_input import check_input, enough_rests
-from foucault.errors import Finding
+from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate import session_likelihood as likelihood
-from foucault.models.earth import Site
+from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rests_and_turns import Session as SessionData
@@ -186,7 +186,7 @@ def calibrate(
     Raises
     ------
     FoucaultError
-        Too few rests, rests all in a plane, exchanged axes, wrong units: see `errors.SYMPTOMS`.
+        Too few rests, rests all in a plane, exchanged axes, wrong units: see `foucault.symptoms`.
     """
     started = clock.monotonic()
     settings = settings or Settings()
@@ -200,6 +200,9 @@ def calibrate(
     enough_rests(log, rests, needed, settings.shortest)
     data = SessionData.reduce(log, rests.first, rests.last, site)
     findings = [*log.findings, *rests.findings, *check_input(data)]
+    if site.latitude is None and log.gyro is not None:
+        sd = np.degrees(EARTH_RATE / np.sqrt(3)) * 3600
+        findings.append(finding("session.no_latitude", sd=f"{sd:.0f}"))
     progress(0.3, "calibrating")
     result = _likelihood(data, rests, settings, noise, prior or {}, progress)
     progress(1.0, "done")
@@ -286,14 +289,7 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
         zero = np.zeros(3)
         return SessionNoise(accel.psd_of_mean, zero, zero, ImuNoise())
     gyro = measure_noise(log.gyro, log.interval, rests)
-    # A noise-free log still has rounding; a zero variance cannot be inverted.
-    floor = (1e-12**2, 1e-12**2)
-    return SessionNoise(
-        np.maximum(accel.psd_of_mean, floor[0]),
-        np.maximum(gyro.psd_of_mean, floor[1]),
-        np.maximum(gyro.psd, floor[1]),
-        ImuNoise(),
-    )
+    return SessionNoise(accel.psd_of_mean, gyro.psd_of_mean, gyro.psd, ImuNoise())
 
 
 def _likelihood(

@@ -37,11 +37,11 @@ from foucault.procedures.hand_rotated import (
     NEEDED,
     Progress,
     Seconds,
-    Session,
     complete,
     silent,
     simulate,
 )
+from foucault.procedures.hand_rotated import Session as HandRotatedSession
 from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log
 
@@ -65,6 +65,12 @@ class Settings(BaseModel):
     samples_per_rest: int = Field(
         default=100, gt=0, description="Samples used of each rest; shorter rests are left out."
     )
+
+
+class Session(HandRotatedSession):
+    """The session that `simulate` makes: its first rest is as long as the recipe wants."""
+
+    first_rest_time: Seconds = Field(default=60.0, gt=0, description="Length of the first rest.")
 
 
 def calibrate(

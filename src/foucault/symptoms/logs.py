@@ -1,4 +1,4 @@
-"""The rows of `foucault.errors.SYMPTOMS` that concern files and logs.
+"""Rows of the table about files and logs.
 
 (code, severity, symptom, message, cure), as there; kept apart only for length.
 """

@@ -1,0 +1,248 @@
+"""Measure this package against its targets and its peers in one run; write README.md here.
+
+Every case is a fresh process, so that imports, compilation and threads of one do not flatter
+another. Real logs are looked for under $FOUCAULT_DATA (default ../shared/data); a case without
+its log is left out and said to be.
+
+Run: python benchmarks/run.py
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
+
+LOAD_XSENS = f"""
+import json, time
+from pathlib import Path
+from foucault.campaign import parse, read_log
+folder = Path({str(DATA / "xsens_hand_rotated")!r})
+campaign = parse('''
+[site]
+gravity = "9.81744 m/s^2"
+[log]
+format = "text"
+header = "none"
+time = {{ column = 0, unit = "s" }}
+[log.accel]
+file = "FOLDER/xsens_acc.mat.gz"
+columns = [1, 2, 3]
+unit = "count"
+scale = "415 count/(m/s^2)"
+zero = 33000
+[log.gyro]
+file = "FOLDER/xsens_gyro.mat.gz"
+columns = [1, 2, 3]
+unit = "count"
+scale = "4778 count/(rad/s)"
+zero = 32500
+[procedure]
+name = "PROCEDURE"
+'''.replace("FOLDER", str(folder)).replace("PROCEDURE", PROCEDURE), "xsens.toml")
+"""
+
+TIME_SOLVE = (
+    LOAD_XSENS
+    + """
+from foucault import procedures
+log = read_log(campaign)
+module = procedures.load(campaign.procedure)
+best = 1e9
+for _ in range(7):
+    start = time.process_time()
+    module.calibrate(log, site=campaign.site, settings=campaign.settings)
+    best = min(best, time.process_time() - start)
+print(json.dumps(best))
+"""
+)
+
+COMMAND = (
+    LOAD_XSENS
+    + """
+import subprocess, sys, tempfile
+with tempfile.TemporaryDirectory() as folder:
+    file = Path(folder) / "campaign.toml"
+    file.write_text(campaign.text)
+    command = [sys.executable, "-m", "foucault", "-q", "calibrate", str(file)]
+    command += ["-o", folder + "/run"]
+    best = 1e9
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run(command, check=True, capture_output=True)
+        best = min(best, time.perf_counter() - start)
+print(json.dumps(best))
+"""
+)
+
+IMPORT = """
+import json, subprocess, sys, time
+def seconds(code):
+    best = 1e9
+    for _ in range(7):
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-c", code], check=True)
+        best = min(best, time.perf_counter() - start)
+    return best
+print(json.dumps(seconds("import foucault") - seconds("pass")))
+"""
+
+COMPILE = """
+import json, time
+import numpy as np
+from foucault.kernels import moving, rotation
+time0 = time.perf_counter()
+x = np.zeros((50, 3)); t = np.arange(50.0); i = np.array([1]); j = np.array([20])
+moving.moving_moments(x, 5)
+rotation.integrate_turns(t, x, x, np.eye(3), i, j, False)
+rotation.integrate_turns_rk4(t, x, i, j)
+print(json.dumps(time.perf_counter() - time0))
+"""
+
+# The published gyro cost as one would write it with NumPy and SciPy: same rests, same start.
+SCIPY_PEER = (
+    LOAD_XSENS
+    + """
+import numpy as np
+from dataclasses import replace
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+from foucault import procedures
+log = read_log(campaign)
+result = procedures.load("hand_rotated_published").calibrate(log, site=campaign.site)
+rests = result.tables["rests"]
+f = np.column_stack([rests[f"accel_{a}"] for a in "xyz"])
+f_b, _ = result.model.compensate(f, None)
+u = f_b / np.linalg.norm(f_b, axis=1)[:, None]
+end = int(np.searchsorted(log.time, log.time[0] + 50)) + 1
+w = log.gyro - log.gyro[:end].mean(axis=0)
+pieces = [slice(a - 1, b) for a, b in zip(rests["last"][:-1], rests["first"][1:])]
+def residuals(k):
+    K = np.eye(3) + k.reshape(3, 3)
+    out = []
+    for j, piece in enumerate(pieces):
+        rate = w[piece] @ K.T
+        step = (rate[1:] + rate[:-1]) / 2 * np.diff(log.time[piece])[:, None]
+        C = Rotation.identity()
+        for r in Rotation.from_rotvec(step):
+            C = C * r
+        out.append(u[j + 1] - C.inv().apply(u[j]))
+    return np.concatenate(out)
+start = time.process_time()
+least_squares(residuals, np.zeros(9))
+print(json.dumps(time.process_time() - start))
+"""
+)
+
+READ = """
+import json, tempfile, time
+from pathlib import Path
+import numpy as np, pandas as pd
+from foucault.logs import LogDescription, read, write
+from foucault.tables import Log
+rng = np.random.default_rng(0)
+n = 1_000_000
+log = Log(np.arange(n) / 100, rng.normal(size=(n, 3)), rng.normal(0, 0.1, (n, 3)) + [0, 0, 9.81])
+with tempfile.TemporaryDirectory() as folder:
+    path = Path(folder) / "log.csv"
+    write(log, path)
+    description = LogDescription(file="log.csv")
+    read(description, Path(folder))
+    start = time.perf_counter(); read(description, Path(folder)); ours = time.perf_counter() - start
+    start = time.perf_counter(); pd.read_csv(path, comment="#"); peer = time.perf_counter() - start
+print(json.dumps([ours, peer]))
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table."""
+
+    case: str
+    ours: float
+    target: float | None
+    peer: str = ""
+    peer_seconds: float | None = None
+
+    def markdown(self) -> str:
+        target = f"{self.target:g} s" if self.target else ""
+        met = "" if self.target is None else ("yes" if self.ours <= self.target else "**no**")
+        ratio = f"{self.peer_seconds / self.ours:.1f}" if self.peer_seconds else ""
+        peer = f"{self.peer}: {self.peer_seconds:.3g} s" if self.peer_seconds else ""
+        return f"| {self.case} | {self.ours:.3g} s | {target} | {met} | {peer} | {ratio} |"
+
+
+def measure(code: str, **environment: str) -> float | list[float]:
+    out = subprocess.run(
+        [sys.executable, "-c", code],
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"} | environment,
+    )
+    value: float | list[float] = json.loads(out.stdout.strip().splitlines()[-1])
+    return value
+
+
+def rows() -> list[Row]:
+    out = []
+    if (DATA / "xsens_hand_rotated").is_dir():
+        likelihood = 'PROCEDURE = "hand_rotated"\n'
+        published = 'PROCEDURE = "hand_rotated_published"\n'
+        solve = measure(likelihood + TIME_SOLVE)
+        recipe = measure(published + TIME_SOLVE)
+        peer = measure(published + SCIPY_PEER)
+        imu_tk = "imu_tk, C++, recorded, not installable here"
+        out += [
+            Row("51,175-row log, full calibration with checks and held-out rests, CPU", solve,
+                0.25, imu_tk, 0.76),
+            Row("same log, published recipe, CPU", recipe, None, imu_tk, 0.76),
+            Row("same log, published recipe, CPU", recipe, None,
+                "its gyro cost alone in NumPy and SciPy, CPU", peer),
+            Row("`foucault calibrate` end to end with report, wall", measure(likelihood + COMMAND),
+                4.0),
+        ]  # fmt: skip
+    else:
+        print(f"left out: no xsens_hand_rotated under {DATA}", file=sys.stderr)
+    with tempfile.TemporaryDirectory() as cache:
+        out.append(Row("compiling all kernels, once", measure(COMPILE, NUMBA_CACHE_DIR=cache), 15))
+    out.append(Row("`import foucault`", measure(IMPORT), 0.35))
+    ours, peer = measure(READ)
+    out.append(Row("reading a CSV of 1e6 rows with all checks, wall", ours, None,
+                   "pandas.read_csv alone", peer))  # fmt: skip
+    return out
+
+
+def main() -> None:
+    table = rows()
+    lines = [
+        "# Benchmarks",
+        "",
+        "Written by `make bench`: every case in a fresh process, warm (best of several) unless "
+        "it says otherwise, BLAS on one thread as the command line sets it. The ratio is peer "
+        "over ours. Figures called recorded come from another machine and are quoted, not "
+        "measured.",
+        "",
+        f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}.",
+        "",
+        "| case | ours | target | met | peer | ratio |",
+        "|---|---|---|---|---|---|",
+        *[row.markdown() for row in table],
+        "",
+        "Reading ten million rows, with peak memory: `python benchmarks/read_ten_million.py`.",
+    ]
+    text = "\n".join(lines) + "\n"
+    (Path(__file__).parent / "README.md").write_text(text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,39 @@
+"""What can go wrong and what helps: the one table of all errors, warnings and notes.
+
+Rows are (code, severity, symptom, message, cure); message and cure are `str.format` templates.
+An "error" stops the work; a "warning" or a "note" is reported and the work goes on. A procedure
+that needs rows of its own adds a file here. The documentation prints the table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from foucault.symptoms import campaign, logs, results, session
+
+
+@dataclass(frozen=True)
+class Symptom:
+    """One row of the table: what the user sees and what helps."""
+
+    code: str
+    severity: str
+    symptom: str
+    message: str
+    cure: str
+
+
+SYMPTOMS: dict[str, Symptom] = {
+    row[0]: Symptom(*row)
+    for row in sorted((*campaign.ROWS, *logs.ROWS, *results.ROWS, *session.ROWS))
+}
+"""Code -> row."""
+
+
+def markdown() -> str:
+    """Return the table for the documentation."""
+    lines = ["| symptom | | message | what to do |", "|---|---|---|---|"]
+    for row in SYMPTOMS.values():
+        cells = (row.symptom, f"{row.severity} `{row.code}`", row.message, row.cure)
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines)

@@ -1,0 +1,94 @@
+"""Rows of the table about sessions of rests and turns."""
+
+from __future__ import annotations
+
+# fmt: off
+ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("rest.moving", "warning",
+     "A rest that turns slowly and steadily",
+     "The quiet time {start}-{end} s turns at {rate} deg/s more than the others and is not "
+     "used as a rest.",
+     "Put the instrument down, or hold it still, for every rest."),
+    ("rests.too_few", "error",
+     "Fewer rests than coefficients",
+     "The log has {given} rests of at least {shortest} s; {names} coefficients need at "
+     "least {needed}.{hint}",
+     "Rest the instrument in at least {needed} orientations (24 are good), each for "
+     "{shortest} s or longer, or set `threshold` in [procedure] if rests were missed: "
+     "`foucault inspect` shows them."),
+    ("rests.plane", "error",
+     "All rests in a plane, or too much alike",
+     "The {given} rests do not determine the accelerometer coefficients: {why}.",
+     "Add rests with {missing}."),
+    ("accel.scale_impossible", "error",
+     "Specific force that is not gravity by far (a wrong unit)",
+     "The mean specific force at rest is {given} m/s^2, {ratio} times local gravity.",
+     "Correct `unit`, `kind` or `scale` of [log.accel]: {ratio} is what a wrong unit does "
+     "(0.102: m/s^2 declared as g; 9.81: g declared as m/s^2)."),
+    ("accel.orientation", "error",
+     "First rest not as declared: gravity read instead of specific force, or swapped axes",
+     "The first rest was declared '{declared}', but the accelerometers say {measured}.",
+     "{advice}"),
+    ("accel.sign_unknown", "note",
+     "The orientation of the first rest is not declared",
+     "Norms and turns cannot tell specific force from gravity (all three signs), nor axes "
+     "exchanged alike in both triads.",
+     'Declare the first rest once, for example first_rest = "z up" in [log.accel], and it '
+     "will be checked."),
+    ("gyro.axes", "error",
+     "Gyro axes exchanged or of the wrong sign against the accelerometers",
+     "The turns miss the change of gravity by {declared} deg as the gyro columns are "
+     "declared; with {exchange} (body axis = declared column) they miss by {better} deg.",
+     "Reorder `columns` of [log.gyro] like that, or those of [log.accel] the other way."),
+    ("gyro.left_handed", "error",
+     "A left-handed triad: two axes swapped, or one sign wrong, in one of the triads",
+     "The turns miss the change of gravity by {declared} deg as declared; with gyro "
+     "{exchange} (body axis = declared column) they miss by {better} deg, which is a "
+     "left-handed exchange: one of the two triads is left-handed.",
+     "Correct order and signs of `columns` in [log.gyro] or in [log.accel]; check which "
+     "one against the instrument's drawing of its axes."),
+    ("gyro.unit", "error",
+     "Gyro in deg/s read as rad/s or the reverse, increments as rates or the reverse",
+     "The turns miss the change of gravity by {declared} deg; with all rates multiplied by "
+     "{factor} they miss by {better} deg: probably {cause}.",
+     "Correct `unit` and `kind` in [log.gyro]."),
+    ("session.no_gyro", "note",
+     "A log without gyros",
+     "The log has no gyro columns; only the accelerometers were calibrated.",
+     "Add [log.gyro] to the campaign if the file has them."),
+    ("session.no_latitude", "warning",
+     "The Earth's rotation is not modelled",
+     "The latitude is unknown, so the Earth's rotation (15 deg/h) stays in the gyro bias "
+     "as an uncertainty of up to {sd} deg/h.",
+     "Give `latitude` in [site]."),
+    ("session.scatter", "note",
+     "Residuals larger than the noise explains",
+     "Beyond the noise {what} scatter by {sd} from one to the next; this is part of every "
+     "uncertainty given.",
+     "Hold or set the instrument down more firmly. If it was on a stable table, the noise "
+     "settings or the error model are incomplete."),
+    ("session.outlier", "warning",
+     "One rest or turn that fits much worse than the others",
+     "The {what} at {time} s fits {norm} times worse than its uncertainty and counts with "
+     "weight {weight}.",
+     "Look at this part of the log in the report; leave it out if it was disturbed."),
+    ("session.common_scale", "warning",
+     "All accelerometer scale factors off by the same amount (a wrong g)",
+     "All three accelerometer scale factor errors are close to {ppm} ppm. A wrong value of "
+     "local gravity looks exactly like this.",
+     "Check `gravity` or `latitude` and `height` in [site]; gravity used: {gravity} m/s^2."),
+    ("session.g_sensitivity", "warning",
+     "Gyro readings at rest that depend on orientation",
+     "Specific force explains {share} % of the scatter of the gyro readings at rest, up to "
+     "{size} deg/h per g.",
+     "Set g_sensitivity = true in [procedure] and calibrate again."),
+    ("session.no_accel", "error",
+     "A log without accelerometers for a procedure that needs them",
+     "The log has no accelerometer columns; gravity is what this procedure calibrates by.",
+     "Add [log.accel] to the campaign."),
+    ("published.unweighted", "error",
+     "Noise or a prior given to the published recipe, which has no place for them",
+     "The published recipe weighs all residuals alike; it cannot use {what}.",
+     'Leave {what} out, or use name = "hand_rotated" in [procedure].'),
+)
+# fmt: on
