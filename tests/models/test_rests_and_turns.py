@@ -98,7 +98,7 @@ def test_residuals_of_a_perfect_log_vanish_as_the_rate_grows(sampled, site):
         first, last = simulation.first + inside, simulation.last - inside
         session = Session.reduce(log_, first, last, site)
         r = _predict(session, Attitudes(model, simulation.C_nb)).residuals
-        n = len(state.C_nb)
+        n = len(simulation.C_nb)
         # The rests themselves: rounding only, of sums of up to 1200 numbers near 10.
         np.testing.assert_allclose(r[: 2 * n], 0, atol=1200 * 2.2e-16 * 10)
         worst.append(np.sqrt(np.mean(r[2 * n :] ** 2)))

@@ -218,6 +218,18 @@ def _block_means(x: FloatArray, size: int) -> FloatArray:
     return np.asarray(x[: blocks * size].reshape(blocks, size, x.shape[1]).mean(axis=1))
 
 
+def rest_levels(rests: Rests) -> FloatArray:
+    """Return the median level of each rest, shape (n,); 1 is quiet [1].
+
+    Parameters
+    ----------
+    rests : Rests
+        The rests and the levels of the log.
+    """
+    spans = zip(rests.first, rests.last, strict=True)
+    return np.array([np.nanmedian(rests.level[a:b]) for a, b in spans])
+
+
 def rest_table(log: Log, rests: Rests) -> dict[str, npt.NDArray[np.generic]]:
     """Return the columns first, last, start, end and means of `tables.RESTS`."""
     out: dict[str, npt.NDArray[np.generic]] = {

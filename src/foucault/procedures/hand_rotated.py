@@ -30,6 +30,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import session as judge
+from foucault.diagnose import session_report
 from foucault.diagnose.coverage import coverage
 from foucault.diagnose.held_out import hold_out
 from foucault.diagnose.rests import (
@@ -37,6 +38,7 @@ from foucault.diagnose.rests import (
     detection_table,
     find_rests,
     measure_noise,
+    rest_levels,
     rest_table,
 )
 from foucault.diagnose.session_input import check_input, enough_rests
@@ -315,7 +317,7 @@ def _likelihood(
     up_b = estimate.state.C_nb[:, 2, :]
     evidence = judge.Evidence(
         data, estimate, noise, declared is not None, before,
-        likelihood.components(estimate, data), coverage(up_b), up_b, held_out,
+        likelihood.components(estimate, data), coverage(up_b), up_b, held_out, rest_levels(rests),
     )  # fmt: skip
     checks = judge.checks(evidence)
     n = len(names)
@@ -327,17 +329,17 @@ def _likelihood(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=tuple(judge.hints(evidence, prediction)),
+        findings=tuple(session_report.hints(evidence, prediction)),
         status=estimate.status,
         diagnostics={
             "iterations": estimate.iterations,
             "noise": _noise_json(noise, declared is not None),
-            "chi_square": judge.chi_square_json(evidence.after),
-            "chi_square_of_noise_alone": judge.chi_square_json(before),
-            "coverage": judge.coverage_json(evidence.coverage, len(up_b)),
+            "chi_square": session_report.chi_square_json(evidence.after),
+            "chi_square_of_noise_alone": session_report.chi_square_json(before),
+            "coverage": session_report.coverage_json(evidence.coverage, len(up_b)),
             "heading_sd": _heading_sd(estimate, n) if data.earth.any() else None,
         },
-        tables=judge.tables(evidence, prediction, rest_table(data.log, rests)),
+        tables=session_report.tables(evidence, prediction, rest_table(data.log, rests)),
     )
 
 

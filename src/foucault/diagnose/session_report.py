@@ -1,0 +1,180 @@
+"""Findings and tables of a session: what the report shows beside the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.coverage import Coverage
+from foucault.diagnose.held_out import norm_with_sd, rest_cov
+from foucault.diagnose.session import Evidence
+from foucault.errors import Finding, finding
+from foucault.estimate.session_likelihood import Component
+from foucault.models.rests_and_turns import Prediction
+from foucault.result import Estimate
+from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def hints(e: Evidence, prediction: Prediction) -> list[Finding]:
+    """Return findings about the session: scatter, outliers, a wrong g, a missing term.
+
+    Parameters
+    ----------
+    e : Evidence
+        Data, estimate and diagnostics.
+    prediction : Prediction
+        Residuals at the solution [SI].
+    """
+    return [*_scatter(e), *_outliers(e), *_common_scale(e), *_g_sensitivity(e, prediction)]
+
+
+def _scatter(e: Evidence) -> list[Finding]:
+    sizes = (
+        ("the specific forces at rest", e.noise.accel_repeatability / 9.80665e-3, "mg"),
+        ("the rates at rest", np.degrees(e.noise.gyro_repeatability) * 3600, "deg/h"),
+        ("the turns", np.degrees(e.noise.turn_repeatability), "deg"),
+    )
+    return [
+        finding("session.scatter", what=what, sd=f"{size:.2g} {unit}")
+        for what, size, unit in sizes
+        if size > 0
+    ]
+
+
+def _outliers(e: Evidence) -> list[Finding]:
+    n, out = len(e.session.accel_mean), []
+    names = ("rest", "rest", "turn")
+    for block in np.flatnonzero(e.estimate.weights < 0.5).tolist():
+        kind, j = min(block // n, 2), block % n if block < 2 * n else block - 2 * n
+        at = int(e.session.last[j]) - 1 if kind == 2 else int(e.session.first[j])
+        weight = e.estimate.weights[block]
+        out.append(
+            finding(
+                "session.outlier",
+                what=names[kind],
+                time=f"{e.session.log.time[at]:.1f}",
+                norm=f"{3 / weight:.0f}",
+                weight=f"{weight:.2f}",
+            )
+        )
+    return out
+
+
+def _common_scale(e: Evidence) -> list[Finding]:
+    if "accel.scale.x" not in e.estimate.coefficients.layout:
+        return []
+    values = e.estimate.coefficients["accel.scale"].values
+    mean = float(values.mean())
+    if abs(mean) < 1500e-6 or float(np.ptp(values)) > abs(mean) / 3:
+        return []
+    gravity = f"{e.session.site.gravity:.5f}"
+    return [finding("session.common_scale", ppm=f"{mean * 1e6:.0f}", gravity=gravity)]
+
+
+def _g_sensitivity(e: Evidence, prediction: Prediction) -> list[Finding]:
+    """Regress the gyro residuals at rest on specific force, where they are unexplained."""
+    if e.noise.gyro_repeatability == 0 or "gyro.g_sensitivity.xx" in e.estimate.coefficients.layout:
+        return []
+    n = len(e.up_b)
+    residual = prediction.residuals[n : 2 * n]
+    rows = np.column_stack([e.up_b, np.ones(n)])
+    fit, *_ = np.linalg.lstsq(rows, residual)
+    share = 1 - np.sum((residual - rows @ fit) ** 2) / np.sum(residual**2)
+    # Three columns explain 3/n of pure scatter; ask for far more before speaking.
+    if n < 12 or share < 0.5:
+        return []
+    size = np.degrees(np.abs(fit[:3]).max()) * 3600
+    return [finding("session.g_sensitivity", share=f"{100 * share:.0f}", size=f"{size:.0f}")]
+
+
+def tables(e: Evidence, prediction: Prediction, base: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables "rests" and "turns" of the report.
+
+    Parameters
+    ----------
+    e : Evidence
+        Data, estimate and diagnostics.
+    prediction : Prediction
+        Residuals at the solution [SI].
+    base : mapping
+        The columns that `diagnose.rests.rest_table` makes.
+    """
+    s, n = e.session, len(e.up_b)
+    norm, sd = norm_with_sd(
+        e.estimate.state.model, e.estimate.coefficients, s.accel_mean, rest_cov(s, e.noise)
+    )
+    worst = _worst(e.estimate, n)
+    rests = dict(base) | {f"up_{a}": e.up_b[:, i] for i, a in enumerate(AXES)}
+    rests |= {
+        "norm_before": np.linalg.norm(s.accel_mean, axis=1),
+        "norm_after": norm,
+        "norm_sd": sd,
+        "held_out": e.held_out[0],
+        "held_out_sd": e.held_out[1],
+        "residual": worst[:n],
+        "weight": e.estimate.weights[:n],
+    }
+    if s.gyro_mean is None:
+        return {"rests": rests}
+    rho = prediction.residuals[2 * n :]
+    C_se = prediction.C_se
+    # The rotation error, moved to the end of the turn, as it shows in the direction of up.
+    error = np.cross(np.einsum("nji,nj->ni", C_se, rho), e.up_b[1:])
+    cosine = np.clip((np.trace(C_se, axis1=1, axis2=2) - 1) / 2, -1, 1)
+    turns = {
+        "start": s.log.time[s.last[:-1] - 1],
+        "end": s.log.time[s.first[1:]],
+        "angle": np.arccos(cosine),
+        "path": prediction.turn_path,
+        **{f"error_{a}": error[:, i] for i, a in enumerate(AXES)},
+        "residual": worst[2 * n :],
+        "weight": e.estimate.weights[2 * n :],
+    }
+    return {"rests": rests, "turns": turns}
+
+
+def _worst(estimate: Estimate, n: int) -> FloatArray:
+    """Largest white residual of each observation, with its sign."""
+    used = estimate.blocks >= 0
+    rows = estimate.residuals[used].reshape(-1, 3)
+    return np.asarray(np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], 1)[:, 0])
+
+
+def coverage_json(c: Coverage, directions: int) -> dict[str, Any]:
+    """Return coverage as plain values for result.json.
+
+    Parameters
+    ----------
+    c : Coverage
+        The coverage.
+    directions : int, shape ()
+        Number of rests [1].
+    """
+    missing = [{"direction": d.tolist(), "words": words} for d, words in c.missing]
+    return {
+        "missing": missing,
+        "largest_gap": c.largest_gap,
+        "half_space": c.half_space,
+        "flatness": c.flatness,
+        "directions": directions,
+    }
+
+
+def chi_square_json(parts: Mapping[str, Component]) -> dict[str, list[float]]:
+    """Return sums of squares with their limits as plain values for result.json.
+
+    Parameters
+    ----------
+    parts : mapping of str to Component
+        Fit of each kind of observation.
+    """
+    short = {"accel_repeatability": "accel", "gyro_repeatability": "gyro"}
+    out: dict[str, list[float]] = {}
+    for name, c in parts.items():
+        out[short.get(name, "turns")] = [c.chi_square, c.low, c.high, c.redundancy]
+    return out
