@@ -8,7 +8,7 @@ added within a version; changing or removing one makes a new version.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -25,6 +25,13 @@ FloatArray = npt.NDArray[np.float64]
 
 SCHEMA = "foucault.result/1"
 """Name and version of the document."""
+
+MIGRATIONS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {}
+"""Schema name of an older document -> the step that makes the next version of it.
+
+A step gets the document as plain JSON values and returns it with a newer schema name. Steps
+follow one another until `SCHEMA` is reached. Version 1 is the first, so there is no step yet.
+"""
 
 COVARIANCE_TOLERANCE = 1e-6
 """How far a stored correlation matrix may be from symmetric and positive, as rounding [1]."""
@@ -118,6 +125,31 @@ class Site(TypedDict, total=False):
     height: Annotated[float | None, Field(description="above the ellipsoid [m]")]
 
 
+class Instrument(TypedDict, total=False):
+    """Which instrument was calibrated. An empty text means not given."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    name: Annotated[str | None, Field(description="make and model")]
+    serial: Annotated[str | None, Field(description="serial number")]
+    operator: Annotated[str | None, Field(description="who made the measurement")]
+    note: Annotated[str | None, Field(description="anything else")]
+
+
+Range = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+
+
+class Validity(TypedDict, total=False):
+    """What the session covered: outside it the result is extrapolated."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    accel: Annotated[Range | None, Field(description="specific force of any axis [m/s^2]")]
+    gyro: Annotated[Range | None, Field(description="angular rate of any axis [rad/s]")]
+    temperature: Annotated[Range | None, Field(description="lowest and highest [K]")]
+    temperature_mean: Annotated[float | None, Field(description="mean over the session [K]")]
+    rate: Annotated[float | None, Field(description="sample rate of the log [Hz]")]
+    sampled: Annotated[str | None, Field(description="'rate' or 'increment'")]
+
+
 class Provenance(TypedDict, total=False):
     """What the result was made from and with."""
 
@@ -141,12 +173,12 @@ class ResultDocument(BaseModel):
     status: Status = Field(description="How the computation ended")
     advice: str = Field(description="What the status means for the user")
     verdict: VerdictRow
-    instrument: dict[str, JsonValue] = Field(description="Name, serial number, ... as given")
+    instrument: Instrument
     site: Site
     equation: str = Field(description="Model equation: what the instrument says for what is true")
     frame: str = Field(description="Axes the coefficients refer to")
     gauge: str = Field(description="Which physical directions define these axes")
-    validity: dict[str, JsonValue] = Field(description="Range in which the result may be used")
+    validity: Validity
     coefficients: list[CoefficientRow]
     covariance: Covariance | None = Field(description="null where unknown")
     checks: list[CheckRow]
@@ -172,6 +204,16 @@ class ResultDocument(BaseModel):
 def result_schema() -> dict[str, Any]:
     """Return the JSON schema of result.json."""
     return ResultDocument.model_json_schema(by_alias=True)
+
+
+def migrated(doc: dict[str, Any]) -> dict[str, Any]:
+    """Bring `doc`, a document of any known older version, to this version.
+
+    A document whose version is not known is returned as it is, for the reader to refuse.
+    """
+    while (step := MIGRATIONS.get(str(doc.get("schema")))) is not None:
+        doc = step(dict(doc))
+    return doc
 
 
 def document(result: Result) -> dict[str, Any]:

@@ -193,8 +193,9 @@ def _read_json(file: Path) -> dict[str, Any]:
 def _validated(file: Path, doc: dict[str, Any]) -> ResultDocument:
     from pydantic import ValidationError
 
-    from foucault.result_document import SCHEMA, ResultDocument
+    from foucault.result_document import SCHEMA, ResultDocument, migrated
 
+    doc = migrated(doc)
     if doc.get("schema") != SCHEMA:
         given = f"has schema {doc['schema']!r}" if "schema" in doc else "names no schema"
         raise error("result.schema", file=file, given=given, allowed=SCHEMA)

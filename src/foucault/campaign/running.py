@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from foucault import logs, procedures
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign, load
@@ -109,11 +111,13 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
         campaign = load(campaign)
     seed = campaign.simulate.seed if seed is None else seed
     typical = grade(campaign.simulate.grade, "simulate.grade")
+    # Real gravity is not what the calibration will assume, but near it.
+    offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
     simulation = procedures.load(campaign.procedure).simulate(
         campaign.session,
         model=_instrument(campaign, seed),
         noise=campaign.noise or typical.noise,
-        site=campaign.site,
+        site=replace(campaign.site, gravity=campaign.site.gravity + float(offset)),
         seed=seed,
     )
     return Session(campaign, simulation, seed)

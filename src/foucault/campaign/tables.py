@@ -52,6 +52,12 @@ class SiteTable(_Table):
     gravity: Annotated[float, Quantity("gravity")] | None = Field(
         default=None, description="Local gravity; left out, normal gravity at latitude and height."
     )
+    gravity_sd: Annotated[float, Quantity("gravity")] | None = Field(
+        default=None,
+        ge=0,
+        description="Its standard uncertainty. Left out: none for gravity as given, 40 mGal for "
+        "normal gravity.",
+    )
 
     def site(self) -> earth.Site:
         """Return the site, with normal gravity where none is given."""
@@ -60,10 +66,13 @@ class SiteTable(_Table):
         if self.gravity is None:
             if self.latitude is None:
                 raise error("site.unknown")
-            return earth.Site.at(self.latitude, self.height)
+            sd = earth.NORMAL_GRAVITY_SD if self.gravity_sd is None else self.gravity_sd
+            return replace(earth.Site.at(self.latitude, self.height), gravity_sd=sd)
         if not GRAVITY_LIMITS[0] <= self.gravity <= GRAVITY_LIMITS[1]:
             raise error("site.gravity", given=self.gravity)
-        return earth.Site(self.gravity, self.latitude, self.height)
+        return earth.Site(
+            self.gravity, self.latitude, self.height, gravity_sd=self.gravity_sd or 0.0
+        )
 
     def findings(self) -> tuple[Finding, ...]:
         """Compare gravity as given with normal gravity."""

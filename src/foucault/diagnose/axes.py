@@ -108,7 +108,8 @@ def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:
     declared, best : Match
         As `explain_turns` returns them.
     """
-    if declared.miss < SUSPICIOUS or best.miss > BETTER * declared.miss:
+    # Written so that a miss that is not a number is no explanation.
+    if not (declared.miss >= SUSPICIOUS and best.miss <= BETTER * declared.miss):
         return None
     numbers = {
         "declared": f"{np.degrees(declared.miss):.0f}",

@@ -66,16 +66,21 @@ def coverage(up_b: FloatArray, worst: float = np.radians(50.0), most: int = 6) -
 
 
 @cache
-def _grid() -> FloatArray:
-    """The 26 named directions first (they are easy to say), then an even spread."""
+def named_directions() -> FloatArray:
+    """Return the 6 faces, 12 edges and 8 corners of a cube, shape (26, 3) [1]."""
     corners = np.array([c for c in np.ndindex(3, 3, 3) if c != (1, 1, 1)], float) - 1
     named = corners[np.argsort(np.abs(corners).sum(axis=1), kind="stable")]
-    named /= np.linalg.norm(named, axis=1)[:, None]
+    return np.asarray(named / np.linalg.norm(named, axis=1)[:, None])
+
+
+@cache
+def _grid() -> FloatArray:
+    """The 26 named directions first (they are easy to say), then an even spread."""
     k = np.arange(600) + 0.5
     z = 1 - k / 300
     azimuth = np.pi * (1 + np.sqrt(5)) * k
     r = np.sqrt(1 - z * z)
-    return np.concatenate([named, np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], 1)])
+    return np.concatenate([named_directions(), np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], 1)])
 
 
 def direction_words(up_b: FloatArray) -> str:

@@ -14,6 +14,7 @@ from foucault.models.session_noise import SessionNoise
 from foucault.result import Estimate
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 
 def norm_with_sd(
@@ -54,7 +55,7 @@ def norm_with_sd(
 def hold_out(
     session: Session,
     noise: SessionNoise,
-    refit: Callable[[FloatArray], Estimate],
+    refit: Callable[[IntArray], Estimate],
     folds: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Predict the norm of rests that the fit did not see.
@@ -66,7 +67,7 @@ def hold_out(
     noise : SessionNoise
         Noise of the rests.
     refit : callable
-        ``weights -> Estimate``; weights, shape (rests,), are zero for the rests left out.
+        ``rests -> Estimate`` without the accelerometers of the rests given by number.
     folds : int, shape ()
         Number of parts; each is left out once [1].
 
@@ -82,7 +83,7 @@ def hold_out(
     cov = rest_cov(session, noise)
     for fold in range(folds):
         out = np.arange(n) % folds == fold
-        estimate = refit(np.where(out, 0.0, 1.0))
+        estimate = refit(np.flatnonzero(out))
         state: Attitudes = estimate.state
         norm, norm_sd = norm_with_sd(
             state.model, estimate.coefficients, session.accel_mean[out], cov[out]

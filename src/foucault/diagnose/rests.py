@@ -79,12 +79,13 @@ def find_rests(
     shortest : float
         Shortest quiet time that counts as a rest, the window's length not included [s].
     """
-    samples = max(5, 2 * round(window * log.rate / 2) + 1)
+    rate = log.rate if len(log) > 1 else 0.0
+    samples = max(5, 2 * round(window * rate / 2) + 1)
     accel_level = _level(log.accel, samples)
     gyro_level = _level(log.gyro, samples)
     level = np.fmax(accel_level, gyro_level)
-    limit = _otsu(level) if threshold is None else threshold
-    first, last = quiet_runs(level < limit, max(2, round(shortest * log.rate)))
+    limit = split(level) if threshold is None else threshold
+    first, last = quiet_runs(level < limit, max(2, round(shortest * rate)))
     first, last, findings = _drop_moving(log, first, last)
     return Rests(first, last, level, accel_level, gyro_level, limit, samples, findings)
 
@@ -92,15 +93,45 @@ def find_rests(
 def _level(x: FloatArray | None, samples: int) -> FloatArray:
     if x is None:
         return np.array([np.nan])
+    sd = moving_sd(x, samples)
+    return sd / quiet_sd(sd)
+
+
+def moving_sd(x: FloatArray, samples: int) -> FloatArray:
+    """Return the standard deviation in the window around each sample, all axes together, (n,).
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, 3)
+        Readings of one triad [unit].
+    samples : int, shape ()
+        Length of the window, odd; the result is NaN in the half window at either end [1].
+    """
     _, variance = moving_moments(np.ascontiguousarray(x), samples)
-    sd = np.sqrt(variance.sum(axis=1))
+    return np.asarray(np.sqrt(variance.sum(axis=1)))
+
+
+def quiet_sd(sd: FloatArray) -> float:
+    """Return the standard deviation of a quiet window, of which the level is 1.
+
+    Parameters
+    ----------
+    sd : ndarray, shape (n,)
+        Standard deviation in each window [unit].
+    """
     seen = sd[np.isfinite(sd) & (sd > 0)]
     # The quietest windows, but not the luckiest: the 5th percentile.
-    return np.asarray(sd / (np.percentile(seen, 5) if len(seen) else 1.0))
+    return float(np.percentile(seen, 5)) if len(seen) else 1.0
 
 
-def _otsu(level: FloatArray) -> float:
-    """Return the level that splits the log-levels into the two most distinct classes."""
+def split(level: FloatArray) -> float:
+    """Return the level that splits the log-levels into the two most distinct classes [1].
+
+    Parameters
+    ----------
+    level : ndarray, shape (n,)
+        Levels, 1 for quiet; NaN does not count [1].
+    """
     x = np.log10(np.maximum(level[np.isfinite(level)], 0.1))
     if len(x) == 0 or x.max() - x.min() < 0.3:  # nothing moves: everything is rest
         return float(10 ** (x.max() + 0.3)) if len(x) else 2.0
@@ -139,9 +170,7 @@ def _drop_moving(
     if log.gyro is None or len(first) < 5:
         return first, last, ()
     mean = np.array([log.gyro[a:b].mean(axis=0) for a, b in zip(first, last, strict=True)])
-    off = np.linalg.norm(mean - np.median(mean, axis=0), axis=1)
-    # 1 deg/s is far beyond Earth rate and bias drift, and slow for a hand.
-    moving = off > max(np.radians(1.0), 8.0 * float(np.median(off)))
+    moving, off = turning(mean)
     found = tuple(
         finding(
             "rest.moving",
@@ -152,6 +181,19 @@ def _drop_moving(
         for i in np.flatnonzero(moving)
     )
     return first[~moving], last[~moving], found
+
+
+def turning(gyro_mean: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    """Tell which rests turn steadily, and how fast against the others, shape (n,) [rad/s].
+
+    Parameters
+    ----------
+    gyro_mean : ndarray, shape (n, 3)
+        Mean rate of each rest; fewer than five cannot be told apart [rad/s].
+    """
+    off = np.linalg.norm(gyro_mean - np.median(gyro_mean, axis=0), axis=1)
+    # 1 deg/s is far beyond Earth rate and bias drift, and slow for a hand.
+    return off > max(np.radians(1.0), 8.0 * float(np.median(off))), off
 
 
 @dataclass(frozen=True)

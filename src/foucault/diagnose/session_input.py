@@ -21,7 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:
-    """Refuse a log with fewer rests than coefficients.
+    """Refuse a log without numbers, or with fewer rests than coefficients.
 
     Parameters
     ----------
@@ -36,6 +36,10 @@ def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:
     """
     if log.accel is None:
         raise error("session.no_accel")
+    for what, x in (("accel", log.accel), ("gyro", log.gyro)):
+        bad = None if x is None else np.flatnonzero(~np.isfinite(x).all(axis=1))
+        if bad is not None and len(bad):
+            raise error("session.not_finite", what=what, index=int(bad[0]))
     if len(rests) < needed:
         short = find_rests(log, window=shortest / 2, shortest=shortest / 4)
         hint = (
@@ -83,7 +87,7 @@ def check_input(data: Session) -> list[Finding]:
         raise error("rests.plane", given=len(raw), why=why, missing=missing)
     f_b = np.linalg.solve(solved[0], (data.accel_mean - solved[1]).T).T
     up_b = np.asarray(f_b / np.linalg.norm(f_b, axis=1)[:, None])
-    findings = _orientation(data, up_b[0])
+    findings = first_rest_orientation(data.log, up_b[0])
     if data.gyro_mean is None:
         return [*findings, finding("session.no_gyro")]
     turns = (data.last[:-1] - 1, data.first[1:])
@@ -94,9 +98,22 @@ def check_input(data: Session) -> list[Finding]:
     return findings
 
 
-def _orientation(data: Session, up_b: FloatArray) -> list[Finding]:
-    """Compare the first rest with its declared orientation."""
-    description = data.log.source.get("description") or {}
+def first_rest_orientation(log: Log, up_b: FloatArray) -> list[Finding]:
+    """Compare the first rest with its declared orientation.
+
+    Parameters
+    ----------
+    log : Log
+        The log; its source keeps the description it was read with.
+    up_b : ndarray, shape (3,)
+        Direction of up at the first rest, frame b [1].
+
+    Raises
+    ------
+    FoucaultError
+        It is another than declared.
+    """
+    description = log.source.get("description") or {}
     declared = (description.get("accel") or {}).get("first_rest")
     if declared is None:
         return [finding("accel.sign_unknown")]

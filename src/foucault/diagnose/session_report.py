@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.coefficients import CoefficientVector
 from foucault.diagnose.coverage import Coverage
 from foucault.diagnose.held_out import norm_with_sd, rest_cov
+from foucault.diagnose.information import information
 from foucault.diagnose.session import Evidence
 from foucault.errors import Finding, finding
+from foucault.estimate import session_likelihood as likelihood
 from foucault.estimate.session_likelihood import Component
-from foucault.models.rests_and_turns import Prediction
+from foucault.models.earth import Site
+from foucault.models.imu import gravity_slope
+from foucault.models.rests_and_turns import Prediction, Session
+from foucault.models.session_noise import SessionNoise
 from foucault.result import Estimate
 from foucault.tables import AXES
 
@@ -178,3 +185,78 @@ def chi_square_json(parts: Mapping[str, Component]) -> dict[str, list[float]]:
     for name, c in parts.items():
         out[short.get(name, "turns")] = [c.chi_square, c.low, c.high, c.redundancy]
     return out
+
+
+def with_gravity(coefficients: CoefficientVector, site: Site) -> CoefficientVector:
+    """Add the uncertainty of local gravity, which is common to all accelerometers.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, as if gravity were known [SI].
+    site : Site
+        Gravity and its uncertainty.
+    """
+    assert coefficients.cov is not None
+    slope = gravity_slope(coefficients) * site.gravity_sd / site.gravity
+    return replace(coefficients, cov=coefficients.cov + np.outer(slope, slope))
+
+
+def bound(
+    data: Session, names: tuple[str, ...], estimate: Estimate, noise: SessionNoise
+) -> dict[str, Any]:
+    """Return the Cramer-Rao bound of the noise alone, and what is seen worst, for result.json.
+
+    Parameters
+    ----------
+    data : Session
+        What was observed [SI].
+    names : tuple of str, length n
+        The coefficients.
+    estimate : Estimate
+        The solution.
+    noise : SessionNoise
+        Its noise; the scatter in it is left out [SI].
+    """
+    alone = replace(noise, accel_repeatability=0.0, gyro_repeatability=0.0, turn_repeatability=0.0)
+    problem = likelihood.build(data, names, estimate.state, alone)
+    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
+    info = information(at, problem.layout)
+    return {
+        "bound": [float(v) for v in info.sd],
+        "weakest": [c.words for c in info.weakest()],
+    }
+
+
+def heading_sd(estimate: Estimate, n: int) -> float:
+    """Return the standard deviation of the heading of the first rest, about up [rad].
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The solution.
+    n : int, shape ()
+        Number of coefficients [1].
+    """
+    up = estimate.state.C_nb[0, 2, :]
+    return float(np.sqrt(up @ estimate.state_cov[n : n + 3, n : n + 3] @ up))
+
+
+def noise_json(noise: SessionNoise, declared: bool) -> dict[str, Any]:
+    """Return the noise as plain values for result.json.
+
+    Parameters
+    ----------
+    noise : SessionNoise
+        Noise with scatter [SI].
+    declared : bool
+        Whether it was declared in the campaign.
+    """
+    return {
+        "source": "declared" if declared else "measured in the rests",
+        "accel_white": [float(v) for v in np.sqrt(noise.accel_psd)],
+        "gyro_white": [float(v) for v in np.sqrt(noise.turn_psd)],
+        "accel_repeatability": noise.accel_repeatability,
+        "gyro_repeatability": noise.gyro_repeatability,
+        "turn_repeatability": noise.turn_repeatability,
+    }

@@ -17,7 +17,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,7 @@ def solve(
     loss: Loss = least_squares,
     max_iterations: int = 25,
     tolerance: float = 1e-4,
+    weights: FloatArray | None = None,
 ) -> Estimate:
     """Minimise the sum of squared white residuals of a problem.
 
@@ -77,6 +78,8 @@ def solve(
         After this many steps the status is NOT_CONVERGED.
     tolerance : float
         Converged when a step is shorter than this, in units of its standard deviation [1].
+    weights : ndarray, shape (blocks,), or None
+        Robust weights to start from; None starts with full weights [1].
 
     Returns
     -------
@@ -84,7 +87,7 @@ def solve(
         Coefficients with covariance; the status says how it ended.
     """
     state = problem.start
-    weights = np.ones(problem.n_blocks)
+    weights = np.ones(problem.n_blocks) if weights is None else weights
     at = _with_prior(problem, state, problem.linearise(state, weights))
     status, iterations = Status.NOT_CONVERGED, 0
     while iterations < max_iterations:
@@ -93,15 +96,64 @@ def solve(
             status = Status.NOT_FINITE
             break
         part = _solve_step(at, len(problem.layout))
+        cost = float(at.residuals @ at.residuals)
         state, at, moved = _descend(problem, state, weights, at, part.step)
+        gained = cost - float(at.residuals @ at.residuals)
         weights, reweighted = _reweight(problem, at, weights, loss)
         if reweighted > 1e-3:
             at = _with_prior(problem, state, problem.linearise(state, weights))
         # `moved` is the step in units of its own standard deviation: sqrt(dx' J'J dx).
-        elif moved < tolerance:
+        # A small step that lowers nothing is the end too: whitening moves with the state.
+        elif moved < tolerance or (moved < 100 * tolerance and gained <= 0):
             status = Status.CONVERGED
             break
     return _estimate(problem, state, at, weights, status, iterations)
+
+
+def leave_out(
+    problem: Problem, estimate: Estimate, at: Linearised, blocks: npt.NDArray[np.int64]
+) -> Estimate:
+    """Take observations away from a solution: one linear step, without linearising again.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem that was solved.
+    estimate : Estimate
+        Its solution.
+    at : Linearised
+        The problem linearised there, with the robust weights of the solution.
+    blocks : ndarray of int, shape (k,)
+        Observations to leave out.
+    """
+    kept = ~np.isin(at.blocks, blocks)
+    part = Linearised(at.residuals[kept], at.jacobian[kept], at.blocks[kept])
+    part = _with_prior(problem, estimate.state, part)
+    step = _solve_step(part, len(problem.layout)).step
+    state = problem.retract(estimate.state, step)
+    moved = replace(part, residuals=part.residuals - part.jacobian @ step)
+    return _estimate(problem, state, moved, estimate.weights, estimate.status, 1)
+
+
+def eliminate(at: Linearised, n_coefficients: int) -> FloatArray:
+    """Return the square root R22 of the information, nuisance parameters eliminated.
+
+    Parameters
+    ----------
+    at : Linearised
+        A problem linearised at some state; coefficients are its first columns.
+    n_coefficients : int, shape ()
+        Number of coefficients [1].
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Upper triangular; ``R22.T @ R22`` is the Fisher information [1 / unit^2].
+    """
+    n = n_coefficients
+    part = _solve_step(at, n)
+    total = at.jacobian.shape[1]
+    return np.asarray(part.R[total - n :, total - n :] * part.scale[:n])
 
 
 def _with_prior(problem: Problem, state: Any, at: Linearised) -> Linearised:

@@ -15,6 +15,7 @@ References
    Allgemeine Vermessungs-Nachrichten 86, 1979 (local redundancies).
 .. [2] R. C. Paule, J. Mandel, "Consensus values and weighting factors", J. Res. NBS 87(5),
    1982 (an added variance that makes chi-square equal to its expectation).
+.. [3] P. J. Huber, *Robust Statistics*, Wiley, 1981, section 6.4 (Proposal 2).
 """
 
 from __future__ import annotations
@@ -199,7 +200,9 @@ def _with_heading(session: Session, state: Attitudes) -> Attitudes:
     return Attitudes(replace(state.model, gyro_bias=x[:3]), turn @ state.C_nb)
 
 
-def components(estimate: Estimate, session: Session) -> dict[str, Component]:
+def components(
+    estimate: Estimate, session: Session, *, clipped: bool = False
+) -> dict[str, Component]:
     """Split the sum of squares by kind of observation.
 
     Parameters
@@ -208,17 +211,23 @@ def components(estimate: Estimate, session: Session) -> dict[str, Component]:
         Solution of a problem made by `build`.
     session : Session
         What was observed.
+    clipped : bool
+        Count an outlier only up to the limit of the robust loss (Huber's Proposal 2), so that
+        one bad rest is not taken for scatter of all.
     """
     n = len(session.accel_mean)
     used = estimate.blocks >= 0
     kind = np.minimum(estimate.blocks // n, 2)
     out = {}
     kinds = KINDS[:1] if session.gyro_mean is None else KINDS
+    square = estimate.residuals**2
+    if clipped:  # the residuals hold the root of the weight already
+        square[used] *= estimate.weights[estimate.blocks[used]]
     for i, name in enumerate(kinds):
         mine = used & (kind == i)
         redundancy = float(np.sum(1 - estimate.leverage[mine]))
         low, high = chi_square_limits(max(redundancy, 1e-3), tests=len(kinds))
-        out[name] = Component(float(np.sum(estimate.residuals[mine] ** 2)), redundancy, low, high)
+        out[name] = Component(float(np.sum(square[mine])), redundancy, low, high)
     return out
 
 
@@ -261,21 +270,24 @@ def fit(
         How well the noise alone explained the residuals.
     """
     estimate = gauss_newton.solve(build(session, names, start, noise, prior), loss=loss)
-    before = components(estimate, session)
-    too_large = [name for name, c in before.items() if c.chi_square > c.high]
+    now = components(estimate, session, clipped=True)
+    too_large = [name for name, c in now.items() if c.chi_square > c.high]
+    full = components(estimate, session)
+    before = {name: full[name] if name in too_large else c for name, c in now.items()}
     if not repeatability or not too_large:
         return estimate, noise, before
-    now = before
     for _ in range(20):
         noise = _inflate(noise, now, session, too_large)
         problem = build(session, names, estimate.state, noise, prior)
-        estimate = gauss_newton.solve(problem, loss=loss, max_iterations=1)
-        now = components(estimate, session)
+        estimate = gauss_newton.solve(
+            problem, loss=loss, max_iterations=1, weights=estimate.weights
+        )
+        now = components(estimate, session, clipped=True)
         # A variance from some 60 degrees of freedom is uncertain by 18 %: 2 % is settled.
         if all(abs(now[k].ratio - 1) < 0.02 or getattr(noise, k) == 0 for k in too_large):
             break
     problem = build(session, names, estimate.state, noise, prior)
-    return gauss_newton.solve(problem, loss=loss), noise, before
+    return gauss_newton.solve(problem, loss=loss, weights=estimate.weights), noise, before
 
 
 def _inflate(

@@ -34,7 +34,7 @@ _SAMPLE = 200_000  # rows are thinned to about this many for a median or quantil
 
 
 def finite(
-    columns: dict[str, FloatArray], missing: Literal["error", "drop"], file: str
+    columns: dict[str, FloatArray], missing: Literal["error", "drop"], file: str, start: int = 0
 ) -> tuple[npt.NDArray[np.bool_] | None, tuple[Finding, ...]]:
     """Look for missing (NaN) and infinite values.
 
@@ -46,6 +46,8 @@ def finite(
         Whether such rows are an error or are left out.
     file : str
         Name of the file, for the texts.
+    start : int, shape ()
+        Number of the first row, where these are not the first of the log [1].
 
     Returns
     -------
@@ -69,20 +71,23 @@ def finite(
     if missing == "error":
         infinite = any(np.isinf(columns[name][rows]).any() for name in bad)
         code = "log.infinite" if infinite else "log.missing_value"
-        raise error(code, file=file, count=len(rows), rows=_row_list(rows), columns=where)
+        raise error(code, file=file, count=len(rows), rows=_row_list(rows + start),
+                    columns=where)  # fmt: skip
     keep = np.ones(len(next(iter(columns.values()))), bool)
     keep[rows] = False
-    told = finding("log.dropped", count=len(rows), rows=_row_list(rows), columns=where)
+    told = finding("log.dropped", count=len(rows), rows=_row_list(rows + start), columns=where)
     return keep, (told,)
 
 
-def timing(time: FloatArray) -> tuple[Finding, ...]:
+def timing(time: FloatArray, start: int = 0) -> tuple[Finding, ...]:
     """Check that time runs forward, and look for gaps and an irregular rate.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Time of each sample [s].
+    start : int, shape ()
+        Number of the first row, where these are not the first of the log [1].
 
     Returns
     -------
@@ -97,7 +102,7 @@ def timing(time: FloatArray) -> tuple[Finding, ...]:
         row = int(np.argmax(wrong)) + 1
         code = "log.time_repeated" if step[row - 1] == 0 else "log.time_backward"
         count = int(wrong.sum())
-        raise error(code, row=row, time=_seconds(time[row]), before=_seconds(time[row - 1]),
+        raise error(code, row=row + start, time=_seconds(time[row]), before=_seconds(time[row - 1]),
                     count=count)  # fmt: skip
     nominal = float(np.median(step))
     gaps = step > GAP * nominal

@@ -53,7 +53,8 @@ class Dialect:
 
 def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
     """Open a text file: look at its first lines, and parse the rest when asked to."""
-    dialect = _dialect(path, description)
+    with open_bytes(path) as stream:
+        dialect = dialect_of(stream, description, path.name)
 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         return _blocks(path, dialect, columns, progress)
@@ -65,33 +66,57 @@ def _blocks(
     path: Path, dialect: Dialect, columns: Sequence[int], progress: Progress | None
 ) -> Iterator[FloatArray]:
     import pyarrow as pa
-    from pyarrow import csv
 
-    keys = [f"c{i}" for i in range(len(dialect.names))]  # names in files may repeat
-    wanted = [keys[c] for c in columns]
     with open_bytes(path) as stream:
-        source = _DataLines(stream, dialect, path.stat().st_size, progress)
         try:
-            reader = csv.open_csv(
-                pa.PythonFile(source, mode="r"),
-                read_options=csv.ReadOptions(column_names=keys, block_size=BLOCK_BYTES),
-                parse_options=csv.ParseOptions(delimiter=dialect.delimiter),
-                convert_options=csv.ConvertOptions(
-                    include_columns=list(dict.fromkeys(wanted)),
-                    column_types={key: pa.float64() for key in wanted},
-                    null_values=EMPTY,
-                    strings_can_be_null=True,
-                    decimal_point=dialect.decimal,
-                ),
-            )
-            for batch in reader:
-                yield np.column_stack(
-                    [batch.column(k).to_numpy(zero_copy_only=False) for k in wanted]
-                )
+            yield from parse(stream, dialect, columns, path.stat().st_size, progress)
         except pa.ArrowInvalid as problem:
             raise _first_fault(path, dialect, columns) or unreadable(
                 path, "text", problem
             ) from problem
+
+
+def parse(
+    stream: IO[bytes],
+    dialect: Dialect,
+    columns: Sequence[int],
+    size: int,
+    progress: Progress | None = None,
+) -> Iterator[FloatArray]:
+    """Yield the rows of a text; pyarrow raises ArrowInvalid where it cannot read on.
+
+    Parameters
+    ----------
+    stream : file
+        The text, from its first line.
+    dialect : Dialect
+        How its lines are to be read.
+    columns : sequence of int
+        Numbers of the columns wanted [1].
+    size : int, shape ()
+        Length of the text [bytes].
+    progress : callable or None
+        Called with the fraction read, from 0 to 1.
+    """
+    import pyarrow as pa
+    from pyarrow import csv
+
+    keys = [f"c{i}" for i in range(len(dialect.names))]  # names in files may repeat
+    wanted = [keys[c] for c in columns]
+    reader = csv.open_csv(
+        pa.PythonFile(_DataLines(stream, dialect, size, progress), mode="r"),
+        read_options=csv.ReadOptions(column_names=keys, block_size=BLOCK_BYTES),
+        parse_options=csv.ParseOptions(delimiter=dialect.delimiter),
+        convert_options=csv.ConvertOptions(
+            include_columns=list(dict.fromkeys(wanted)),
+            column_types={key: pa.float64() for key in wanted},
+            null_values=EMPTY,
+            strings_can_be_null=True,
+            decimal_point=dialect.decimal,
+        ),
+    )
+    for batch in reader:
+        yield np.column_stack([batch.column(k).to_numpy(zero_copy_only=False) for k in wanted])
 
 
 class _DataLines:
@@ -138,30 +163,40 @@ class _DataLines:
         """Do nothing: the stream is closed by the one who opened it."""
 
 
-def _dialect(path: Path, description: LogDescription) -> Dialect:
+def dialect_of(stream: IO[bytes], description: LogDescription, name: str) -> Dialect:
+    """Tell from the first lines of a text how to read it.
+
+    Parameters
+    ----------
+    stream : file
+        The text, from its first line.
+    description : LogDescription
+        What is known of it.
+    name : str
+        Name of the file, for the texts.
+    """
     comment = description.comment
     marker, remark, heads, skip = "", "", list[str](), 0
-    with open_bytes(path) as stream:
-        for line in _lines(stream):
-            if "\0" in line:
-                raise ValueError("it is not UTF-8 text (saved as UTF-16?)")
-            text = line.strip()
-            remark = text if _is_comment(text, comment) else remark
-            marker = text if MARKER in remark and not marker else marker
-            content = _uncomment(text, comment).strip()
-            if content and not _is_head(content, len(heads), description):
-                break
-            heads += [content] if content else []
-            skip += 1
-        else:
-            raise error("log.empty", file=path.name)
+    for line in _lines(stream):
+        if "\0" in line:
+            raise ValueError("it is not UTF-8 text (saved as UTF-16?)")
+        text = line.strip()
+        remark = text if _is_comment(text, comment) else remark
+        marker = text if MARKER in remark and not marker else marker
+        content = _uncomment(text, comment).strip()
+        if content and not _is_head(content, len(heads), description):
+            break
+        heads += [content] if content else []
+        skip += 1
+    else:
+        raise error("log.empty", file=name)
     delimiter = _delimiter(content, description)
     count = len(_split(content, delimiter))
     names = _names(heads, remark, delimiter, count, comment)
     head = next((h for h in heads if not _any_number(_split(h, delimiter))), None)
     if names is None and head and delimiter != SPACE and description.header == "auto":
         have = len(_split(head, delimiter))
-        raise error("log.header_count", file=path.name, names=have, line=skip + 1, cells=count)
+        raise error("log.header_count", file=name, names=have, line=skip + 1, cells=count)
     numbers = tuple(str(i) for i in range(count))
     return Dialect(
         skip, delimiter, description.decimal, comment, names or numbers, names is not None, marker
@@ -242,29 +277,44 @@ def _first_fault(path: Path, dialect: Dialect, columns: Sequence[int]) -> Foucau
         for number, line in islice(lines, dialect.skip, None):
             if not _uncomment(line, dialect.comment).strip():
                 continue
-            fault = _fault(path, dialect, columns, number, line)
-            if fault is None:
+            wrong = fault(path.name, dialect, columns, number, line)
+            if wrong is None:
                 continue
             more = any(_uncomment(text, dialect.comment).strip() for _, text in lines)
             have, want = len(dialect.cells(line)), len(dialect.names)
             if not more and (have < want or not line.endswith("\n")):
                 return error("log.truncated", file=path.name, line=number, have=have, want=want)
-            return fault
+            return wrong
     return None
 
 
-def _fault(
-    path: Path, dialect: Dialect, columns: Sequence[int], number: int, line: str
+def fault(
+    name: str, dialect: Dialect, columns: Sequence[int], number: int, line: str
 ) -> FoucaultError | None:
+    """Say what is wrong with one line of data, or return None.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, for the text.
+    dialect : Dialect
+        How its lines are to be read.
+    columns : sequence of int
+        Numbers of the columns that must hold a number [1].
+    number : int, shape ()
+        Number of the line, from 1 [1].
+    line : str
+        The line.
+    """
     cells, want = dialect.cells(line), len(dialect.names)
     if len(cells) != want:
-        return error("log.ragged", file=path.name, line=number, have=len(cells), want=want)
+        return error("log.ragged", file=name, line=number, have=len(cells), want=want)
     for column in columns:
         if _number(cells[column], dialect.decimal) is None:
             comma = "," in cells[column] and dialect.decimal == "."
             return error(
                 "log.not_numeric",
-                file=path.name,
+                file=name,
                 line=f"line {number}",
                 column=dialect.names[column],
                 cell=cells[column],

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import gzip
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, cast
+from typing import IO, Any, Literal, cast
 
 import numpy as np
 
@@ -13,14 +14,17 @@ from foucault.errors import error
 from foucault.files import atomic
 from foucault.tables import AXES, IMU_LOG, Log
 
-if TYPE_CHECKING:
-    pass
-
 MARKER = "foucault imu log v1"
 """How our files begin to say what they are."""
 
 METADATA_KEY = b"foucault"
 """Key of the marker in the metadata of a Parquet file."""
+
+CALIBRATED = ", calibrated"
+"""How the marker of a calibrated log ends."""
+
+CALIBRATED_KEY = "foucault.calibrated_by"
+"""Key of the remark that says which result made a calibrated log."""
 
 ARRAY_KEY = "foucault"
 """Name of the array that holds the marker in a .npz file."""
@@ -29,9 +33,9 @@ _ROWS = 1 << 18
 _SAMPLED = ("rate", "increment")
 
 
-def marker(sampled: str) -> str:
-    """Return what a file says about itself."""
-    return f"{MARKER}, sampled={sampled}, SI units"
+def marker(sampled: str, calibrated: bool = False) -> str:
+    """Return what a file says about itself: how it was `sampled`, and if it is `calibrated`."""
+    return f"{MARKER}, sampled={sampled}, SI units{CALIBRATED if calibrated else ''}"
 
 
 def sampled_of(text: str) -> Literal["rate", "increment"] | None:
@@ -67,12 +71,33 @@ def write(log: Log, path: str | Path) -> None:
     path : str or Path
         ``.csv``, ``.csv.gz``, ``.parquet`` or ``.npz``.
     """
+    write_blocks([log], path)
+
+
+def write_blocks(
+    blocks: Iterable[Log], path: str | Path, remarks: Mapping[str, str] | None = None
+) -> int:
+    """Write a log that comes in blocks; no more than one of them is held (.npz: all).
+
+    Parameters
+    ----------
+    blocks : iterable of Log
+        The log, piece by piece, at least one; all with the same columns [SI].
+    path : str or Path
+        ``.csv``, ``.csv.gz``, ``.parquet`` or ``.npz``.
+    remarks : mapping of str to str, or None
+        What else the file is to say: lines of a comment, or keys of the Parquet metadata.
+
+    Returns
+    -------
+    int
+        Number of samples written.
+    """
     path = Path(path)
     for suffix, writer in _WRITERS.items():
         if path.name.lower().endswith(suffix):
             with atomic(path) as temporary:
-                writer(log, temporary)
-            return
+                return writer(blocks, temporary, dict(remarks or {}))
     raise error("log.cannot_write", path=path, allowed=", ".join(_WRITERS))
 
 
@@ -85,53 +110,73 @@ def _batches(log: Log, schema: Any) -> Iterator[Any]:
         yield pa.record_batch(part, schema=schema)
 
 
-def _schema(log: Log) -> Any:
+def _opened(blocks: Iterable[Log], remarks: dict[str, str]) -> tuple[Any, Iterator[Log], str]:
+    """Return the Arrow schema of the first block, all blocks, and the marker."""
     import pyarrow as pa
 
-    have = log.columns()
+    rest = iter(blocks)
+    first = next(rest)
+    have = first.columns()
     fields = [
         pa.field(c.name, pa.float64(), metadata={"unit": c.unit, "meaning": c.meaning})
         for c in IMU_LOG
         if c.name in have
     ]
-    return pa.schema(fields, metadata={METADATA_KEY: marker(log.sampled).encode()})
+    said = marker(first.sampled, calibrated=CALIBRATED_KEY in remarks)
+    metadata = {METADATA_KEY: said.encode()} | {k: v.encode() for k, v in remarks.items()}
+    return pa.schema(fields, metadata=metadata), chain([first], rest), said
 
 
-def _write_csv(log: Log, path: Path) -> None:
+def _write_csv(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -> int:
     with path.open("wb") as stream:
-        _write_text(log, stream)
+        return _write_text(blocks, stream, remarks)
 
 
-def _write_gzip(log: Log, path: Path) -> None:
+def _write_gzip(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -> int:
     # No name and no time inside, so that the same log gives the same bytes.
     with path.open("wb") as raw, gzip.GzipFile("", "wb", 6, raw, mtime=0) as stream:
-        _write_text(log, cast(IO[bytes], stream))
+        return _write_text(blocks, cast(IO[bytes], stream), remarks)
 
 
-def _write_text(log: Log, stream: IO[bytes]) -> None:
+def _write_text(blocks: Iterable[Log], stream: IO[bytes], remarks: dict[str, str]) -> int:
     from pyarrow import csv
 
-    schema = _schema(log)
-    stream.write(f"# {marker(log.sampled)}\n{','.join(schema.names)}\n".encode())
+    schema, logs, said = _opened(blocks, remarks)
+    lines = [f"# {said}", *(f"# {key}: {text}" for key, text in remarks.items())]
+    stream.write("\n".join([*lines, ",".join(schema.names), ""]).encode())
     options = csv.WriteOptions(include_header=False)
+    rows = 0
     with csv.CSVWriter(stream, schema, write_options=options) as writer:
-        for batch in _batches(log, schema):
-            writer.write_batch(batch)
+        for log in logs:
+            for batch in _batches(log, schema):
+                writer.write_batch(batch)
+            rows += len(log)
+    return rows
 
 
-def _write_parquet(log: Log, path: Path) -> None:
+def _write_parquet(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -> int:
     from pyarrow import parquet
 
-    schema = _schema(log)
+    schema, logs, _ = _opened(blocks, remarks)
+    rows = 0
     with parquet.ParquetWriter(path, schema) as writer:
-        for batch in _batches(log, schema):
-            writer.write_batch(batch)
+        for log in logs:
+            for batch in _batches(log, schema):
+                writer.write_batch(batch)
+            rows += len(log)
+    return rows
 
 
-def _write_npz(log: Log, path: Path) -> None:
-    arrays: dict[str, Any] = dict(log.columns())
-    arrays[ARRAY_KEY] = np.array(marker(log.sampled))
+def _write_npz(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -> int:
+    _, logs, said = _opened(blocks, remarks)
+    parts = [log.columns() for log in logs]
+    arrays: dict[str, Any] = {k: np.concatenate([part[k] for part in parts]) for k in parts[0]}
+    rows = len(arrays["time"])
+    arrays[ARRAY_KEY] = np.array(
+        "\n".join([said, *(f"{key}: {text}" for key, text in remarks.items())])
+    )
     np.savez(path, allow_pickle=False, **arrays)
+    return rows
 
 
 _WRITERS = {

@@ -61,7 +61,7 @@ def read(
     for i, (name, wanted) in enumerate(files):
         path = Path(folder) / name
         raw = open_raw(path, description, _part_of(progress, i, len(files)))
-        used, blocks = _complete(description, wanted, raw, path)
+        used, blocks = complete(description, wanted, raw, path)
         parts.append(_columns(used, blocks, raw, path))
         names.append(path.name)
         prints.append(sha256(path))
@@ -79,17 +79,29 @@ def read(
         "rows": len(data["time"]),
         "description": used.model_dump(mode="json", exclude_none=True),
     }
-    return _finished(data, used, sampled, told, source)
+    return finished(data, used, sampled, told, source)
 
 
 def _part_of(progress: Progress | None, i: int, n: int) -> Progress | None:
     return progress and (lambda done: progress((i + done) / n))
 
 
-def _complete(
+def complete(
     description: LogDescription, wanted: tuple[str, ...], raw: RawTable, path: Path
 ) -> tuple[LogDescription, tuple[str, ...]]:
-    """Fill in what one of our own files says about itself; others must be described."""
+    """Fill in what one of our own files says about itself; others must be described.
+
+    Parameters
+    ----------
+    description : LogDescription
+        As given.
+    wanted : tuple of str
+        Blocks that the description takes from this file.
+    raw : RawTable
+        The file.
+    path : Path
+        Its name, for error texts.
+    """
     if description.gyro is not None or description.accel is not None:
         return description, wanted
     if sampled_of(raw.marker) is None:
@@ -100,30 +112,52 @@ def _complete(
         raise error("log.cannot_guess", file=path.name, block="gyro", have=", ".join(raw.names),
                     example='columns = ["gyro_x", "gyro_y", "gyro_z"]')  # fmt: skip
     said = description.model_dump(exclude={"time", "rate", "temperature"})
-    complete = type(description).model_validate({**said, **own})
-    return complete, tuple(name for name in own if name != "time")
+    filled = type(description).model_validate({**said, **own})
+    return filled, tuple(name for name in own if name != "time")
 
 
 def _columns(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> dict[str, FloatArray]:
     """Read the blocks of one file, converted to SI as they come in."""
-    picks = list(_picks(used, blocks, raw, path))
-    numbers = [number for pick in picks for number in pick.numbers]
-    pieces: dict[str, list[FloatArray]] = {pick.block: [] for pick in picks}
-    for rows in raw.blocks(numbers):
-        start = 0
-        for pick in picks:
-            end = start + len(pick.numbers)
-            values = (rows[:, start:end] - pick.zero) * pick.factor
-            pieces[pick.block].append(values if values.shape[1] > 1 else values[:, 0])
-            start = end
+    pieces: dict[str, list[FloatArray]] = {}
+    for part in converted(used, blocks, raw, path):
+        for block, values in part.items():
+            pieces.setdefault(block, []).append(values)
     data = {}
     for block in list(pieces):  # each block's pieces are freed before the next is joined
         data[block] = _concatenated(pieces.pop(block))
     if not data or len(next(iter(data.values()))) == 0:
         raise error("log.empty", file=path.name)
     return data
+
+
+def converted(
+    used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
+) -> Iterator[dict[str, FloatArray]]:
+    """Yield the rows of one file piece by piece, in SI: time, gyro, accel, temperature.
+
+    Parameters
+    ----------
+    used : LogDescription
+        A complete description.
+    blocks : tuple of str
+        Blocks to read from this file.
+    raw : RawTable
+        The file.
+    path : Path
+        Its name, for error texts.
+    """
+    picks = list(_picks(used, blocks, raw, path))
+    numbers = [number for pick in picks for number in pick.numbers]
+    for rows in raw.blocks(numbers):
+        part, start = {}, 0
+        for pick in picks:
+            end = start + len(pick.numbers)
+            values = (rows[:, start:end] - pick.zero) * pick.factor
+            part[pick.block] = values if values.shape[1] > 1 else values[:, 0]
+            start = end
+        yield part
 
 
 def _concatenated(pieces: list[FloatArray]) -> FloatArray:
@@ -191,30 +225,46 @@ def _joined(
     return data
 
 
-def _finished(
+def finished(
     data: dict[str, FloatArray],
     used: LogDescription,
     sampled: Any,
     findings: tuple[Finding, ...],
     source: dict[str, Any],
 ) -> Log:
+    """Check the samples, turn increments into means, and make the log of them.
+
+    Parameters
+    ----------
+    data : dict of str to ndarray
+        Blocks by name, each shape (n,) or (n, 3) [SI].
+    used : LogDescription
+        The complete description.
+    sampled : {"rate", "increment"} or None
+        What one of our own files says of itself.
+    findings : tuple of Finding
+        What was noticed before.
+    source : dict
+        Where the log came from.
+    """
     time = data["time"]
     findings += checks.timing(time)
     triads = {"gyro": used.gyro, "accel": used.accel}
     kind = next(block.kind for block in triads.values() if block is not None)
     for name, block in triads.items():
         if block is not None:
-            findings += axes.check(time, data[name], name, _limits(block, used, name))
+            findings += axes.check(time, data[name], name, limits_si(block))
     if kind == "increment":
         dt = _intervals(time)[:, None]
         for name in triads.keys() & data.keys():
             data[name] /= dt
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
               findings, source)  # fmt: skip
-    return replace(log, findings=findings + _implausible(log, used))
+    return replace(log, findings=findings + implausible(log, used))
 
 
-def _limits(block: Triad, used: LogDescription, name: str) -> FloatArray | None:
+def limits_si(block: Triad) -> FloatArray | None:
+    """Return the declared range of each axis of `block`, shape (3, 2) [SI], or None."""
     limits = block.limits()
     if limits is None:
         return None
@@ -230,8 +280,8 @@ def _intervals(time: FloatArray) -> FloatArray:
     return step
 
 
-def _implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
-    """Return what the sizes of the numbers say about the declared units."""
+def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
+    """Return what the sizes of the numbers in `log` say about the units declared in `used`."""
     found: tuple[Finding, ...] = ()
     if log.accel is not None and used.accel is not None:
         block = used.accel

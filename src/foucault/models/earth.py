@@ -36,6 +36,9 @@ GRAVITATIONAL_CONSTANT = 3.986004418e14
 EQUATORIAL_GRAVITY = 9.7803253359
 """Normal gravity at the equator [m/s^2], ref. [1] table 3.4."""
 
+NORMAL_GRAVITY_SD = 4e-4
+"""Typical departure of real from normal gravity, a free-air anomaly of 40 mGal [m/s^2]."""
+
 _SOMIGLIANA = 1.931852652458e-3  # k of ref. [1] eq. (4-1)
 
 
@@ -103,12 +106,16 @@ class Site:
         Height above the ellipsoid [m].
     gravity_source : str
         "given" or "normal gravity".
+    gravity_sd : float
+        Standard uncertainty of gravity [m/s^2]; a wrong g is a wrong scale of all
+        accelerometers.
     """
 
     gravity: float
     latitude: float | None = None
     height: float = 0.0
     gravity_source: str = "given"
+    gravity_sd: float = 0.0
 
     @classmethod
     def at(cls, latitude: float, height: float = 0.0) -> Site:

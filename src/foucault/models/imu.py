@@ -295,6 +295,31 @@ class ImuModel:
         return self.rotated(C_cb), C_cb
 
 
+def gravity_slope(vector: CoefficientVector) -> FloatArray:
+    """Return how coefficients found by the norm of gravity change with the g that was assumed.
+
+    A g assumed larger by the fraction e makes every specific force larger by it, and so the
+    accelerometer matrix and the g-sensitivity smaller by e and the quadratic terms by 2 e.
+
+    Parameters
+    ----------
+    vector : CoefficientVector
+        The coefficients.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Derivative with respect to ln(g) [SI unit of each coefficient].
+    """
+    model = ImuModel.from_coefficients(vector)
+    powers = {"accel_matrix": -1.0, "g_sensitivity": -1.0, "accel_quadratic": -2.0}
+    out = np.zeros(len(vector))
+    for i, name in enumerate(vector.names):
+        block, where = coefficient_slot(name)
+        out[i] = powers.get(block, 0.0) * getattr(model, block)[where]
+    return out
+
+
 def products(f_b: FloatArray) -> FloatArray:
     """Return q(f), shape (..., 6) [(m/s^2)^2], of `f_b`, shape (..., 3) [m/s^2]."""
     x, y, z = f_b[..., 0], f_b[..., 1], f_b[..., 2]

@@ -172,6 +172,22 @@ def correlated(session: Session, noise: SessionNoise, at: Prediction) -> FloatAr
     return out
 
 
+def joined(independent: FloatArray, tied: FloatArray) -> FloatArray:
+    """Return the whole covariance: blocks on the diagonal plus what ties them together.
+
+    Parameters
+    ----------
+    independent : ndarray, shape (k, 3, 3)
+        Covariance blocks [SI].
+    tied : ndarray, shape (3 k, 3 k)
+        Covariance between observations [SI].
+    """
+    full = tied.copy()
+    at = 3 * np.arange(len(independent))[:, None, None] + np.arange(3)[:, None]
+    full[at, np.swapaxes(at, 1, 2)] += independent
+    return full
+
+
 def whiten(
     residuals: FloatArray,
     jacobian: FloatArray,
@@ -205,10 +221,6 @@ def whiten(
     else:
         from scipy.linalg import solve_triangular
 
-        full = tied.copy()
-        at = 3 * np.arange(k)[:, None, None] + np.arange(3)[:, None]
-        full[at, np.swapaxes(at, 1, 2)] += independent
-        white = solve_triangular(
-            np.linalg.cholesky(full), both.reshape(3 * k, m + 1), lower=True, check_finite=False
-        )
+        root = np.linalg.cholesky(joined(independent, tied))
+        white = solve_triangular(root, both.reshape(3 * k, m + 1), lower=True, check_finite=False)
     return white[:, -1], white[:, :-1]

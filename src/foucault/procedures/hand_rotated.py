@@ -31,6 +31,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import session as judge
 from foucault.diagnose import session_report
+from foucault.diagnose.budget import session_budget
 from foucault.diagnose.coverage import coverage
 from foucault.diagnose.held_out import hold_out
 from foucault.diagnose.rests import (
@@ -246,6 +247,7 @@ def complete(
             "latitude": site.latitude,
             "height": site.height,
             "gravity_source": site.gravity_source,
+            "gravity_sd": site.gravity_sd,
         },
         validity=_validity(data),
         diagnostics=result.diagnostics
@@ -323,7 +325,7 @@ def _likelihood(
     n = len(names)
     return Result(
         procedure="hand_rotated",
-        coefficients=estimate.coefficients,
+        coefficients=session_report.with_gravity(estimate.coefficients, data.site),
         equation=EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,
@@ -333,11 +335,16 @@ def _likelihood(
         status=estimate.status,
         diagnostics={
             "iterations": estimate.iterations,
-            "noise": _noise_json(noise, declared is not None),
+            "noise": session_report.noise_json(noise, declared is not None),
             "chi_square": session_report.chi_square_json(evidence.after),
             "chi_square_of_noise_alone": session_report.chi_square_json(before),
             "coverage": session_report.coverage_json(evidence.coverage, len(up_b)),
-            "heading_sd": _heading_sd(estimate, n) if data.earth.any() else None,
+            "heading_sd": session_report.heading_sd(estimate, n) if data.earth.any() else None,
+            **session_report.bound(data, names, estimate, noise),
+            "budget": {
+                source: variance.tolist()
+                for source, variance in session_budget(data, prediction, estimate, noise).items()
+            },
         },
         tables=session_report.tables(evidence, prediction, rest_table(data.log, rests)),
     )
@@ -356,43 +363,23 @@ def _held_out(
     if folds < 2:
         return np.full(n, np.nan), np.full(n, np.nan)
     problem = likelihood.build(data, names, estimate.state, noise, prior)
-
-    def refit(rest_weights: FloatArray) -> Estimate:
-        weights = estimate.weights.copy()
-        weights[:n] *= rest_weights
-        return gauss_newton.solve(problem, loss=partial(_constant, weights), max_iterations=1)
-
+    at = problem.linearise(estimate.state, estimate.weights)
+    refit = partial(gauss_newton.leave_out, problem, estimate, at)
     return hold_out(data, noise, refit, folds)
-
-
-def _constant(weights: FloatArray, norms: FloatArray) -> FloatArray:
-    return weights
-
-
-def _heading_sd(estimate: Estimate, n: int) -> float:
-    """Standard deviation of the heading of the first rest, about up [rad]."""
-    up = estimate.state.C_nb[0, 2, :]
-    return float(np.sqrt(up @ estimate.state_cov[n : n + 3, n : n + 3] @ up))
-
-
-def _noise_json(noise: SessionNoise, declared: bool) -> dict[str, Any]:
-    return {
-        "source": "declared" if declared else "measured in the rests",
-        "accel_white": [float(v) for v in np.sqrt(noise.accel_psd)],
-        "gyro_white": [float(v) for v in np.sqrt(noise.turn_psd)],
-        "accel_repeatability": noise.accel_repeatability,
-        "gyro_repeatability": noise.gyro_repeatability,
-        "turn_repeatability": noise.turn_repeatability,
-    }
 
 
 def _validity(data: SessionData) -> dict[str, Any]:
     """Return the ranges that the session covered: outside them the result is extrapolated."""
     log = data.log
-    out: dict[str, Any] = {"accel": [-data.site.gravity, data.site.gravity]}
+    out: dict[str, Any] = {
+        "accel": [-data.site.gravity, data.site.gravity],
+        "rate": log.rate,
+        "sampled": log.sampled,
+    }
     if log.gyro is not None:
         # Not the single largest sample: a spike is not a range.
         out["gyro"] = [float(v) for v in np.quantile(log.gyro, (0.001, 0.999))]
     if log.temperature is not None:
         out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+        out["temperature_mean"] = float(log.temperature.mean())
     return out

@@ -1,0 +1,170 @@
+"""A log block by block, for work that needs no more than one block at a time.
+
+The blocks together are the log that `read` returns. Only what is told from the samples differs
+where a log is longer than one block: increments after a gap are divided by the nominal interval
+of the first block, and a stuck axis is not looked for, because a block may be one long rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from foucault.errors import Finding, error
+from foucault.logs import axes, checks
+from foucault.logs.own import sampled_of
+from foucault.logs.raw import BLOCK_ROWS, Progress, open_raw
+from foucault.logs.reading import complete, converted, finished, implausible, limits_si, read
+from foucault.tables import FloatArray, Log
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription
+
+Part = dict[str, FloatArray]
+
+
+def blocks(
+    description: LogDescription, folder: str | Path = ".", progress: Progress | None = None
+) -> Iterator[Log]:
+    """Read a log in blocks of about `BLOCK_ROWS` rows.
+
+    A log in several files is joined first and handed out in blocks from memory.
+
+    Parameters
+    ----------
+    description : LogDescription
+        File, columns and units.
+    folder : str or Path
+        Folder that relative file names start from.
+    progress : callable or None
+        Called with the fraction done, from 0 to 1.
+
+    Yields
+    ------
+    Log
+        The next rows; `findings` tells what looks wrong in them [SI].
+    """
+    files = description.files()
+    if len(files) != 1:
+        yield from _slices(read(description, folder, progress))
+        return
+    ((name, wanted),) = files.items()
+    path = Path(folder) / name
+    raw = open_raw(path, description, progress)
+    used, columns = complete(description, wanted, raw, path)
+    sampled = sampled_of(raw.marker) if used is not description else None
+    parts = _checked(_joined(converted(used, columns, raw, path)), used, path)
+    source = {"file": path.name}
+    first = next(parts, None)
+    if first is None:
+        raise error("log.empty", file=path.name)
+    second = next(parts, None)
+    if second is None:
+        yield finished(first[0], used, sampled, first[1], source)
+        return
+    rest = _chain(first, second, parts)
+    yield from (replace(log, source=source) for log in _logs(rest, used, sampled))
+
+
+def merged(blocks_findings: Iterable[tuple[Finding, ...]]) -> tuple[Finding, ...]:
+    """Join the findings of the blocks of a log: the first of each code, and how often it recurs.
+
+    Parameters
+    ----------
+    blocks_findings : iterable of tuple of Finding
+        What was found in each block, in order.
+    """
+    first: dict[str, list[Finding]] = {}
+    again: dict[str, int] = {}
+    for found in blocks_findings:
+        codes = list(dict.fromkeys(item.code for item in found))
+        for code in codes:
+            if code in first:
+                again[code] = again.get(code, 0) + 1
+            else:
+                first[code] = [item for item in found if item.code == code]
+    for code, count in again.items():
+        last = first[code][-1]
+        words = f"{last.message} The like is found in {count} later parts of the log."
+        first[code][-1] = replace(last, message=words)
+    return tuple(item for items in first.values() for item in items)
+
+
+def _slices(log: Log) -> Iterator[Log]:
+    for start in range(0, len(log), BLOCK_ROWS):
+        part = log[start : start + BLOCK_ROWS]
+        yield part if start == 0 else replace(part, findings=())
+
+
+def _chain(*parts: Any) -> Iterator[tuple[Part, tuple[Finding, ...]]]:
+    yield from parts[:-1]
+    yield from parts[-1]
+
+
+def _joined(parts: Iterator[Part]) -> Iterator[Part]:
+    """Join small pieces (4 MB of text) into blocks worth working on."""
+    held: list[Part] = []
+    rows = 0
+    for part in parts:
+        held.append(part)
+        rows += len(next(iter(part.values())))
+        if rows >= BLOCK_ROWS:
+            yield _one(held)
+            held, rows = [], 0
+    if rows:
+        yield _one(held)
+
+
+def _one(held: list[Part]) -> Part:
+    if len(held) == 1:
+        return held[0]
+    return {name: np.concatenate([part[name] for part in held]) for name in held[0]}
+
+
+def _checked(
+    parts: Iterator[Part], used: LogDescription, path: Path
+) -> Iterator[tuple[Part, tuple[Finding, ...]]]:
+    """Drop or refuse rows that are not numbers; give rows without a time column theirs."""
+    start = 0
+    for part in parts:
+        rows = len(next(iter(part.values())))
+        if used.rate is not None:
+            part = {"time": np.arange(start, start + rows) / used.rate, **part}
+        keep, told = checks.finite(part, used.missing, path.name, start)
+        start += rows
+        if keep is not None:
+            part = {name: values[keep] for name, values in part.items()}
+        if len(part["time"]):
+            yield part, told
+
+
+def _logs(
+    parts: Iterator[tuple[Part, tuple[Finding, ...]]], used: LogDescription, sampled: Any
+) -> Iterator[Log]:
+    """Make a log of each block, the last sample of the one before at hand."""
+    triads = {"gyro": used.gyro, "accel": used.accel}
+    kind = next(block.kind for block in triads.values() if block is not None)
+    before, nominal, start = np.empty(0), float("nan"), 0
+    for data, findings in parts:
+        time = data["time"]
+        if not start:
+            nominal = float(np.median(np.diff(time))) if len(time) > 1 else nominal
+        seen = np.concatenate((before, time))
+        findings += checks.timing(seen, start - len(before))
+        for name, block in triads.items():
+            if block is not None:
+                told = axes.check(time, data[name], name, limits_si(block))
+                findings += tuple(item for item in told if item.code != "log.stuck")
+        if kind == "increment":
+            dt = np.diff(seen, prepend=[np.nan] * (1 - len(before)))
+            dt[~(dt <= checks.GAP * nominal)] = nominal
+            for name in triads.keys() & data.keys():
+                data[name] /= dt[:, None]
+        log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind,
+                  data.get("temperature"), findings)  # fmt: skip
+        yield replace(log, findings=findings + implausible(log, used))
+        before, start = time[-1:], start + len(time)
