@@ -58,9 +58,10 @@ def session_budget(
         alone = replace(at, turn_noise=turned)
         where = replace(session, site=site)
         out[source] = _variance(gain, blocks(where, part, alone), correlated(where, part, alone))
-    if np.isfinite(estimate.coefficients.prior_sd).any():
-        explained = np.sum(list(out.values()), axis=0)
-        out["prior"] = np.maximum(np.diag(estimate.state_cov)[:n] - explained, 0.0)
+    # What is left came from priors: those of the coefficients, or the heading's whole circle.
+    left = np.diag(estimate.state_cov)[:n] - np.sum(list(out.values()), axis=0)
+    given = bool(np.isfinite(estimate.coefficients.prior_sd).any())
+    out["prior" if given else "unknown heading"] = np.maximum(left, 0.0)
     relative = session.site.gravity_sd / session.site.gravity
     out["local gravity"] = (gravity_slope(estimate.coefficients) * relative) ** 2
     total = np.sum(list(out.values()), axis=0)

@@ -80,7 +80,9 @@ def _grid() -> FloatArray:
     z = 1 - k / 300
     azimuth = np.pi * (1 + np.sqrt(5)) * k
     r = np.sqrt(1 - z * z)
-    return np.concatenate([named_directions(), np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], 1)])
+    return np.concatenate(
+        [named_directions(), np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], 1)]
+    )
 
 
 def direction_words(up_b: FloatArray) -> str:

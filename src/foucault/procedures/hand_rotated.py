@@ -265,7 +265,16 @@ def complete(
     )
 
 
-def _names(settings: Settings, gyro: bool) -> tuple[str, ...]:
+def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
+    """Return the coefficients that are estimated.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    gyro : bool
+        Whether the log has gyros.
+    """
     names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
     if settings.accel_quadratic:
         names += [f"accel.quadratic.{a}" for a in AXES]
@@ -304,7 +313,7 @@ def _likelihood(
     given: Mapping[str, tuple[float, float]],
     progress: Progress,
 ) -> Result:
-    names = _names(settings, data.gyro_mean is not None)
+    names = names_of(settings, data.gyro_mean is not None)
     prior = _prior(names, given)
     loss = gauss_newton.huber if settings.loss == "huber" else gauss_newton.least_squares
     start = likelihood.first_guess(data)

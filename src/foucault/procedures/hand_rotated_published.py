@@ -29,7 +29,7 @@ from foucault.diagnose.session_input import check_input, enough_rests
 from foucault.errors import Status, error
 from foucault.estimate import norm_observation, published_hand_rotated
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, LAYOUT, Gauge, ImuModel
+from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures.hand_rotated import (
@@ -71,6 +71,17 @@ class Session(HandRotatedSession):
     """The session that `simulate` makes: its first rest is as long as the recipe wants."""
 
     first_rest_time: Seconds = Field(default=60.0, gt=0, description="Length of the first rest.")
+
+
+def names_of(settings: Settings) -> tuple[str, ...]:
+    """Return the coefficients that are estimated.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    """
+    return LINEAR_LOWER
 
 
 def calibrate(

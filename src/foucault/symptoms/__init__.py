@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from foucault.symptoms import campaign, logs, results, session
+from foucault.symptoms import campaign, export, logs, results, session, study, watch
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,17 @@ class Symptom:
 
 SYMPTOMS: dict[str, Symptom] = {
     row[0]: Symptom(*row)
-    for row in sorted((*campaign.ROWS, *logs.ROWS, *results.ROWS, *session.ROWS))
+    for row in sorted(
+        (
+            *campaign.ROWS,
+            *export.ROWS,
+            *logs.ROWS,
+            *results.ROWS,
+            *session.ROWS,
+            *watch.ROWS,
+            *study.ROWS,
+        )
+    )
 }
 """Code -> row."""
 

@@ -1,0 +1,271 @@
+"""Expected value and covariance of Allan-type variances, for any sum of the five noises.
+
+A variance of the family is ``a_i = c_i mean(d_i^2)`` with ``d_i`` a difference of the phase.
+Each noise has a generalised covariance s(t) of its phase, so that the covariance of two
+differences ``l`` samples apart is ``r_ij(l) = sum_ab w_a w_b s(l + b m_j - a m_i)``, and for
+Gaussian noise::
+
+    E a_i        = c_i r_ii(0)
+    cov(a_i,a_j) = 2 c_i c_j / (M_i M_j)  sum_l W_ij(l) r_ij(l)^2,   W: how often l occurs
+
+With the noises' strengths p, ``r = sum_n p_n r_n``: both are polynomials in p whose coefficients
+depend on the number of samples and the factors m alone. Everything is in units of one sample
+interval, p = (Q^2/dt^2, N^2/dt, B^2, K^2 dt, R^2 dt^2). Sums over l are Gauss-Legendre between
+the kinks of r where these are far apart, else exact.
+
+References
+----------
+.. [1] C. A. Greenhall, W. J. Riley, "Uncertainty of stability variances based on finite
+   differences", 35th PTTI, 2003 (one noise and one tau at a time; here all together).
+.. [2] IEEE Std 952-1997, annex C (the five noises and their slopes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+Kind = Literal["overlapping", "modified", "hadamard"]
+
+NOISES = 5
+"""Quantisation, white, flicker, random walk, ramp: the order of p [1]."""
+
+_STENCILS = {
+    "overlapping": np.array([1.0, -2.0, 1.0]),
+    "modified": np.array([1.0, -2.0, 1.0]),
+    "hadamard": np.array([-1.0, 3.0, -3.0, 1.0]),
+}
+SPAN = {"overlapping": 2, "modified": 3, "hadamard": 3}
+"""Phase intervals of length m that one term of the sum needs [1]."""
+
+_NORM = {"overlapping": 2.0, "modified": 2.0, "hadamard": 6.0}
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+_EXACT = 24  # integer lags between two kinks up to which the sum is done term by term
+_TAIL = 64.0  # flicker is followed this many reaches beyond the last kink; r^2 falls as l^-4
+
+
+def terms(kind: Kind, n: int, m: npt.ArrayLike) -> IntArray:
+    """Return how many differences there are for each factor, shape (k,) [1].
+
+    Parameters
+    ----------
+    kind : {"overlapping", "modified", "hadamard"}
+        Which variance.
+    n : int, shape ()
+        Number of samples [1].
+    m : ndarray of int, shape (k,)
+        Averaging factors [1].
+    """
+    return n + 1 - SPAN[kind] * np.asarray(m) + (kind == "modified")
+
+
+def norm(kind: Kind, m: npt.ArrayLike) -> FloatArray:
+    """Return c, shape (k,): the variance is c times the mean square difference [1].
+
+    Parameters
+    ----------
+    kind : {"overlapping", "modified", "hadamard"}
+        Which variance.
+    m : ndarray of int, shape (k,)
+        Averaging factors [1].
+    """
+    return 1.0 / (_NORM[kind] * np.asarray(m, float) ** 2)
+
+
+def _log(t: FloatArray) -> FloatArray:
+    return np.asarray(np.log(np.maximum(t, 1e-300)))
+
+
+# Generalised covariances of the phase (polynomials that differences annihilate are left out).
+_PHASE: tuple[Callable[[FloatArray], FloatArray], ...] = (
+    lambda t: (t < 0.5).astype(float),
+    lambda t: -t / 2,
+    lambda t: t**2 * _log(t) / (2 * np.pi),
+    lambda t: t**3 / 12,
+)
+# Their double sums: the mean over m terms is a second difference of these, divided by m^2.
+_SUMMED: tuple[Callable[[FloatArray], FloatArray], ...] = (
+    lambda t: t / 2,
+    lambda t: -(t**3 - t) / 12,
+    lambda t: (t**4 - t**2) * _log(t) / 12 / (2 * np.pi),
+    lambda t: (t**5 / 20 - t**3 / 12 + t / 30) / 12,
+)
+
+
+def _kernel(kind: Kind, m_i: float, m_j: float) -> tuple[FloatArray, FloatArray]:
+    """Return the offsets (in samples) and weights of the product of two differences."""
+    w = _STENCILS[kind]
+    place = np.arange(len(w))
+    offsets = (place[None, :] * m_j - place[:, None] * m_i).ravel()
+    weights = np.outer(w, w).ravel()
+    if kind == "modified" and m_i > 1:  # only m_i = m_j is asked for
+        offsets = (offsets[:, None] + np.array([-m_i, 0.0, m_i])).ravel()
+        weights = (weights[:, None] * np.array([1.0, -2.0, 1.0]) / m_i**2).ravel()
+    kinks, where = np.unique(np.round(offsets, 9), return_inverse=True)
+    return kinks, np.bincount(where, weights)
+
+
+def _covariance_at(
+    kind: Kind, m: float, kernel: tuple[FloatArray, FloatArray], lags: FloatArray
+) -> FloatArray:
+    """Return r_n at the lags for the four random noises, shape (4, lags)."""
+    offsets, weights = kernel
+    t = np.abs(lags[:, None] + offsets)
+    functions = _SUMMED if kind == "modified" and m > 1 else _PHASE
+    r = np.array([f(t) @ weights for f in functions])
+    outside = (lags > -offsets.min() + 1e-9) | (lags < -offsets.max() - 1e-9)
+    r[[0, 1, 3]] *= ~outside  # exactly zero there; what is computed is rounding
+    return r
+
+
+def _lags(
+    kinks: FloatArray, low: float, high: float, more: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return lags and weights so that sum(weight f(lag)) is the sum of f over [low, high]."""
+    reach = kinks[-1] - kinks[0]
+    tail = reach * 2.0 ** np.arange(-6, np.log2(_TAIL) + 1)
+    edges = np.concatenate([kinks, more, kinks[-1] + tail, kinks[0] - tail, [low, high]])
+    edges = np.unique(np.clip(np.round(edges), max(low, kinks[0] - tail[-1]),
+                              min(high, kinks[-1] + tail[-1])))  # fmt: skip
+    places, weights = [edges[:1], edges[-1:]], [np.array([0.5]), np.array([0.5])]
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        if b - a <= _EXACT:
+            inside = np.arange(a, b + 1)
+            weight = np.ones(len(inside))
+            weight[[0, -1]] = 0.5  # the other half belongs to the neighbour
+        else:
+            inside = a + (b - a) * (_NODES + 1) / 2
+            weight = (b - a) / 2 * _WEIGHTS
+        places.append(inside)
+        weights.append(weight)
+    return np.concatenate(places), np.concatenate(weights)
+
+
+def _occurrences(lags: FloatArray, count_i: int, count_j: int) -> FloatArray:
+    """Return how many pairs (k, k + lag) there are with k < count_i, k + lag < count_j."""
+    return np.asarray(np.maximum(np.minimum(count_i, count_j - lags) - np.maximum(0.0, -lags), 0.0))
+
+
+def _pair(kind: Kind, n: int, m_i: int, m_j: int) -> FloatArray:
+    """Return the coefficients of cov(a_i, a_j) in p p^T, shape (5, 5)."""
+    count_i, count_j = (int(terms(kind, n, m)) for m in (m_i, m_j))
+    kernel = _kernel(kind, m_i, m_j)
+    low, high = -(count_i - 1.0), count_j - 1.0
+    lags, weights = _lags(np.sort(-kernel[0]), low, high, np.array([0.0, float(count_j - count_i)]))
+    weights = weights * _occurrences(lags, count_i, count_j)
+    r = _covariance_at(kind, m_i, kernel, lags)
+    first = r @ weights
+    out = np.zeros((NOISES, NOISES))
+    out[:4, :4] = (r * weights) @ r.T
+    if kind != "modified" or m_i == 1:  # quantisation is a comb: its few lags, exactly
+        comb = -kernel[0]
+        comb = comb[(comb >= low) & (comb <= high)]
+        at = _covariance_at(kind, m_i, kernel, comb)
+        often = _occurrences(comb, count_i, count_j)
+        out[0, :4] = out[:4, 0] = at @ (at[0] * often)
+        first[0] = at[0] @ often
+    # The ramp shifts every difference of an Allan variance by m^2 and multiplies the rest.
+    if kind != "hadamard":
+        out[4, :4] = out[:4, 4] = float(m_i) ** 2 * m_j**2 * first
+    return out * 2 * float(norm(kind, m_i) * norm(kind, m_j)) / count_i / count_j
+
+
+@lru_cache(maxsize=32)
+def covariance(kind: Kind, n: int, m: tuple[int, ...]) -> FloatArray:
+    """Compute the covariance of overlapping Allan or Hadamard variances as a form in p.
+
+    Parameters
+    ----------
+    kind : {"overlapping", "hadamard"}
+        Which variance.
+    n : int, shape ()
+        Number of samples [1].
+    m : tuple of int, shape (k,)
+        Averaging factors [1].
+
+    Returns
+    -------
+    ndarray, shape (5, 5, k, k)
+        T with cov = sum_ab p_a p_b T[a, b] [1].
+    """
+    k = len(m)
+    out = np.zeros((NOISES, NOISES, k, k))
+    for i in range(k):
+        for j in range(i, k):
+            out[:, :, i, j] = _pair(kind, n, m[i], m[j])
+            out[:, :, j, i] = out[:, :, i, j]
+    out.setflags(write=False)
+    return out
+
+
+@lru_cache(maxsize=32)
+def variances(kind: Kind, n: int, m: tuple[int, ...]) -> FloatArray:
+    """Compute the variance of each variance as a form in p.
+
+    Parameters
+    ----------
+    kind : {"overlapping", "modified", "hadamard"}
+        Which variance.
+    n : int, shape ()
+        Number of samples [1].
+    m : tuple of int, shape (k,)
+        Averaging factors [1].
+
+    Returns
+    -------
+    ndarray, shape (5, 5, k)
+        T with var = sum_ab p_a p_b T[a, b] [1].
+    """
+    if kind == "overlapping":
+        return np.asarray(np.diagonal(covariance(kind, n, m), axis1=2, axis2=3))
+    return np.stack([_pair(kind, n, each, each) for each in m], axis=-1)
+
+
+def expected(kind: Kind, m: npt.ArrayLike) -> FloatArray:
+    """Compute the expected variances as a linear function of p.
+
+    Parameters
+    ----------
+    kind : {"overlapping", "modified", "hadamard"}
+        Which variance.
+    m : ndarray of int, shape (k,)
+        Averaging factors [1].
+
+    Returns
+    -------
+    ndarray, shape (k, 5)
+        J with E a = J p [1]. For the overlapping Allan variance
+        (3/m^2, 1/m, 2 ln 2/pi, m/3, m^2/2), IEEE Std 952 eq. (C.4) to (C.16).
+    """
+    m = np.asarray(m, float)
+    out = np.zeros((len(m), NOISES))
+    for i, each in enumerate(m):
+        r = _covariance_at(kind, each, _kernel(kind, each, each), np.zeros(1))[:, 0]
+        out[i, :4] = r
+        out[i, 4] = 0.0 if kind == "hadamard" else each**4
+    return out * norm(kind, m)[:, None]
+
+
+def degrees_of_freedom(kind: Kind, n: int, m: npt.ArrayLike, p: FloatArray) -> FloatArray:
+    """Compute the equivalent degrees of freedom 2 (E a)^2 / var a, shape (k,) [1].
+
+    Parameters
+    ----------
+    kind : {"overlapping", "modified", "hadamard"}
+        Which variance.
+    n : int, shape ()
+        Number of samples [1].
+    m : ndarray of int, shape (k,)
+        Averaging factors [1].
+    p : ndarray, shape (5,)
+        Strengths of the five noises [unit^2].
+    """
+    factors = tuple(int(each) for each in np.asarray(m))
+    var = np.einsum("a,b,abk->k", p, p, variances(kind, n, factors))
+    return np.asarray(2 * (expected(kind, m) @ p) ** 2 / np.maximum(var, 1e-300))

@@ -1,0 +1,174 @@
+"""Judge a Monte Carlo study: are the errors as large as the uncertainties say?
+
+For every coefficient: mean error against zero, root mean square error against the predicted
+standard deviation, coverage of the 68 % and 95 % intervals. For all together: NEES against
+chi-square. Limits are two-sided and share one family-wise false-alarm rate.
+
+References
+----------
+.. [1] Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
+   Navigation*, Wiley, 2001, section 5.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.result import Check
+
+FloatArray = npt.NDArray[np.float64]
+
+INTERVALS = {68: 0.994458, 95: 1.959964}
+"""Percent of a normal distribution within this many standard deviations [1]."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """The trials of a study that produced an estimate.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Coefficients.
+    error : ndarray, shape (trials, n)
+        Estimate minus truth [SI].
+    sd : ndarray, shape (trials, n)
+        Predicted standard deviation [SI].
+    bound : ndarray, shape (trials, n)
+        Cramer-Rao bound, NaN where the procedure does not give one [SI].
+    nees : ndarray, shape (trials,)
+        Normalised estimation error squared [1].
+    status : mapping of str to int
+        How many trials ended in each status, failures included.
+    """
+
+    names: tuple[str, ...]
+    error: FloatArray
+    sd: FloatArray
+    bound: FloatArray
+    nees: FloatArray
+    status: Mapping[str, int]
+
+    @classmethod
+    def of(cls, names: Sequence[str], rows: Mapping[str, npt.NDArray[Any]]) -> Study:
+        """Take the columns ``error.*``, ``sd.*``, ``bound.*``, ``nees`` and ``status`` of rows.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Coefficients.
+        rows : mapping of str to ndarray, each shape (trials,)
+            Columns of the study [SI].
+        """
+        good = np.isfinite(rows["nees"])
+        kinds, counts = np.unique(rows["status"].astype(str), return_counts=True)
+
+        def block(prefix: str) -> FloatArray:
+            return np.column_stack([rows[f"{prefix}.{name}"][good] for name in names])
+
+        status = dict(zip(kinds.tolist(), counts.tolist(), strict=True))
+        nees = np.asarray(rows["nees"][good], float)
+        return cls(tuple(names), block("error"), block("sd"), block("bound"), nees, status)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one dictionary per coefficient: mean, RMS, predicted sd, ratios, coverage."""
+        z = self.error / self.sd
+        n = len(z)
+        tests = len(self.names)
+        low, high = (np.sqrt(v / n) for v in chi_square_limits(n, tests=tests))
+        bias_limit = np.sqrt(chi_square_limits(1, tests=tests)[1])
+        out = []
+        for k, name in enumerate(self.names):
+            mean_z = float(z[:, k].mean() * np.sqrt(n))
+            ratio = float(np.sqrt(np.mean(z[:, k] ** 2)))
+            bound = float(np.sqrt(np.mean(self.bound[:, k] ** 2)))
+            rms = float(np.sqrt(np.mean(self.error[:, k] ** 2)))
+            out.append(
+                {
+                    "name": name,
+                    "mean": float(self.error[:, k].mean()),
+                    "rms": rms,
+                    "sd": float(np.sqrt(np.mean(self.sd[:, k] ** 2))),
+                    "bound": bound,
+                    "rms_over_bound": rms / bound if bound > 0 else float("nan"),
+                    "mean_z": mean_z,
+                    "unbiased": bool(abs(mean_z) <= bias_limit),
+                    "ratio": ratio,
+                    "ratio_low": float(low),
+                    "ratio_high": float(high),
+                    "consistent": bool(low <= ratio <= high),
+                    **{
+                        f"coverage_{p}": float(np.mean(np.abs(z[:, k]) <= limit))
+                        for p, limit in INTERVALS.items()
+                    },
+                }
+            )
+        return out
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return the tests of the study as a whole, one sentence each."""
+        n, dof = len(self.nees), len(self.names)
+        if n == 0:
+            words = "No trial produced an estimate."
+            return (Check("trials", 0.0, 1.0, None, False, words),)
+        per = self.rows()
+        return (
+            self._nees(n, dof),
+            _counted("bias", per, "unbiased", "mean error", "zero"),
+            _counted("spread", per, "consistent", "errors", "the predicted uncertainty"),
+            *(self._coverage(p, share) for p, share in ((68, 0.68), (95, 0.95))),
+            self._failures(n),
+        )
+
+    def _nees(self, n: int, dof: int) -> Check:
+        low, high = (v / (n * dof) for v in chi_square_limits(n * dof))
+        value = float(self.nees.mean() / dof)
+        fine = low <= value <= high
+        words = f"The mean NEES is {value:.3f} times the number of coefficients"
+        if fine:
+            words += f", inside {low:.3f} to {high:.3f}: the covariance is right."
+        elif value > high:
+            words += f", above {high:.3f}: the uncertainties are too small."
+        else:
+            words += f", below {low:.3f}: the uncertainties are too large."
+        return Check("NEES", value, low, high, fine, words)
+
+    def _coverage(self, percent: int, share: float) -> Check:
+        """Count intervals of independent trials: each trial counts once, by its own fraction."""
+        inside = np.abs(self.error / self.sd) <= INTERVALS[percent]
+        per_trial = inside.mean(axis=1)
+        value = float(per_trial.mean())
+        from scipy.special import ndtri
+
+        # The scatter over trials carries the correlation between coefficients.
+        width = float(ndtri(1 - FALSE_ALARM / 4) * per_trial.std(ddof=1) / np.sqrt(len(inside)))
+        low, high = share - width, share + width
+        fine = low <= value <= high
+        words = (
+            f"{100 * value:.1f} % of the truths lie inside the {percent} % intervals "
+            f"(expected {100 * low:.1f} to {100 * high:.1f} %)."
+        )
+        return Check(f"coverage of {percent} %", value, low, high, fine, words)
+
+    def _failures(self, n: int) -> Check:
+        total = sum(self.status.values())
+        bad = total - self.status.get("converged", 0)
+        parts = ", ".join(f"{count} {kind}" for kind, count in sorted(self.status.items()))
+        words = f"Of {total} trials: {parts}."
+        return Check("failures", bad / total, None, 0.01, bad <= 0.01 * total, words)
+
+
+def _counted(name: str, per: list[dict[str, Any]], key: str, what: str, against: str) -> Check:
+    failed = [row["name"] for row in per if not row[key]]
+    words = (
+        f"The {what} of every coefficient agrees with {against}."
+        if not failed
+        else f"The {what} of {', '.join(failed)} does not agree with {against}."
+    )
+    return Check(name, float(len(failed)), None, 0.0, not failed, words)
