@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -147,8 +148,6 @@ def test_a_wrong_covariance_fails(factor: float, word: str) -> None:
 
 def test_a_biased_estimate_fails() -> None:
     good = fake(1.0)
-    biased = Study(
-        good.names, good.error + np.array([0.3, 0, 0, 0, 0]), good.sd, good.bound, good.nees, {}
-    )
+    biased = replace(good, error=good.error + np.array([0.3, 0, 0, 0, 0]))
     failed = [c.sentence for c in biased.checks() if c.name == "bias"]
-    assert failed == ["The mean error of a does not agree with zero."]
+    assert failed == ["The mean error of a does not fit zero."]

@@ -66,7 +66,9 @@ ACCEL_K = np.array([0.0024127846246, 0.0024271227666, 0.0024116802393])
 ACCEL_T = np.array([[1, -0.0033592960, -0.0089064237], [0, 1, -0.0213341326], [0, 0, 1]])
 ACCEL_B = np.array([33124.182598, 33275.179403, 32364.415649])
 GYRO_K = np.array([0.00020929452485, 0.00020989854198, 0.00020948298376])
-GYRO_T = np.array([[1, 0.0059363, 0.0011110], [0.0080881, 1, -0.0535569], [0.0253067, -0.0025514, 1]])
+GYRO_T = np.array(
+    [[1, 0.0059363, 0.0011110], [0.0080881, 1, -0.0535569], [0.0253067, -0.0025514, 1]]
+)
 GYRO_B = np.array([32777.13994, 32459.80288, 32511.84746])
 COSTS = (0.12013119334852, 0.00150695538065)
 MAKER = (np.array([415.0, 413.0, 415.0]), np.array([4778.0, 4758.0, 4766.0]))
@@ -173,9 +175,7 @@ def likelihood() -> list[str]:
             f"{np.degrees(noise['gyro_repeatability']) * 3600:.0f} deg/h, of the turns "
             f"{np.degrees(noise['turn_repeatability']):.2f} deg.{g}"
         )
-        for finding in result.findings:
-            if finding.severity == "warning":
-                extra.append(f"    - {finding.message}")
+        extra += [f"    - {f.message}" for f in result.findings if f.severity == "warning"]
     return [*out, "", *extra]
 
 
@@ -197,13 +197,8 @@ def mpu() -> list[str]:
                     f"| {name} {triad}.scale.{axis} | {matrix[i, i] - 1:+.5f} | {sd[i]:.5f} | "
                     f"{one[i]:+.5f} | {two[i]:+.5f} |"
                 )
-        notes.append(f"- {name}: verdict {result.verdict.level}. {' '.join(result.verdict.reasons)}")
-        for check in result.checks:
-            if check.name.startswith("evenness"):
-                notes.append(
-                    f"    - {check.name}: ratio of the two halves {check.value:.1f}, limits "
-                    f"{check.low:.2f} to {check.high:.1f}"
-                )
+        notes.append(f"- {name}: verdict {result.verdict.level}.")
+        notes += [f"    - {reason}" for reason in result.verdict.reasons]
     return [*out, "", *notes]
 
 
@@ -236,7 +231,10 @@ def main() -> None:
         *mpu(),
         "",
         "Scale factor errors in the gauge of the other two programs (z accelerometer as "
-        "reference).",
+        "reference). Both logs were taken together and share their flaw: the instruments were "
+        "shaken in a third of the rests. The two published programs, which hold the gyro bias "
+        "at its mean over the first rest, differ by 4.9e-3 on the z gyro of imu1; ours lies "
+        "between them. Its x gyro is 2.8 sd from both.",
     ]
     target = ROOT / "docs/validation/hand_rotated_logs.md"
     text = "\n".join(lines) + "\n"

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from foucault.models.earth import earth_rate_n
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.rests_and_turns import Attitudes, Session, predict
 from foucault.models.rotation import exp, log
@@ -36,7 +37,7 @@ def _predict(session, state, names=NAMES):
 @KINDS
 @SITES
 def test_jacobian_is_the_derivative_of_the_prediction(sampled, site):
-    simulation = quiet_session(400.0, sampled, site, 5)
+    simulation = quiet_session(400.0, sampled, site, 4)
     model = _errors()
     session, _ = reduced(simulation, seen_by(model, simulation), site)
     rng = np.random.default_rng(2)
@@ -115,14 +116,8 @@ def test_unknown_latitude_leaves_the_turn_of_the_earth_in_the_residuals(sampled)
     session, state = reduced(simulation, simulation.log, BLIND)
     n = len(state.C_nb)
     r = _predict(session, state).residuals
-    want = np.swapaxes(simulation.C_nb, 1, 2) @ _earth()
+    want = np.swapaxes(simulation.C_nb, 1, 2) @ earth_rate_n(SITE.latitude)
     np.testing.assert_allclose(r[n : 2 * n], want, atol=1200 * 2.2e-16 * 1e-4)
-
-
-def _earth():
-    from foucault.models.earth import earth_rate_n
-
-    return earth_rate_n(SITE.latitude)
 
 
 def test_noise_and_bias_of_a_turn_move_it_as_they_say():

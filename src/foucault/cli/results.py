@@ -1,4 +1,4 @@
-"""Commands that make and use results: calibrate, report, apply, demo."""
+"""Commands that make results: calibrate, report, demo."""
 
 from __future__ import annotations
 
@@ -13,18 +13,12 @@ if TYPE_CHECKING:
     from foucault.campaign import Campaign
     from foucault.campaign.running import Session
     from foucault.result import Result
-    from foucault.tables import Log
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the program."""
     app.command("calibrate", epilog="Example: foucault calibrate campaign.toml -o run")(calibrate)
     app.command("report", epilog="Example: foucault report run")(report)
-    app.command(
-        "apply",
-        epilog="Examples: foucault apply run flight.csv -o flight_calibrated.parquet; "
-        "foucault apply run/result.json other_campaign.toml -o out.csv",
-    )(apply)
     app.command("demo", epilog="Example: foucault demo -o demo")(demo)
 
 
@@ -91,63 +85,6 @@ def report(
     file = reports.write(folder)
     screen.say(f"Wrote {file}.")
     screen.data({"report": str(file)})
-
-
-def apply(
-    ctx: typer.Context,
-    result: Annotated[Path, typer.Argument(help="A run folder or its result.json.")],
-    log: Annotated[
-        Path,
-        typer.Argument(
-            help="A log in the format of the calibrated one, a log that foucault has written, "
-            "or a campaign file that describes its log."
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Log to write: .csv, .csv.gz, .parquet, .npz.")
-    ],
-) -> None:
-    """Remove the calibrated errors from a log of the same instrument."""
-    from foucault import logs
-    from foucault.run_folder import load_result
-
-    screen: Screen = ctx.obj
-    with screen.progress() as tell:
-        calibrated = load_result(result, with_tables=False)
-        readings = _read_alike(result, log, tell)
-        tell(0.5, "applying")
-        corrected = calibrated.apply(readings)
-        tell(0.7, "writing")
-        logs.write(corrected, output)
-    screen.findings(readings.findings)
-    screen.say(f"Wrote {len(corrected)} compensated samples in SI units to {output}.")
-    if calibrated.verdict.level != "pass":
-        screen.say(f"The result applied is {calibrated.verdict.level}.", style="yellow")
-    screen.data(
-        {
-            "output": str(output),
-            "samples": len(corrected),
-            "verdict": calibrated.verdict.level,
-            "findings": [item.as_dict() for item in readings.findings],
-        }
-    )
-
-
-def _read_alike(result: Path, log: Path, tell: Any) -> Log:
-    """Read a log as its campaign says, or as the log was read that the result came from."""
-    from foucault import campaign, logs
-    from foucault.logs.description import LogDescription
-    from foucault.run_folder import CAMPAIGN_FILE
-
-    if log.suffix == ".toml":
-        return campaign.read_log(campaign.load(log), tell)
-    description = LogDescription.model_validate({"file": log.name})
-    kept = (result if result.is_dir() else result.parent) / CAMPAIGN_FILE
-    if kept.is_file() and log.is_file():
-        as_before = campaign.load(kept).log
-        if len(as_before.files()) == 1:
-            description = as_before.model_copy(update={"file": log.name})
-    return logs.read(description, log.parent, lambda done: tell(done, "reading the log"))
 
 
 def demo(

@@ -1,4 +1,8 @@
-"""Consistency: do the errors have the size that was promised? Two-sided chi-square limits.
+"""Consistency: do errors have the size that was promised? Two-sided chi-square limits.
+
+An error e with covariance P has the normalised square ``e' inv(P) e``, which is chi-square with
+as many degrees of freedom as e has entries where P is right. Of estimation errors it is called
+NEES (the truth must be known), of innovations NIS (it needs no truth).
 
 References
 ----------
@@ -11,11 +15,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.result import Check
 
 FloatArray = npt.NDArray[np.float64]
 
-__all__ = ["chi_square_limits", "nees"]
+__all__ = ["chi_square_limits", "consistency_check", "nees", "nis"]
 
 
 def nees(errors: FloatArray, cov: FloatArray) -> FloatArray:
@@ -38,3 +43,50 @@ def nees(errors: FloatArray, cov: FloatArray) -> FloatArray:
     correlation = cov / (scale[..., :, None] * scale[..., None, :])
     solved = np.linalg.solve(correlation, unit[..., None])[..., 0]
     return np.asarray(np.sum(unit * solved, axis=-1))
+
+
+def nis(innovations: FloatArray, cov: FloatArray) -> FloatArray:
+    """Return the normalised innovation squared of each update.
+
+    Parameters
+    ----------
+    innovations : ndarray, shape (updates, m)
+        Measurement minus prediction [SI].
+    cov : ndarray, shape (updates, m, m) or (m, m)
+        Innovation covariance S [SI].
+
+    Returns
+    -------
+    ndarray, shape (updates,)
+        NIS; chi-square with m degrees of freedom where the filter is consistent [1].
+    """
+    return nees(innovations, cov)
+
+
+def consistency_check(
+    name: str, squares: FloatArray, dof: int, false_alarm: float = FALSE_ALARM
+) -> Check:
+    """Test the mean of independent normalised squares, two-sided, and say what it means.
+
+    Parameters
+    ----------
+    name : str
+        What the squares are: "NEES" or "NIS".
+    squares : ndarray, shape (n,)
+        Normalised squares of independent trials or updates [1].
+    dof : int, shape ()
+        Degrees of freedom of each [1].
+    false_alarm : float
+        Probability of failing a result that is right [1].
+    """
+    n = len(squares)
+    low, high = (v / (n * dof) for v in chi_square_limits(n * dof, false_alarm))
+    value = float(np.mean(squares) / dof)
+    words = f"The mean {name} is {value:.3f} times its degrees of freedom"
+    if value > high:
+        words += f", above {high:.3f}: the uncertainties are too small."
+    elif value < low:
+        words += f", below {low:.3f}: the uncertainties are too large."
+    else:
+        words += f", inside {low:.3f} to {high:.3f}: the covariance is right."
+    return Check(name, value, low, high, low <= value <= high, words)

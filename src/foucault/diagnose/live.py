@@ -18,6 +18,7 @@ from foucault.diagnose.coverage import coverage, direction_words, named_directio
 from foucault.diagnose.rests import moving_sd, quiet_runs, quiet_sd, split, turning
 from foucault.diagnose.session import ENOUGH_RESTS
 from foucault.errors import Finding
+from foucault.logs import checks
 from foucault.tables import FloatArray, IntArray, Log
 
 LEARN = (0.5, 0.02)
@@ -118,17 +119,26 @@ class LiveRests:
         ----------
         log : Log
             The samples, with the same triads as those before [SI].
+
+        Raises
+        ------
+        FoucaultError
+            Time repeats or runs backward.
         """
         if self._log is None:
             self._log = log
             for name in ("accel", "gyro"):
                 if getattr(log, name) is not None:
                     self._triads[name], self._sd[name] = Rows(3), Rows(1)
+        known = len(self)
         self._time.add(log.time[:, None])
+        newest = self._time.all[max(0, known - 2) :, 0]
+        if (np.diff(newest) <= 0).any():
+            checks.timing(newest, max(0, known - 2))
         for name, rows in self._triads.items():
             rows.add(getattr(log, name))
         if len(self) >= max(self._next, 10):
-            self._learn(max(1, len(self) // THINNED))
+            self._learn()
         elif self.samples:
             self._extend()
             self._decide()
@@ -136,16 +146,15 @@ class LiveRests:
     def finish(self) -> None:
         """Decide the whole log once more, from every window."""
         if len(self) >= 10:
-            self._learn(1)
+            self._learn(exact=True)
 
-    def _learn(self, stride: int) -> None:
+    def _learn(self, exact: bool = False) -> None:
+        stride = 1 if exact else max(1, len(self) // THINNED)
         step = np.diff(self._time.all[:, 0])[::stride]
         self.interval = float(np.median(step))
         rate = 1.0 / self.interval
         samples = max(5, 2 * round(self.window * rate / 2) + 1)
-        if abs(samples - self.samples) > 0.1 * self.samples or (
-            stride == 1 and len(step) > THINNED
-        ):
+        if abs(samples - self.samples) > (0.0 if exact else 0.1 * self.samples):
             self.samples = samples
             for rows in self._sd.values():
                 rows.clear()

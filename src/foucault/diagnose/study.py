@@ -19,10 +19,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.consistency import consistency_check
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.result import Check
 
 FloatArray = npt.NDArray[np.float64]
+
+EACH = FALSE_ALARM / 5
+"""False-alarm rate of each of the five checks of a study, so that all together keep 1 % [1]."""
 
 INTERVALS = {68: 0.994458, 95: 1.959964}
 """Percent of a normal distribution within this many standard deviations [1]."""
@@ -81,8 +85,8 @@ class Study:
         z = self.error / self.sd
         n = len(z)
         tests = len(self.names)
-        low, high = (np.sqrt(v / n) for v in chi_square_limits(n, tests=tests))
-        bias_limit = np.sqrt(chi_square_limits(1, tests=tests)[1])
+        low, high = (np.sqrt(v / n) for v in chi_square_limits(n, EACH, tests))
+        bias_limit = np.sqrt(chi_square_limits(1, 2 * EACH, tests)[1])
         out = []
         for k, name in enumerate(self.names):
             mean_z = float(z[:, k].mean() * np.sqrt(n))
@@ -113,31 +117,17 @@ class Study:
 
     def checks(self) -> tuple[Check, ...]:
         """Return the tests of the study as a whole, one sentence each."""
-        n, dof = len(self.nees), len(self.names)
-        if n == 0:
+        if len(self.nees) == 0:
             words = "No trial produced an estimate."
             return (Check("trials", 0.0, 1.0, None, False, words),)
         per = self.rows()
         return (
-            self._nees(n, dof),
+            consistency_check("NEES", self.nees, len(self.names), EACH),
             _counted("bias", per, "unbiased", "mean error", "zero"),
-            _counted("spread", per, "consistent", "errors", "the predicted uncertainty"),
+            _counted("spread", per, "consistent", "scatter", "its predicted uncertainty"),
             *(self._coverage(p, share) for p, share in ((68, 0.68), (95, 0.95))),
-            self._failures(n),
+            self._failures(),
         )
-
-    def _nees(self, n: int, dof: int) -> Check:
-        low, high = (v / (n * dof) for v in chi_square_limits(n * dof))
-        value = float(self.nees.mean() / dof)
-        fine = low <= value <= high
-        words = f"The mean NEES is {value:.3f} times the number of coefficients"
-        if fine:
-            words += f", inside {low:.3f} to {high:.3f}: the covariance is right."
-        elif value > high:
-            words += f", above {high:.3f}: the uncertainties are too small."
-        else:
-            words += f", below {low:.3f}: the uncertainties are too large."
-        return Check("NEES", value, low, high, fine, words)
 
     def _coverage(self, percent: int, share: float) -> Check:
         """Count intervals of independent trials: each trial counts once, by its own fraction."""
@@ -147,7 +137,7 @@ class Study:
         from scipy.special import ndtri
 
         # The scatter over trials carries the correlation between coefficients.
-        width = float(ndtri(1 - FALSE_ALARM / 4) * per_trial.std(ddof=1) / np.sqrt(len(inside)))
+        width = float(ndtri(1 - EACH / 2) * per_trial.std(ddof=1) / np.sqrt(len(inside)))
         low, high = share - width, share + width
         fine = low <= value <= high
         words = (
@@ -156,7 +146,7 @@ class Study:
         )
         return Check(f"coverage of {percent} %", value, low, high, fine, words)
 
-    def _failures(self, n: int) -> Check:
+    def _failures(self) -> Check:
         total = sum(self.status.values())
         bad = total - self.status.get("converged", 0)
         parts = ", ".join(f"{count} {kind}" for kind, count in sorted(self.status.items()))
@@ -167,8 +157,8 @@ class Study:
 def _counted(name: str, per: list[dict[str, Any]], key: str, what: str, against: str) -> Check:
     failed = [row["name"] for row in per if not row[key]]
     words = (
-        f"The {what} of every coefficient agrees with {against}."
+        f"The {what} of every coefficient fits {against}."
         if not failed
-        else f"The {what} of {', '.join(failed)} does not agree with {against}."
+        else f"The {what} of {', '.join(failed)} does not fit {against}."
     )
     return Check(name, float(len(failed)), None, 0.0, not failed, words)

@@ -42,6 +42,9 @@ FloatArray = npt.NDArray[np.float64]
 HEADING_SD = np.pi / np.sqrt(3.0)
 """Standard deviation of a heading of which nothing is known [rad]."""
 
+FEW = 0.25
+"""Outliers up to this share are single mishaps; more of them are scatter [1]."""
+
 KINDS = ("accel_repeatability", "gyro_repeatability", "turn_repeatability")
 """The three kinds of observation, in the order of the residuals."""
 
@@ -212,19 +215,21 @@ def components(
     session : Session
         What was observed.
     clipped : bool
-        Count an outlier only up to the limit of the robust loss (Huber's Proposal 2), so that
-        one bad rest is not taken for scatter of all.
+        Count residuals only up to the limit of the robust loss (Huber's Proposal 2), and leave
+        out observations far beyond it where they are few: one bad rest is not scatter of all.
     """
     n = len(session.accel_mean)
     used = estimate.blocks >= 0
     kind = np.minimum(estimate.blocks // n, 2)
     out = {}
     kinds = KINDS[:1] if session.gyro_mean is None else KINDS
-    square = estimate.residuals**2
-    if clipped:  # the residuals hold the root of the weight already
-        square[used] *= estimate.weights[estimate.blocks[used]]
+    weights = np.where(used, estimate.weights[estimate.blocks], 1.0)
+    # Clipped: the residuals hold the root of the weight already.
+    square = estimate.residuals**2 * (weights if clipped else 1.0)
     for i, name in enumerate(kinds):
         mine = used & (kind == i)
+        if clipped and np.mean(weights[mine] < 0.5) <= FEW:
+            mine &= weights >= 0.5
         redundancy = float(np.sum(1 - estimate.leverage[mine]))
         low, high = chi_square_limits(max(redundancy, 1e-3), tests=len(kinds))
         out[name] = Component(float(np.sum(square[mine])), redundancy, low, high)

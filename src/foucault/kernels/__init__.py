@@ -30,9 +30,18 @@ def kernel(function: Any) -> Any:
 
     No fastmath: a NaN must stay a NaN, because a bad row is reported through it.
     """
+    return _compiled(function)
+
+
+def reduction(function: Any) -> Any:
+    """Compile a plain sum as `kernel` does, its terms added in any order (NaN stays NaN)."""
+    return _compiled(function, fastmath={"reassoc", "contract"})
+
+
+def _compiled(function: Any, **more: Any) -> Any:
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = previous or _FOLDER  # numba reads it while decorating
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        return numba.njit(cache=True, nogil=True, error_model="numpy", **more)(function)
     finally:
         numba.config.CACHE_DIR = previous

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foucault.errors import Finding, error
+from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
 from foucault.logs import axes, checks, columns
 from foucault.logs.own import describe, sampled_of
@@ -80,6 +80,17 @@ def read(
         "description": used.model_dump(mode="json", exclude_none=True),
     }
     return finished(data, used, sampled, told, source)
+
+
+def describes_itself(path: Path) -> bool:
+    """Tell whether the file at `path` is a log that this package has written."""
+    from foucault.logs.description import LogDescription
+
+    plain = LogDescription.model_validate({"file": path.name})
+    try:
+        return sampled_of(open_raw(path, plain).marker) is not None
+    except FoucaultError:  # it needs a description even to be opened, or is not there
+        return False
 
 
 def _part_of(progress: Progress | None, i: int, n: int) -> Progress | None:

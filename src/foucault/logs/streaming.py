@@ -58,7 +58,7 @@ def blocks(
     used, columns = complete(description, wanted, raw, path)
     sampled = sampled_of(raw.marker) if used is not description else None
     parts = _checked(_joined(converted(used, columns, raw, path)), used, path)
-    source = {"file": path.name}
+    source = {"file": path.name, "marker": raw.marker}
     first = next(parts, None)
     if first is None:
         raise error("log.empty", file=path.name)

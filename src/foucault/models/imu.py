@@ -50,6 +50,11 @@ EQUATION = (
 )
 """The model equation in words, as stored in results."""
 
+INVERSE = (
+    "f = (I + S_a + M_a)^-1 (accel - b_a - K_a q(f));  w = (I + S_g + M_g)^-1 (gyro - b_g - G f)"
+)
+"""The same solved for what is true, as `ImuModel.compensate` does it."""
+
 
 class Gauge(StrEnum):
     """Which physical directions define the body axes."""

@@ -120,6 +120,8 @@ def calibrate(
     settings = settings or Settings()
     if noise is not None or prior:
         raise error("published.unweighted", what="[noise]" if noise is not None else "[prior]")
+    if log.accel is None:
+        raise error("session.no_accel")
     progress(0.05, "finding the rests")
     rests = find_published_rests(
         log,

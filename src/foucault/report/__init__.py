@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,8 @@ from foucault.run_folder import REPORT_FILE, load_result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from markupsafe import Markup
 
     from foucault.report.page import Section
     from foucault.report.sections import Heading
@@ -62,6 +65,25 @@ def render(head: Heading, sections: Sequence[Section]) -> str:
     )
 
 
+_PIECES = re.compile(r"[A-Za-z]\w*|\^-?\d+|\s+|.")
+
+
+def _typeset(piece: str) -> Markup:
+    """Write a matrix upright and bold, a vector or number italic, a power raised, a word as is."""
+    from markupsafe import Markup, escape
+
+    letter, _, index = piece.partition("_")
+    if re.fullmatch(r"[a-z][xyz]", letter) and not index:
+        letter, index = letter[0], letter[1]
+    if piece[0] == "^":
+        return Markup("<sup>{}</sup>").format(piece[1:].replace("-", "−"))
+    if len(letter) > 1 or not letter.isalpha():
+        return escape(piece.replace("-", "−"))
+    tag = Markup("b" if letter.isupper() else "i")
+    lowered = Markup("<sub>{}</sub>").format(index) if index else ""
+    return Markup("<{0}>{1}</{0}>{2}").format(tag, letter, lowered)
+
+
 @cache
 def _template() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -83,6 +105,10 @@ def _template() -> Any:
         code = Markup("<code>{}</code>")
         return Markup("").join(code.format(p) if i % 2 else escape(p) for i, p in enumerate(parts))
 
+    def equation(text: str) -> Markup:
+        """Typeset one line of an equation written in plain letters."""
+        return Markup("").join(_typeset(piece) for piece in _PIECES.findall(text))
+
     environment = Environment(
         loader=FileSystemLoader(_HERE),
         autoescape=True,
@@ -90,5 +116,10 @@ def _template() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"symbol": symbol, "script": script, "prose": prose}
+    environment.filters |= {
+        "symbol": symbol,
+        "script": script,
+        "prose": prose,
+        "equation": equation,
+    }
     return environment.get_template("page.html")

@@ -10,6 +10,7 @@
     return { box, figure };
   });
   const config = { displaylogo: false, responsive: true, displayModeBar: false, plotlyServerURL: "" };
+  const mouse = matchMedia("(pointer: fine)").matches; // a finger must scroll, not zoom
 
   function painted(value, style) {
     if (typeof value === "string") {
@@ -29,6 +30,7 @@
       const { data, layout } = painted(figure, style);
       layout.width = box.clientWidth;
       layout.height = Math.min(layout.height, box.clientWidth * (layout.meta?.ratio ?? Infinity));
+      if (mouse && layout.meta?.zoom) layout.dragmode = "zoom";
       box.style.height = layout.height + "px";
       Plotly.react(box, data, layout, config);
     }
@@ -37,6 +39,22 @@
   function print(on) {
     root.classList.toggle("print", on);
     draw();
+  }
+
+  // A button that copies the lines it stands beside.
+  for (const block of document.querySelectorAll(".code")) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = "Copy";
+    button.addEventListener("click", () => {
+      getSelection().selectAllChildren(block.querySelector("code"));
+      const done = navigator.clipboard
+        ? navigator.clipboard.writeText(block.querySelector("code").textContent)
+        : Promise.resolve(document.execCommand("copy"));
+      done.then(() => { button.textContent = "Copied"; }, () => { button.textContent = "Selected"; });
+      setTimeout(() => { button.textContent = "Copy"; }, 2000);
+    });
+    block.append(button);
   }
 
   // Figures in space need WebGL; the flat ones beside them say the same.

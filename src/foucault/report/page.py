@@ -27,6 +27,22 @@ class Code:
 
 
 @dataclass(frozen=True)
+class Equation:
+    """Equations in plain letters, one per line, to be typeset: ``b_a``, ``x^2``, ``A^-1``."""
+
+    lines: Sequence[str]
+    kind: str = "equation"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is what, as pairs; an empty value becomes a line to fill in by hand."""
+
+    pairs: Sequence[tuple[str, str]]
+    kind: str = "facts"
+
+
+@dataclass(frozen=True)
 class Items:
     """A list of sentences, each with a state: "good", "warning", "bad" or "plain"."""
 
@@ -39,23 +55,26 @@ class Column:
     """A table column: its heading and how its cells look.
 
     `look` is "text", "long" (may break anywhere), "name", "symbol", "number" or "state";
-    `aside` columns are left out on a narrow screen.
+    `aside` columns are left out on a narrow screen, `optional` ones until they are asked for.
     """
 
     heading: str
     look: str = "text"
     aside: bool = False
+    optional: bool = False
 
 
 @dataclass(frozen=True)
 class Table:
     """A table: cells are text; a state cell is "good", "warning", "bad" or "plain".
 
-    A row of one cell is a heading over the rows below it.
+    A row of one cell is a heading over the rows below it. `option` is the label of the switch
+    that shows the optional columns; print shows them always.
     """
 
     columns: Sequence[Column]
     rows: Sequence[Sequence[str]]
+    option: str = ""
     kind: str = "table"
 
 
@@ -64,7 +83,8 @@ class Figure:
     """A plotly figure as plain dictionaries, with a sentence that says what it shows.
 
     `on` is "everywhere" or "screen" (left out in print); `share` is the part of the width it
-    takes [percent], where there is room for more than one side by side.
+    takes [percent], where there is room for more than one side by side; `alt` says to those who
+    do not see it what is drawn, where the caption does not.
     """
 
     data: list[dict[str, Any]]
@@ -72,10 +92,11 @@ class Figure:
     caption: str = ""
     on: str = "everywhere"
     share: int = 100
+    alt: str = ""
     kind: str = "figure"
 
 
-Block = Text | Code | Items | Table | Figure
+Block = Text | Code | Equation | Facts | Items | Table | Figure
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,182 @@
+"""Commands that take a result away: apply and export."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foucault.cli.screen import COLOURS, Screen
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription
+    from foucault.models.noise import ImuNoise
+    from foucault.result import Result
+
+ResultArgument = Annotated[Path, typer.Argument(help="A run folder or its result.json.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands of this module to the program."""
+    app.command(
+        "apply",
+        epilog="Examples: foucault apply run flight.csv -o flight_calibrated.parquet; "
+        "foucault apply run/result.json other_campaign.toml -o out.csv",
+    )(apply)
+    app.command(
+        "export",
+        epilog="Examples: foucault export run --to c -o calibration.h; "
+        "foucault export run --to px4 -o px4.params --drop accel.misalignment "
+        "--drop gyro.misalignment --drop gyro.scale",
+    )(export)
+
+
+def apply(
+    ctx: typer.Context,
+    result: ResultArgument,
+    log: Annotated[
+        Path,
+        typer.Argument(
+            help="A log in the format of the calibrated one, a log that foucault has written, "
+            "or a campaign file that describes its log."
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Log to write: .csv, .csv.gz, .parquet, .npz.")
+    ],
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="Apply an unusable result, that of another instrument, or a second time.",
+        ),
+    ] = False,
+) -> None:
+    """Remove the calibrated errors from a log of the same instrument."""
+    from foucault.export import calibrate_log
+    from foucault.files import sha256
+    from foucault.run_folder import RESULT_FILE, load_result
+
+    screen: Screen = ctx.obj
+    with screen.progress() as tell:
+        tell(0.0, "reading the result")
+        calibrated = load_result(result, with_tables=False)
+        description, folder, instrument = _described(calibrated, result, log)
+        done = calibrate_log(
+            calibrated, description, folder, output,
+            instrument=instrument,
+            sha256=sha256(result / RESULT_FILE if result.is_dir() else result),
+            force=force,
+            progress=lambda part: tell(part, "applying"),
+        )  # fmt: skip
+    screen.findings(done.findings)
+    screen.say(f"Wrote {done.samples} compensated samples in SI units to {output}.")
+    _doubts(screen, calibrated)
+    screen.data(
+        {
+            "output": str(output),
+            "samples": done.samples,
+            "verdict": calibrated.verdict.level,
+            "findings": [item.as_dict() for item in done.findings],
+        }
+    )
+
+
+def export(
+    ctx: typer.Context,
+    result: ResultArgument,
+    to: Annotated[
+        str,
+        typer.Option("--to", help="c, python, json, csv, kalibr, imucal, px4 or ros2."),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
+    drop: Annotated[
+        list[str] | None,
+        typer.Option(help="Leave out a coefficient or a group of them; may be repeated."),
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            help="Axes of the receiver's readings: right-forward-up (px4 excepted, the default), "
+            "forward-right-down or forward-left-up."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Export an unusable result.")] = False,
+) -> None:
+    """Write a result in the form of another program or language."""
+    from foucault.export import write
+    from foucault.run_folder import load_result
+
+    screen: Screen = ctx.obj
+    calibrated = load_result(result, with_tables=False)
+    noise, log = _known(calibrated, result)
+    write(calibrated, to, output, axes=axes, drop=drop or [], noise=noise, log=log, force=force)
+    screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
+    _doubts(screen, calibrated)
+    screen.data({"output": str(output), "to": to, "verdict": calibrated.verdict.level})
+
+
+def _doubts(screen: Screen, result: Result) -> None:
+    level = result.verdict.level
+    if level != "pass":
+        screen.say(f"The result is {level}.", style=COLOURS[level])
+
+
+def _described(
+    calibrated: Result, result: Path, log: Path
+) -> tuple[LogDescription, Path, dict[str, Any]]:
+    """Return how to read a log, from which folder, and which instrument made it.
+
+    A campaign file says it all; one of our own logs describes itself; any other log is read as
+    the one that the result came from.
+    """
+    from foucault import campaign
+    from foucault.logs.description import LogDescription
+    from foucault.logs.reading import describes_itself
+
+    if log.suffix == ".toml":
+        other = campaign.load(log)
+        return other.log, other.folder, other.instrument
+    description = LogDescription.model_validate({"file": log.name})
+    before = _log_description(calibrated, result)
+    if before is not None and len(before.files()) == 1 and not describes_itself(log):
+        description = _for_file(before, log.name)
+    return description, log.parent, {}
+
+
+def _for_file(before: LogDescription, name: str) -> LogDescription:
+    """Return the description with every block read from file `name`."""
+    blocks = {
+        key: block.model_copy(update={"file": None})
+        for key in ("gyro", "accel", "temperature")
+        if (block := getattr(before, key)) is not None
+    }
+    return before.model_copy(update={"file": name, **blocks})
+
+
+def _log_description(calibrated: Result, result: Path) -> LogDescription | None:
+    """Return how the calibrated log was read, from the campaign or the result itself."""
+    from foucault import campaign
+    from foucault.logs.description import LogDescription
+    from foucault.run_folder import CAMPAIGN_FILE
+
+    kept = (result if result.is_dir() else result.parent) / CAMPAIGN_FILE
+    if kept.is_file():
+        return campaign.load(kept).log
+    said = (calibrated.provenance.get("input") or {}).get("description")
+    if not isinstance(said, dict):
+        return None
+    if isinstance(said.get("rate"), float):  # a description gives it with its unit
+        said = said | {"rate": f"{said['rate']!r} Hz"}
+    return LogDescription.model_validate(said)
+
+
+def _known(calibrated: Result, result: Path) -> tuple[ImuNoise | None, LogDescription | None]:
+    """Return the noise that the campaign declares, and how its log was read."""
+    from foucault import campaign
+    from foucault.run_folder import CAMPAIGN_FILE
+
+    kept = (result if result.is_dir() else result.parent) / CAMPAIGN_FILE
+    noise = campaign.load(kept).noise if kept.is_file() else None
+    return noise, _log_description(calibrated, result)

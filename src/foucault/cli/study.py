@@ -1,0 +1,83 @@
+"""The command for Monte Carlo studies."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foucault.cli.screen import Screen
+from foucault.cli.sessions import load_or_template
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to the program."""
+    app.command(
+        "montecarlo",
+        epilog="Examples: foucault montecarlo campaign.toml -n 500 -o study; "
+        "foucault montecarlo hand_rotated -n 100 -o study. The same command again continues an "
+        "interrupted study.",
+    )(montecarlo)
+
+
+def montecarlo(
+    ctx: typer.Context,
+    what: Annotated[str, typer.Argument(help="A campaign file, or the name of a procedure.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Study folder.")],
+    trials: Annotated[int, typer.Option("-n", "--trials", help="Number of trials.", min=2)] = 500,
+    seed: Annotated[int, typer.Option(help="Seed of the study.", min=0)] = 0,
+    workers: Annotated[
+        int | None, typer.Option(help="Threads; as many as processors if left out.", min=1)
+    ] = None,
+) -> None:
+    """Study: simulate and calibrate many instruments; are the uncertainties right?"""
+    from foucault.campaign import study
+    from foucault.report import study as study_report
+
+    screen: Screen = ctx.obj
+    with screen.progress() as tell:
+        result = study.run(
+            load_or_template(what),
+            trials,
+            output,
+            seed=seed,
+            workers=workers or os.cpu_count() or 1,
+            progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
+        )
+        report = study_report.write(output)
+    rows = result.rows()
+    screen.table(
+        "errors against predicted standard deviations",
+        ("coefficient", "RMS / sd", "RMS / bound", "mean z", "in 68 %", "in 95 %"),
+        [
+            (
+                row["name"],
+                f"{row['ratio']:.3f}",
+                f"{row['rms_over_bound']:.3f}",
+                f"{row['mean_z']:+.2f}",
+                f"{100 * row['coverage_68']:.0f} %",
+                f"{100 * row['coverage_95']:.0f} %",
+            )
+            for row in rows
+        ],
+    )
+    checks = result.checks()
+    for check in checks:
+        screen.say(f"{'ok  ' if check.passed else 'FAIL'} {check.sentence}")
+    screen.say(f"Report: {report}")
+    screen.data(
+        {
+            "folder": str(output),
+            "report": str(report),
+            "status": dict(result.status),
+            "coefficients": rows,
+            "checks": [
+                {"name": c.name, "value": c.value, "low": c.low, "high": c.high,
+                 "passed": c.passed, "sentence": c.sentence}
+                for c in checks
+            ],
+        }
+    )  # fmt: skip
+    raise typer.Exit(0 if all(c.passed for c in checks) else 3)

@@ -1,0 +1,157 @@
+"""A C header without dependencies: constants and one inline function.
+
+Receiver's convention: ours. Readings in m/s^2 and rad/s; the function returns true specific
+force and angular rate in the same axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.export.numbers import commented, inverse, row, rows
+from foucault.export.request import FAMILIES, Counts, Request
+
+FloatArray = npt.NDArray[np.float64]
+
+CAN = FAMILIES
+
+NEWTON_STEPS = 8
+"""Each step squares the relative error: from 10 % to rounding in 4; the rest is reserve."""
+
+
+def text(wanted: Request) -> str:
+    """Write the header."""
+    model = wanted.model
+    quadratic = bool(model.accel_quadratic.any())
+    # What a user has named must not end the comment.
+    statement = [line.replace("*/", "* /") for line in wanted.statement()]
+    parts = [
+        "/*",
+        commented(statement, " *"),
+        " *",
+        " * Readings and results: accelerometers in m/s^2, gyros in rad/s. C99 and C++, nothing to",
+        " * link, no state; the results must not share memory with the readings.",
+        " */",
+        "#ifndef FOUCAULT_CALIBRATION_H",
+        "#define FOUCAULT_CALIBRATION_H",
+        "",
+        "/* Inverse of the accelerometer matrix I + S_a + M_a, and bias [m/s^2]. */",
+        _matrix("foucault_accel_inverse", inverse(model.accel_matrix)),
+        _vector("foucault_accel_bias", model.accel_bias),
+        "/* Inverse of the gyro matrix I + S_g + M_g, and bias [rad/s]. */",
+        _matrix("foucault_gyro_inverse", inverse(model.gyro_matrix)),
+        _vector("foucault_gyro_bias", model.gyro_bias),
+        "/* g-sensitivity of the gyros [rad/s per m/s^2]. */",
+        _matrix("foucault_g_sensitivity", model.g_sensitivity),
+    ]
+    if quadratic:
+        parts += [
+            "/* Accelerometer matrix [1], and quadratic terms [1/(m/s^2)]: columns fx^2, fy^2,"
+            " fz^2, fx fy, fx fz, fy fz. */",
+            _matrix("foucault_accel_matrix", model.accel_matrix),
+            _matrix("foucault_accel_quadratic", model.accel_quadratic),
+            _NEWTON.replace("STEPS", str(NEWTON_STEPS)),
+        ]
+    parts += [_FUNCTION.replace("/*NEWTON*/\n", _CALL if quadratic else "")]
+    parts += _from_counts(wanted.counts)
+    parts += ["#endif /* FOUCAULT_CALIBRATION_H */", ""]
+    return "\n".join(parts)
+
+
+def _matrix(name: str, matrix: FloatArray) -> str:
+    m, n = matrix.shape
+    return f"static const double {name}[{m}][{n}] = {{\n{rows(matrix, '{', '}')}}};\n"
+
+
+def _vector(name: str, vector: FloatArray) -> str:
+    return f"static const double {name}[3] = {{{row(vector)}}};\n"
+
+
+def _from_counts(counts: Mapping[str, Counts]) -> list[str]:
+    """Write the entry for raw counts, where both triads were logged in counts."""
+    if set(counts) != {"accel", "gyro"}:
+        return []
+    out = []
+    for name, kind in (("accel", "m/s^2"), ("gyro", "rad/s")):
+        triad = counts[name]
+        out += [
+            f"/* SI = (count - zero) * factor [{kind} per count]; counts in this order:"
+            f" {', '.join(triad.columns)}. */",
+            _vector(f"foucault_{name}_zero", triad.zero),
+            _vector(f"foucault_{name}_factor", triad.factor),
+        ]
+    return [*out, _COUNTS]
+
+
+_CALL = "    foucault_solve_quadratic(accel_raw, f_b);\n"
+
+_FUNCTION = """\
+/* True specific force f_b [m/s^2] and angular rate w_b [rad/s] from readings. */
+static inline void foucault_compensate(const double accel_raw[3], const double gyro_raw[3],
+                                       double f_b[3], double w_b[3])
+{
+    double a[3], w[3];
+    int i;
+    for (i = 0; i < 3; i++)
+        a[i] = accel_raw[i] - foucault_accel_bias[i];
+    for (i = 0; i < 3; i++)
+        f_b[i] = foucault_accel_inverse[i][0] * a[0] + foucault_accel_inverse[i][1] * a[1]
+               + foucault_accel_inverse[i][2] * a[2];
+/*NEWTON*/
+    for (i = 0; i < 3; i++)
+        w[i] = gyro_raw[i] - foucault_gyro_bias[i] - foucault_g_sensitivity[i][0] * f_b[0]
+             - foucault_g_sensitivity[i][1] * f_b[1] - foucault_g_sensitivity[i][2] * f_b[2];
+    for (i = 0; i < 3; i++)
+        w_b[i] = foucault_gyro_inverse[i][0] * w[0] + foucault_gyro_inverse[i][1] * w[1]
+               + foucault_gyro_inverse[i][2] * w[2];
+}
+"""
+
+_NEWTON = """\
+/* Newton's method for A f + b + K q(f) = reading, a fixed number of steps from f as given. */
+static inline void foucault_solve_quadratic(const double accel_raw[3], double f[3])
+{
+    int step, i, j;
+    for (step = 0; step < STEPS; step++) {
+        const double q[6] = {f[0] * f[0], f[1] * f[1], f[2] * f[2],
+                             f[0] * f[1], f[0] * f[2], f[1] * f[2]};
+        double m[3], s[3][3], c[3][3], det;
+        for (i = 0; i < 3; i++) {
+            const double *k = foucault_accel_quadratic[i];
+            const double *a = foucault_accel_matrix[i];
+            m[i] = a[0] * f[0] + a[1] * f[1] + a[2] * f[2] + foucault_accel_bias[i] - accel_raw[i];
+            for (j = 0; j < 6; j++)
+                m[i] += k[j] * q[j];
+            s[i][0] = a[0] + 2.0 * k[0] * f[0] + k[3] * f[1] + k[4] * f[2];
+            s[i][1] = a[1] + 2.0 * k[1] * f[1] + k[3] * f[0] + k[5] * f[2];
+            s[i][2] = a[2] + 2.0 * k[2] * f[2] + k[4] * f[0] + k[5] * f[1];
+        }
+        for (i = 0; i < 3; i++)      /* cofactors: indices run on in a circle */
+            for (j = 0; j < 3; j++)
+                c[i][j] = s[(i + 1) % 3][(j + 1) % 3] * s[(i + 2) % 3][(j + 2) % 3]
+                        - s[(i + 1) % 3][(j + 2) % 3] * s[(i + 2) % 3][(j + 1) % 3];
+        det = s[0][0] * c[0][0] + s[0][1] * c[0][1] + s[0][2] * c[0][2];
+        for (i = 0; i < 3; i++)
+            f[i] -= (c[0][i] * m[0] + c[1][i] * m[1] + c[2][i] * m[2]) / det;
+    }
+}
+"""
+
+_COUNTS = """\
+/* The same from raw counts, in the order stated above. */
+static inline void foucault_compensate_counts(const double accel_counts[3],
+                                              const double gyro_counts[3],
+                                              double f_b[3], double w_b[3])
+{
+    double accel_raw[3], gyro_raw[3];
+    int i;
+    for (i = 0; i < 3; i++) {
+        accel_raw[i] = (accel_counts[i] - foucault_accel_zero[i]) * foucault_accel_factor[i];
+        gyro_raw[i] = (gyro_counts[i] - foucault_gyro_zero[i]) * foucault_gyro_factor[i];
+    }
+    foucault_compensate(accel_raw, gyro_raw, f_b, w_b);
+}
+"""

@@ -1,0 +1,228 @@
+"""Remove the calibrated errors from a log, block by block, and say where it is extrapolated."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import Finding, error, finding
+from foucault.logs import own, streaming
+from foucault.models.imu import ImuModel
+from foucault.result import Level, Result
+from foucault.tables import Log
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription
+    from foucault.logs.raw import Progress
+
+FloatArray = npt.NDArray[np.float64]
+
+SHARE = 0.01
+"""A range of validity leaves out the rarest samples of its own session; more are told [1]."""
+
+MARGIN = 0.05
+"""How far beyond a range, as part of its width, still counts as inside: noise and bias [1]."""
+
+FAR = 0.5
+"""A single sample beyond a range by more than this part of its width is told [1]."""
+
+
+@dataclass(frozen=True)
+class Applied:
+    """What was written.
+
+    Attributes
+    ----------
+    path : Path
+        The calibrated log.
+    samples : int, shape ()
+        Number of samples [1].
+    findings : tuple of Finding
+        What was noticed in the log, and how much of it is outside the validity.
+    """
+
+    path: Path
+    samples: int
+    findings: tuple[Finding, ...]
+
+
+def calibrate_log(
+    result: Result,
+    description: LogDescription,
+    folder: str | Path,
+    path: str | Path,
+    *,
+    instrument: Mapping[str, Any] | None = None,
+    sha256: str = "",
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Applied:
+    """Write a calibrated log; memory does not grow with its length where the format allows.
+
+    Parameters
+    ----------
+    result : Result
+        The calibration.
+    description : LogDescription
+        The log.
+    folder : str or Path
+        Folder that relative file names start from.
+    path : str or Path
+        File to write: ``.csv``, ``.csv.gz``, ``.parquet`` or ``.npz``.
+    instrument : mapping or None
+        Name and serial number of the instrument that made the log, where known.
+    sha256 : str
+        Fingerprint of the result file, to be kept in the log.
+    force : bool
+        Go on where the result is unusable or of another instrument.
+    progress : callable or None
+        Called with the fraction done, from 0 to 1.
+
+    Returns
+    -------
+    Applied
+        What was written and what was noticed.
+    """
+    if not force:
+        _fits(result, description, instrument or {})
+    if any((Path(folder) / name).resolve() == Path(path).resolve() for name in description.files()):
+        raise error("apply.onto_itself", path=path)
+    seen = _Seen(result)
+    logs = streaming.blocks(description, folder, progress)
+    remarks = {own.CALIBRATED_KEY: _made_by(result, sha256)}
+    samples = own.write_blocks(_calibrated(result.model, logs, seen, force), path, remarks)
+    return Applied(Path(path), samples, seen.findings())
+
+
+def _fits(result: Result, description: LogDescription, instrument: Mapping[str, Any]) -> None:
+    """Refuse an unusable result, or one of an instrument that is not the log's."""
+    if result.verdict.level is Level.UNUSABLE:
+        reasons = " ".join(result.verdict.reasons) or "No reason is given."
+        raise error("apply.unusable", reasons=reasons)
+    for key, word in (("serial", "serial number"), ("name", "name")):
+        one, other = result.instrument.get(key), instrument.get(key)
+        if one and other:
+            if str(one).strip() == str(other).strip():
+                break  # the same serial number: its name may be spelled otherwise
+            raise error("apply.instrument", what=word, result=one, log=other)
+    was = (result.provenance.get("input") or {}).get("description") or {}
+    now = description.model_dump(mode="json", exclude_none=True)
+    for triad in ("accel", "gyro"):
+        scales = [(d.get(triad) or {}).get("scale") for d in (was, now)]
+        if None not in scales and _listed(scales[0]) != _listed(scales[1]):
+            raise error("apply.scale", triad=triad, result=scales[0], log=scales[1])
+
+
+def _listed(scale: Any) -> list[str]:
+    return [scale] * 3 if isinstance(scale, str) else [str(s) for s in scale]
+
+
+def _made_by(result: Result, sha256: str) -> str:
+    keep = {
+        "sha256": sha256,
+        "procedure": result.procedure,
+        "verdict": result.verdict.level.value,
+        "created": result.provenance.get("created"),
+        "instrument": {key: result.instrument.get(key) for key in ("name", "serial")},
+    }
+    return json.dumps(keep)
+
+
+def _calibrated(model: ImuModel, logs: Iterator[Log], seen: _Seen, force: bool) -> Iterator[Log]:
+    for log in logs:
+        if own.CALIBRATED in log.source.get("marker", "") and not force:
+            raise error("apply.again", file=log.source["file"])
+        if log.gyro is not None and log.accel is None and model.g_sensitivity.any():
+            raise error("apply.needs_accel", file=log.source.get("file", "The log"))
+        out = model.apply(log)
+        seen.add(log, out)
+        yield out
+
+
+@dataclass
+class _Range:
+    """How much of a log is outside one range of validity."""
+
+    what: str
+    low: float
+    high: float
+    unit: str
+    floor: float
+    scale: float = 1.0  # SI value of `unit`
+    zero: float = 0.0  # SI value that `unit` calls 0
+    count: int = 0
+    outside: int = 0
+    worst: float = 0.0
+    furthest: float = np.nan
+
+    def add(self, values: FloatArray) -> None:
+        """Count the rows of `values`, shape (n, k) [SI], with any column outside."""
+        beyond = np.maximum(self.low - values, values - self.high)
+        margin = max(MARGIN * (self.high - self.low), self.floor)
+        self.count += len(values)
+        self.outside += int((beyond > margin).any(axis=1).sum())
+        worst = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+        if beyond[worst] > self.worst:
+            self.worst, self.furthest = float(beyond[worst]), float(values[worst])
+
+    def words(self) -> str:
+        """Say how much is outside; nothing where it is not worth telling."""
+        far = max(FAR * (self.high - self.low), 2 * self.floor)
+        if not self.outside or (self.outside <= SHARE * self.count and self.worst <= far):
+            return ""
+        shown = [(v - self.zero) / self.scale for v in (self.low, self.high, self.furthest)]
+        return (
+            f"{self.what} is outside {shown[0]:.4g} to {shown[1]:.4g} {self.unit} in "
+            f"{100 * self.outside / self.count:.2g} % of the samples, at the furthest "
+            f"{shown[2]:.4g} {self.unit}"
+        )
+
+
+@dataclass
+class _Seen:
+    """What was noticed while the blocks went by."""
+
+    result: Result
+    found: list[tuple[Finding, ...]] = field(default_factory=list)
+    untouched: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.ranges: dict[str, _Range] = {}
+        for key, rest in (
+            ("accel", ("the specific force", "m/s^2", 0.0)),
+            ("gyro", ("the angular rate", "deg/s", np.radians(0.5), np.radians(1.0))),
+            ("temperature", ("the temperature", "degC", 1.0, 1.0, 273.15)),
+        ):
+            limits = self.result.validity.get(key)
+            if limits is not None and None not in limits:
+                what, unit, floor, *scale = rest
+                self.ranges[key] = _Range(what, limits[0], limits[1], unit, floor, *scale)
+
+    def add(self, log: Log, out: Log) -> None:
+        """Look at one block before and after."""
+        self.found.append(log.findings)
+        names = self.result.coefficients.names
+        for key in ("accel", "gyro", "temperature"):
+            values = getattr(out, key)
+            if values is None:
+                continue
+            if key != "temperature" and not any(name.startswith(key) for name in names):
+                self.untouched.add(key)
+            elif key in self.ranges:
+                self.ranges[key].add(values.reshape(len(out), -1))
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return everything noticed, the validity in one finding."""
+        found = list(streaming.merged(self.found))
+        words = [text for text in (r.words() for r in self.ranges.values()) if text]
+        if words:
+            text = "; ".join(words)
+            found.append(finding("apply.outside", words=text[0].upper() + text[1:]))
+        found += [finding("apply.untouched", triad=t) for t in sorted(self.untouched)]
+        return tuple(found)

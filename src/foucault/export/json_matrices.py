@@ -1,0 +1,48 @@
+"""Matrices and biases as plain JSON, forward and inverse, with the equations.
+
+Receiver's convention: ours, whatever reads it.
+"""
+
+from __future__ import annotations
+
+import json
+
+from foucault.export.numbers import inverse
+from foucault.export.request import FAMILIES, Request
+
+CAN = FAMILIES
+
+FORMAT = "foucault.export/1"
+"""Name and version of the document."""
+
+
+def text(wanted: Request) -> str:
+    """Write the document."""
+    model = wanted.model
+    out = {
+        "format": FORMAT,
+        "about": wanted.statement(),
+        "instrument": wanted.result.instrument,
+        "axes": wanted.axes,
+        "units": {"accel": "m/s^2", "gyro": "rad/s"},
+        "forward": {
+            "equation": "accel = accel_matrix f + accel_bias + accel_quadratic q(f); "
+            "gyro = gyro_matrix w + gyro_bias + g_sensitivity f; "
+            "q(f) = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)",
+            "accel_matrix": model.accel_matrix.tolist(),
+            "accel_bias": model.accel_bias.tolist(),
+            "accel_quadratic": model.accel_quadratic.tolist(),
+            "gyro_matrix": model.gyro_matrix.tolist(),
+            "gyro_bias": model.gyro_bias.tolist(),
+            "g_sensitivity": model.g_sensitivity.tolist(),
+        },
+        "inverse": {
+            "equation": "f = accel_inverse (accel - accel_bias - accel_quadratic q(f)), repeated "
+            "until f stands still where accel_quadratic is not zero; "
+            "w = gyro_inverse (gyro - gyro_bias - g_sensitivity f)",
+            "accel_inverse": inverse(model.accel_matrix).tolist(),
+            "gyro_inverse": inverse(model.gyro_matrix).tolist(),
+        },
+        "dropped": dict(zip(wanted.dropped.names, wanted.dropped.values.tolist(), strict=True)),
+    }
+    return json.dumps(out, indent=1, allow_nan=False, ensure_ascii=False) + "\n"

@@ -1,0 +1,37 @@
+"""Numbers as text that reads back to the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of `matrix`, shape (3, 3) [1]."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
+
+
+def number(value: float) -> str:
+    """Write `value` [SI] with a point: YAML 1.1 takes 1e-05 for text, 1.0e-05 for a number."""
+    text = repr(float(value) + 0.0)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text
+
+
+def row(values: FloatArray) -> str:
+    """Write `values`, shape (n,) [SI], separated by commas."""
+    return ", ".join(number(v) for v in values)
+
+
+def rows(matrix: FloatArray, opening: str, closing: str, indent: str = "    ") -> str:
+    """Write `matrix`, shape (m, n) [SI], one row per line between brackets."""
+    lines = [f"{indent}{opening}{row(line)}{closing}" for line in matrix]
+    return ",\n".join(lines)
+
+
+def commented(lines: Iterable[str], mark: str) -> str:
+    """Put a comment mark before each of `lines`."""
+    return "\n".join(f"{mark} {line}".rstrip() for line in lines)

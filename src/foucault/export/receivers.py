@@ -1,0 +1,87 @@
+"""The receivers by name, and the one function that writes for any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foucault.errors import error, suggestion
+from foucault.export.request import OWN_AXES, request
+from foucault.files import atomic
+from foucault.models.noise import ImuNoise
+from foucault.result import Result
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription
+
+RECEIVERS = {
+    "c": "c_header",
+    "python": "python_module",
+    "json": "json_matrices",
+    "csv": "csv_table",
+    "kalibr": "kalibr",
+    "imucal": "imucal",
+    "px4": "px4",
+    "ros2": "ros2",
+}
+"""Name of a receiver -> its module: ``CAN``, the families it can express, and ``text``."""
+
+
+def write(
+    result: Result,
+    receiver: str,
+    path: str | Path,
+    *,
+    axes: str | None = None,
+    drop: Iterable[str] = (),
+    noise: ImuNoise | None = None,
+    log: LogDescription | None = None,
+    force: bool = False,
+) -> Path:
+    """Write a result in the form of another program, whole or not at all.
+
+    Parameters
+    ----------
+    result : Result
+        What to export.
+    receiver : str
+        Key of `RECEIVERS`.
+    path : str or Path
+        File to write.
+    axes : str or None
+        Axes of the receiver's readings; None takes those usual with it.
+    drop : iterable of str
+        Coefficients or groups that may be left out.
+    noise : ImuNoise or None
+        Noise of the instrument, for receivers that want it [SI].
+    log : LogDescription or None
+        How the calibrated log was read, for receivers of raw counts.
+    force : bool
+        Export a result that is not usable.
+
+    Returns
+    -------
+    Path
+        The file written.
+    """
+    if receiver not in RECEIVERS:
+        hint = suggestion(receiver, RECEIVERS)
+        raise error("export.receiver", given=receiver, hint=hint, allowed=", ".join(RECEIVERS))
+    module = import_module(f"foucault.export.{RECEIVERS[receiver]}")
+    usual: str = getattr(module, "AXES", OWN_AXES)
+    wanted = request(
+        result,
+        receiver,
+        module.CAN,
+        axes=usual if axes is None else axes,
+        drop=drop,
+        noise=noise,
+        log=log,
+        force=force,
+    )
+    text = module.text(wanted)
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return Path(path)

@@ -1,0 +1,246 @@
+"""What is exported: the model in the axes of the receiver, and what is said about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.errors import error, suggestion
+from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.result import Level, Result
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription, Triad
+
+FloatArray = npt.NDArray[np.float64]
+
+FAMILIES = tuple(dict.fromkeys(name.rpartition(".")[0] for name in LAYOUT.names))
+"""Kinds of coefficients: accel.bias, accel.scale, ... gyro.g_sensitivity."""
+
+LINEAR = tuple(f for f in FAMILIES if f.endswith((".bias", ".scale", ".misalignment")))
+"""The families every receiver with two full matrices and two biases can take."""
+
+OWN_AXES = "right-forward-up"
+AXES: dict[str, FloatArray] = {
+    OWN_AXES: np.eye(3),
+    "forward-right-down": np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]),
+    "forward-left-up": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
+}
+"""Axes a receiver may have its readings in, as C_sb: x_s = C_sb @ x_b."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Raw counts of one triad: SI = (count - zero) * factor, in the axes of the export.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        The columns of the log, in the order the counts are to be given.
+    zero : ndarray, shape (3,)
+        Count that means zero [count].
+    factor : ndarray, shape (3,)
+        SI value of one count, with the sign of the axis [SI/count].
+    """
+
+    columns: tuple[str, ...]
+    zero: FloatArray
+    factor: FloatArray
+
+
+@dataclass(frozen=True)
+class Request:
+    """One export.
+
+    Attributes
+    ----------
+    result : Result
+        Where the coefficients come from.
+    model : ImuModel
+        Their matrices without what is dropped, input and output in `axes` [SI].
+    axes : str
+        Key of `AXES`.
+    dropped : CoefficientVector
+        What is left out, as it was [SI].
+    noise : ImuNoise or None
+        Noise of the instrument, where known [SI].
+    counts : dict of str to Counts
+        How raw counts become SI, for the triads whose log was in counts.
+    """
+
+    result: Result
+    model: ImuModel
+    axes: str
+    dropped: CoefficientVector
+    noise: ImuNoise | None
+    counts: Mapping[str, Counts]
+
+    def statement(self) -> list[str]:
+        """Return what every exported file says of itself, line by line."""
+        result, made = self.result, self.result.provenance
+        given = {key: result.instrument.get(key) for key in ("name", "serial")}
+        instrument = ", ".join(f"{key} {value}" for key, value in given.items() if value)
+        lines = [
+            f"Calibration by foucault {(made.get('versions') or {}).get('foucault', '')}".rstrip()
+            + f", procedure {result.procedure}"
+            + (f", {made['created']}" if made.get("created") else "")
+            + ".",
+            f"Instrument: {instrument or 'not named'}. Verdict: {result.verdict.level}.",
+            f"Model: {result.equation}",
+            "Signs: a bias is measured minus true; at rest the axis that points up reads +1 g.",
+            f"Axes: {self.axes}"
+            + (" (the axes of the result)" if self.axes == OWN_AXES else "")
+            + f"; defined by: {result.gauge}.",
+        ]
+        lines += [f"Valid for: {words}." for words in _validity(result.validity)]
+        if len(self.dropped):
+            lines += ["LOST, because it was dropped on request (the numbers are in SI units):"]
+            lines += [
+                f"  {c.name} = {value!r} {c.unit}"
+                for c, value in zip(
+                    self.dropped.layout.coefficients, self.dropped.values.tolist(), strict=True
+                )
+            ]
+        return [" ".join(line.split()) if line[0] != " " else line for line in lines]
+
+
+def request(
+    result: Result,
+    receiver: str,
+    can: Sequence[str],
+    *,
+    axes: str = OWN_AXES,
+    drop: Iterable[str] = (),
+    noise: ImuNoise | None = None,
+    log: LogDescription | None = None,
+    force: bool = False,
+) -> Request:
+    """Check that a result can be exported, and bring it into the axes of the receiver.
+
+    Parameters
+    ----------
+    result : Result
+        What to export.
+    receiver : str
+        Name of the receiver, for the texts.
+    can : sequence of str
+        Families of coefficients that it can express.
+    axes : str
+        Key of `AXES`: the axes of its readings.
+    drop : iterable of str
+        Coefficients or groups that may be left out.
+    noise : ImuNoise or None
+        Noise of the instrument [SI].
+    log : LogDescription or None
+        How the calibrated log was read, for raw counts.
+    force : bool
+        Export a result that is not usable.
+
+    Returns
+    -------
+    Request
+        What the receiver's file is written from.
+    """
+    vector = result.coefficients
+    if not np.isfinite(vector.values).all():
+        raise error("export.not_finite", procedure=result.procedure)
+    if result.verdict.level is Level.UNUSABLE and not force:
+        reasons = " ".join(result.verdict.reasons) or "No reason is given."
+        raise error("export.unusable", reasons=reasons)
+    if axes not in AXES:
+        hint = suggestion(axes, AXES)
+        raise error("export.axes", given=axes, hint=hint, allowed=", ".join(AXES))
+    dropped = _dropped(vector, drop)
+    kept = vector.with_values(dict.fromkeys(dropped.names, 0.0))
+    lost = [
+        name
+        for name, value in zip(kept.names, kept.values, strict=True)
+        if value != 0 and name.rpartition(".")[0] not in can
+    ]
+    if lost:
+        families = list(dict.fromkeys(name.rpartition(".")[0] for name in lost))
+        raise error(
+            "export.inexpressible",
+            receiver=receiver,
+            terms=", ".join(lost),
+            options=" ".join(f"--drop {family}" for family in families),
+        )
+    model = in_axes(ImuModel.from_coefficients(kept), AXES[axes])
+    return Request(result, model, axes, dropped, noise, _counts(log, AXES[axes]))
+
+
+def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
+    """Express readings and true values in other axes.
+
+    Parameters
+    ----------
+    model : ImuModel
+        The model in axes b [SI].
+    C_sb : ndarray, shape (3, 3)
+        Rotation to the other axes, x_s = C_sb @ x_b [1].
+    """
+    turned = model.rotated(C_sb)
+    return replace(
+        turned,
+        accel_matrix=C_sb @ turned.accel_matrix,
+        accel_bias=C_sb @ turned.accel_bias,
+        accel_quadratic=C_sb @ turned.accel_quadratic,
+        gyro_matrix=C_sb @ turned.gyro_matrix,
+        gyro_bias=C_sb @ turned.gyro_bias,
+        g_sensitivity=C_sb @ turned.g_sensitivity,
+    )
+
+
+def _dropped(vector: CoefficientVector, drop: Iterable[str]) -> CoefficientVector:
+    """Return the coefficients to leave out; what the result does not have is no mistake."""
+    wanted: set[str] = set()
+    for name in drop:
+        wanted |= {LAYOUT.names[i] for i in LAYOUT.group(name)}  # raises with a suggestion
+    names = [
+        name
+        for name, value in zip(vector.names, vector.values, strict=True)
+        if name in wanted and value != 0
+    ]
+    return CoefficientVector(
+        vector.layout.subset(names), np.array([vector.value(name) for name in names])
+    )
+
+
+def _counts(log: LogDescription | None, C_sb: FloatArray) -> dict[str, Counts]:
+    if log is None:
+        return {}
+    out = {}
+    for name in ("accel", "gyro"):
+        block: Triad | None = getattr(log, name)
+        if block is None or block.scale is None or block.columns is None:
+            continue
+        zero, factor = block.conversion()
+        columns = [str(column) for column in block.columns]
+        flip = np.array([-1.0 if column.startswith("-") else 1.0 for column in columns])
+        at = np.argmax(np.abs(C_sb), axis=1)
+        sign = C_sb[np.arange(3), at]
+        out[name] = Counts(
+            tuple(columns[i].removeprefix("-") for i in at),
+            zero[at] + 0.0,
+            (factor * flip)[at] * sign,
+        )
+    return out
+
+
+def _validity(validity: Mapping[str, Any]) -> list[str]:
+    out = []
+    for key, what, unit in (
+        ("accel", "specific force", "m/s^2"),
+        ("gyro", "angular rate", "rad/s"),
+        ("temperature", "temperature", "K"),
+    ):
+        limits = validity.get(key)
+        if limits is not None and None not in limits:
+            out.append(f"{what} of {limits[0]:.6g} to {limits[1]:.6g} {unit}")
+    return out

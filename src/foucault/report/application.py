@@ -1,0 +1,91 @@
+"""How a result is applied: its equation, commands, Python, and the numbers as matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.imu import EQUATION, INVERSE, ImuModel
+from foucault.report.page import Block, Code, Equation, Section, Text
+from foucault.result import Result
+
+FloatArray = npt.NDArray[np.float64]
+
+_COMMANDS = """\
+foucault apply result.json LOG -o compensated.parquet
+foucault export result.json --to c -o calibration.h"""
+
+_PYTHON = """\
+import foucault
+
+result = foucault.load_result("result.json")
+print(result.verdict.level, result.coefficients, sep="\\n")
+# accel [m/s^2] and gyro [rad/s]: readings, each with shape (n, 3)
+f_b, w_ib_b = result.model.compensate(accel, gyro)"""
+
+
+def how_to_apply(result: Result) -> Section | None:
+    """Equation, command, a few lines of Python, and the matrices."""
+    said, meant = _split(result.equation)
+    blocks: list[Block] = [Equation(said)] if said else []
+    blocks += [Text(line[0].upper() + line[1:] + ".") for line in meant]
+    imu = result.equation == EQUATION and bool(np.isfinite(result.coefficients.values).all())
+    if imu:
+        blocks += [Text("Solved for what is true:"), Equation(_split(INVERSE)[0])]
+    blocks += [Text("On the command line, from the run folder:"), Code(_COMMANDS)]
+    blocks += [Text("In Python:"), Code(_PYTHON)]
+    if imu:
+        blocks += [Text("The numbers alone, in SI units:"), Code(numbers(result))]
+    return Section("How to apply it", "The instrument says, for what is true:", blocks)
+
+
+def _split(equation: str) -> tuple[list[str], list[str]]:
+    """Part the equations from the words that explain them."""
+    parts = [part.strip() for part in equation.split(";") if part.strip()]
+    said = [part for part in parts if "=" in part]
+    meant = [part for part in parts if "=" not in part]
+    return said, meant
+
+
+def numbers(result: Result) -> str:
+    """Return the matrices of an IMU result as lines of Python that compensate readings."""
+    model = result.model
+    triads = {name.partition(".")[0] for name in result.coefficients.names}
+    lines = ["import numpy as np", ""]
+    if "accel" in triads:
+        lines += [_array("A", model.accel_matrix, "I + S_a + M_a [1]")]
+        lines += [_array("b_a", model.accel_bias, "[m/s^2]")]
+    if "gyro" in triads:
+        lines += [_array("W", model.gyro_matrix, "I + S_g + M_g [1]")]
+        lines += [_array("b_g", model.gyro_bias, "[rad/s]")]
+        if model.g_sensitivity.any():
+            lines += [_array("G", model.g_sensitivity, "[rad/s/(m/s^2)]")]
+    return "\n".join([*lines, *_use(model, triads)])
+
+
+def _use(model: ImuModel, triads: set[str]) -> list[str]:
+    """Lines that use the matrices; the quadratic terms have no closed inverse."""
+    if model.accel_quadratic.any():
+        return [
+            _array("K_a", model.accel_quadratic, "[1/(m/s^2)], columns q(f)"),
+            "# With quadratic terms use foucault.load_result(...).model.compensate.",
+        ]
+    g = " - f_b @ G.T" if model.g_sensitivity.any() else ""
+    out = [""]
+    if "accel" in triads:
+        out.append("f_b = (accel - b_a) @ np.linalg.inv(A).T  # accel: shape (n, 3) [m/s^2]")
+    if "gyro" in triads:
+        out.append(f"w_ib_b = (gyro - b_g{g}) @ np.linalg.inv(W).T  # gyro: shape (n, 3) [rad/s]")
+    return out
+
+
+def _array(name: str, values: FloatArray, unit: str) -> str:
+    """Write an array as Python, to 12 digits."""
+    if values.ndim == 1:
+        return f"{name} = np.array({_row(values)})  # {unit}"
+    rows = "\n".join(f"    {_row(row)}," for row in values)
+    return f"{name} = np.array([  # {unit}\n{rows}\n])"
+
+
+def _row(values: FloatArray) -> str:
+    return "[" + ", ".join(f"{v:.12g}" for v in values.tolist()) + "]"

@@ -1,0 +1,92 @@
+"""What cannot be exported is refused in a sentence that says what to do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foucault.errors import FoucaultError
+from foucault.export import write
+from foucault.result import Level, Result
+from make_terms import with_terms
+
+
+def refused(result: Result, receiver: str, path: Path, **options: object) -> FoucaultError:
+    before = sorted(path.parent.iterdir())
+    with pytest.raises(FoucaultError) as caught:
+        write(result, receiver, path, **options)  # type: ignore[arg-type]
+    assert sorted(path.parent.iterdir()) == before
+    return caught.value
+
+
+def test_terms_the_receiver_has_no_place_for_are_named(tmp_path: Path) -> None:
+    result = with_terms("accel.bias", "gyro.bias", "gyro.scale", "accel.cross")
+    problem = refused(result, "px4", tmp_path / "p")
+    assert problem.code == "export.inexpressible"
+    assert problem.message.startswith("px4 cannot express accel.cross.xyy, accel.cross.xzz, ")
+    assert problem.message.endswith("gyro.scale.x, gyro.scale.y, gyro.scale.z.")
+    assert "--drop accel.cross --drop gyro.scale. The loss is written" in problem.cure
+
+
+def test_some_dropped_the_rest_still_refused(tmp_path: Path) -> None:
+    result = with_terms("gyro.scale")
+    drop = ["gyro.scale.x", "gyro.scale.z"]
+    problem = refused(result, "px4", tmp_path / "p", drop=drop)
+    assert problem.message == "px4 cannot express gyro.scale.y."
+    text = write(result, "px4", tmp_path / "p", drop=["gyro"]).read_text()
+    assert "CAL_GYRO0_XOFF 0.0" in text
+
+
+def test_a_term_of_zero_is_no_loss(tmp_path: Path) -> None:
+    result = with_terms("gyro.scale", "gyro.bias")
+    zero = result.coefficients.with_values({f"gyro.scale.{a}": 0.0 for a in "xyz"})
+    text = write(replace(result, coefficients=zero), "px4", tmp_path / "p").read_text()
+    assert "LOST" not in text
+
+
+def test_a_misspelt_term_gets_a_suggestion(tmp_path: Path) -> None:
+    problem = refused(with_terms("gyro.bias"), "px4", tmp_path / "p", drop=["gyro.bias.u"])
+    assert "Did you mean 'gyro.bias." in str(problem)
+
+
+def test_unknown_receiver_and_axes(tmp_path: Path) -> None:
+    result = with_terms("gyro.bias")
+    problem = refused(result, "px3", tmp_path / "p")
+    assert problem.message == "There is no export to 'px3'. Did you mean 'px4'?"
+    assert problem.cure == "Receivers are: c, python, json, csv, kalibr, imucal, px4, ros2."
+    problem = refused(result, "c", tmp_path / "p", axes="forward-right-up")
+    assert problem.code == "export.axes"
+    assert "Did you mean 'forward-" in problem.message
+    problem = refused(result, "csv", tmp_path / "p", axes="forward-left-up")
+    assert "always in the axes right-forward-up, not 'forward-left-up'" in problem.message
+
+
+def test_an_unusable_result_needs_force(tmp_path: Path) -> None:
+    result = with_terms("gyro.bias", level=Level.UNUSABLE)
+    problem = refused(result, "json", tmp_path / "p")
+    assert problem.code == "export.unusable"
+    assert "7 rests cannot determine 9" in problem.message
+    assert "--force" in problem.cure
+    assert "Verdict: unusable" in write(result, "json", tmp_path / "p", force=True).read_text()
+
+
+def test_numbers_that_are_none_are_never_exported(tmp_path: Path) -> None:
+    result = with_terms("gyro.bias")
+    vector = result.coefficients.with_values({"gyro.bias.x": np.nan})
+    for force in (False, True):
+        problem = refused(replace(result, coefficients=vector), "c", tmp_path / "p", force=force)
+        assert problem.code == "export.not_finite"
+
+
+def test_a_target_that_cannot_be_written(tmp_path: Path) -> None:
+    result = with_terms("gyro.bias")
+    (tmp_path / "old.h").write_text("old")
+    with pytest.raises(FoucaultError, match="cannot be written: No such file or directory"):
+        write(result, "c", tmp_path / "missing" / "x.h")
+    with pytest.raises(FoucaultError, match="it is a folder"):
+        write(result, "c", tmp_path)
+    write(result, "c", tmp_path / "old.h")
+    assert (tmp_path / "old.h").read_text().startswith("/*")

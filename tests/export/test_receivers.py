@@ -1,0 +1,342 @@
+"""Each receiver, doing what it does with the exported numbers, gets what `Result.apply` gets."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import io
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from foucault.export import RECEIVERS, write
+from foucault.export.kalibr import CAN as KALIBR
+from foucault.export.request import AXES, FAMILIES, in_axes
+from foucault.logs.description import LogDescription
+from foucault.models.imu import Gauge
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.result import Result
+from make_terms import SIZES, Readings, Same, with_terms
+
+COUNTS = LogDescription.model_validate(
+    {
+        "file": "log.csv",
+        "time": {"column": "t", "unit": "s"},
+        "gyro": {
+            "columns": ["wx", "-wy", "wz"], "unit": "count",
+            "scale": ["4778 count/(rad/s)", "4800 count/(rad/s)", "4760 count/(rad/s)"],
+            "zero": [32768, 32770, 32700],
+        },
+        "accel": {
+            "columns": ["fy", "fx", "-fz"], "unit": "count", "reads": "gravity",
+            "scale": "415 count/(m/s^2)", "zero": 32768,
+        },
+    }
+)  # fmt: skip
+
+
+# -- C ----------------------------------------------------------------------------------------
+
+MAIN = r"""
+#include <stdio.h>
+#include "calibration.h"
+int main(void)
+{
+    double a[3], g[3], f[3], w[3];
+    while (scanf("%lf %lf %lf %lf %lf %lf", a, a + 1, a + 2, g, g + 1, g + 2) == 6) {
+        FUNCTION(a, g, f, w);
+        printf("%.17g %.17g %.17g %.17g %.17g %.17g\n", f[0], f[1], f[2], w[0], w[1], w[2]);
+    }
+    return 0;
+}
+"""
+
+
+def run_c(folder: Path, accel: np.ndarray, gyro: np.ndarray, function: str) -> np.ndarray:
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler on this machine")
+    (folder / "main.c").write_text(MAIN)
+    flags = [
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-pedantic",
+        "-Werror",
+        "-O2",
+        f"-DFUNCTION={function}",
+    ]
+    subprocess.run([compiler, *flags, "main.c", "-o", "program"], cwd=folder, check=True)
+    lines = "\n".join(" ".join(map(repr, row)) for row in np.hstack([accel, gyro]).tolist())
+    out = subprocess.run(
+        [folder / "program"], input=lines, capture_output=True, text=True, check=True
+    ).stdout
+    return np.array([line.split() for line in out.splitlines()], float)
+
+
+@pytest.mark.parametrize("which", ["full", "linear"])
+def test_c(which: str, request: Any, readings: Readings, tmp_path: Path, same: Same) -> None:
+    result: Result = request.getfixturevalue(which)
+    header = write(result, "c", tmp_path / "calibration.h").read_text()
+    assert ("foucault_solve_quadratic" in header) == (which == "full")
+    assert "m/s^2" in header
+    assert "malloc" not in header
+    assert "foucault_compensate_counts" not in header  # nothing is known of counts
+    f_b, w_b = result.model.compensate(*readings)
+    got = run_c(tmp_path, *readings, "foucault_compensate")
+    same(got[:, :3], f_b)
+    same(got[:, 3:], w_b)
+
+
+@pytest.mark.parametrize("axes", list(AXES))
+def test_c_from_counts(
+    axes: str, full: Result, readings: Readings, tmp_path: Path, same: Same
+) -> None:
+    write(full, "c", tmp_path / "calibration.h", log=COUNTS, axes=axes)
+    C_sb = AXES[axes]
+    counts, true = [], []
+    for name, values in zip(("accel", "gyro"), readings, strict=True):
+        block = getattr(COUNTS, name)
+        zero, factor = block.conversion()
+        flip = [-1.0 if c.startswith("-") else 1.0 for c in block.columns]
+        raw = values / (factor * flip) + zero  # in the order of the columns
+        order = np.argmax(np.abs(C_sb), axis=1)
+        counts.append(raw[:, order])
+    true = [v @ C_sb.T for v in full.model.compensate(*readings)]
+    got = run_c(tmp_path, *counts, "foucault_compensate_counts")
+    # A count near 5e4 carries rounding of 1e-16 of it, which is a few 1e-12 of the readings.
+    np.testing.assert_allclose(got[:, :3], true[0], atol=1e-11 * np.abs(true[0]).max())
+    np.testing.assert_allclose(got[:, 3:], true[1], atol=1e-11 * np.abs(true[1]).max())
+    text = (tmp_path / "calibration.h").read_text()
+    names = [COUNTS.accel.columns[i].removeprefix("-") for i in order]
+    assert f"in this order: {', '.join(names)}" in text
+
+
+def test_c_survives_what_a_user_may_call_his_instrument(tmp_path: Path) -> None:
+    result = with_terms("accel.bias", instrument={"name": "IMU */ #error\n\\", "serial": "1"})
+    write(result, "c", tmp_path / "calibration.h")
+    got = run_c(tmp_path, np.zeros((1, 3)), np.zeros((1, 3)), "foucault_compensate")
+    np.testing.assert_allclose(got[0, :3], -result.model.accel_bias, rtol=1e-15)
+
+
+# -- Python -----------------------------------------------------------------------------------
+
+
+def load(path: Path) -> Any:
+    spec = importlib.util.spec_from_file_location("exported", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("which", ["full", "linear"])
+def test_python(which: str, request: Any, readings: Readings, tmp_path: Path, same: Same) -> None:
+    result: Result = request.getfixturevalue(which)
+    path = write(result, "python", tmp_path / "calibration.py")
+    assert "import" not in path.read_text().replace("important", "")
+    module = load(path)
+    f_b, w_b = result.model.compensate(*readings)
+    got = [module.compensate(a, g) for a, g in zip(*(r.tolist() for r in readings), strict=True)]
+    same([f for f, _ in got], f_b)
+    same([w for _, w in got], w_b)
+
+
+def test_python_from_counts(full: Result, readings: Readings, tmp_path: Path) -> None:
+    module = load(write(full, "python", tmp_path / "calibration.py", log=COUNTS))
+    counts = []
+    for name, values in zip(("accel", "gyro"), readings, strict=True):
+        block = getattr(COUNTS, name)
+        zero, factor = block.conversion()
+        flip = [-1.0 if c.startswith("-") else 1.0 for c in block.columns]
+        counts.append(values / (factor * flip) + zero)
+    f_b, w_b = full.model.compensate(*readings)
+    f, w = module.compensate_counts(counts[0][3].tolist(), counts[1][3].tolist())
+    np.testing.assert_allclose(f, f_b[3], rtol=1e-11)
+    np.testing.assert_allclose(w, w_b[3], rtol=1e-11)
+
+
+# -- JSON and CSV -----------------------------------------------------------------------------
+
+
+def test_json(full: Result, readings: Readings, tmp_path: Path, same: Same) -> None:
+    doc = json.loads(write(full, "json", tmp_path / "calibration.json").read_text())
+    accel, gyro = readings
+    go, back = (
+        doc["forward"],
+        {k: np.array(v) for k, v in doc["inverse"].items() if k != "equation"},
+    )
+
+    def q(f: np.ndarray) -> np.ndarray:
+        x, y, z = f.T
+        return np.column_stack([x * x, y * y, z * z, x * y, x * z, y * z])
+
+    f = (accel - go["accel_bias"]) @ back["accel_inverse"].T
+    for _ in range(60):  # as the file says: repeated until f stands still
+        rest = accel - go["accel_bias"] - q(f) @ np.transpose(go["accel_quadratic"])
+        f = rest @ back["accel_inverse"].T
+    w = (gyro - go["gyro_bias"] - f @ np.transpose(go["g_sensitivity"])) @ back["gyro_inverse"].T
+    f_b, w_b = full.model.compensate(accel, gyro)
+    same(f, f_b)
+    same(w, w_b)
+    again = f @ np.transpose(go["accel_matrix"]) + go["accel_bias"]
+    same(again + q(f) @ np.transpose(go["accel_quadratic"]), accel)
+    assert doc["units"] == {"accel": "m/s^2", "gyro": "rad/s"}
+
+
+def test_csv(full: Result, tmp_path: Path) -> None:
+    text = write(full, "csv", tmp_path / "calibration.csv").read_text()
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(io.StringIO("\n".join(lines))))
+    vector = full.coefficients
+    assert [row["name"] for row in rows] == list(vector.names)
+    assert [float(row["value"]) for row in rows] == vector.values.tolist()
+    assert [row["unit"] for row in rows] == [c.unit for c in vector.layout.coefficients]
+    cov = [[float(row[f"cov:{name}"]) for name in vector.names] for row in rows]
+    np.testing.assert_array_equal(cov, vector.cov)
+
+
+def test_csv_leaves_out_what_is_dropped(full: Result, tmp_path: Path) -> None:
+    text = write(full, "csv", tmp_path / "c.csv", drop=["accel.cross"]).read_text()
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    assert not any("accel.cross" in line for line in lines)
+    assert "LOST" in text
+    assert "accel.cross.xyy = " in text
+
+
+# -- other programs ---------------------------------------------------------------------------
+
+
+def test_imucal_itself_applies_it(readings: Readings, tmp_path: Path, same: Same) -> None:
+    imucal = pytest.importorskip("imucal", reason="imucal is in the bench extra")
+    result = with_terms(*(f for f in SIZES if not f.startswith(("accel.quad", "accel.cross"))))
+    path = write(result, "imucal", tmp_path / "imucal.json")
+    info = imucal.CalibrationInfo.from_json(path.read_text())
+    assert isinstance(info, imucal.FerrarisCalibrationInfo)
+    accel, gyro = readings
+    f, w = info.calibrate(accel, np.degrees(gyro), "m/s^2", "deg/s")
+    f_b, w_b = result.model.compensate(accel, gyro)
+    same(f, f_b)
+    same(np.radians(w), w_b)
+    np.testing.assert_array_equal(info.K_a, np.diag(np.diag(info.K_a)))
+    assert "Instrument: name MTi-28, serial 0180-2214" in info.comment
+
+
+def yaml(path: Path) -> Any:
+    """Read the YAML that we write: with PyYAML where it is there."""
+    return pytest.importorskip("yaml").safe_load(path.read_text())
+
+
+def test_kalibr(tmp_path: Path, same: Same) -> None:
+    result = with_terms(*KALIBR)
+    noise = ImuNoise(TriadNoise(white=1e-3, random_walk=2e-5), TriadNoise(white=3e-4))
+    doc = yaml(write(result, "kalibr", tmp_path / "imu.yaml", noise=noise))
+    assert doc["model"] == "scale-misalignment"
+    assert doc["accelerometer_noise_density"] == 1e-3
+    assert doc["accelerometer_random_walk"] == 2e-5
+    assert doc["gyroscope_noise_density"] == 3e-4
+    assert "gyroscope_random_walk" not in doc  # not known, so not made up
+    M_a, M_g = np.array(doc["accelerometers"]["M"]), np.array(doc["gyroscopes"]["M"])
+    A, C = np.array(doc["gyroscopes"]["A"]), np.array(doc["gyroscopes"]["C_gyro_i"])
+    assert not np.triu(M_a, 1).any()
+    assert not np.triu(M_g, 1).any()
+    np.testing.assert_allclose(C @ C.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(C) > 0
+    rng = np.random.default_rng(1)
+    f, w = rng.uniform(-20, 20, (2, 30, 3))
+    accel = f @ M_a.T
+    gyro = (w @ C.T) @ M_g.T + (f @ C.T) @ A.T
+    want_f, want_w = result.model.compensate(accel, gyro)
+    same(f, want_f)
+    same(w, want_w)
+
+
+def test_kalibr_takes_measured_noise_and_the_rate(tmp_path: Path) -> None:
+    result = with_terms(
+        "accel.scale",
+        validity={"rate": 100.0},
+        diagnostics={"noise": {"accel_white": [1e-3, 1e-3, 1e-3], "gyro_white": [3e-4, 4e-4, 0]}},
+    )
+    path = write(result, "kalibr", tmp_path / "imu.yaml")
+    doc = yaml(path)
+    assert doc["update_rate"] == 100.0
+    assert doc["accelerometer_noise_density"] == pytest.approx(1e-3)
+    assert doc["gyroscope_noise_density"] == pytest.approx(np.sqrt(25e-8 / 3))
+    assert "# gyroscope_random_walk: not known to the result" in path.read_text()
+
+
+def test_kalibr_in_another_gauge_turns_the_frame(tmp_path: Path, same: Same) -> None:
+    lower = with_terms(*KALIBR)
+    model, _ = lower.model.in_gauge(Gauge.UPPER)
+    names = [n for n in model.coefficients().names if n.rpartition(".")[0] in KALIBR]
+    upper = with_terms(*KALIBR, gauge=Gauge.UPPER.value)
+    object.__setattr__(upper, "coefficients", model.coefficients(names))
+    path = write(upper, "kalibr", tmp_path / "imu.yaml")
+    assert "# Frame i is turned by" in path.read_text()
+    same(np.array(yaml(path)["accelerometers"]["M"]), lower.model.accel_matrix)
+
+
+@pytest.mark.parametrize("axes", [None, "right-forward-up"])
+def test_px4(axes: str | None, readings: Readings, tmp_path: Path, same: Same) -> None:
+    result = with_terms("accel.bias", "accel.scale", "gyro.bias")
+    path = write(result, "px4", tmp_path / "px4.params", axes=axes)
+    lines = [line.split() for line in path.read_text().splitlines() if line.startswith("param set")]
+    value = {name: float(number) for _, _, name, number in lines}
+    off, scale, gyro_off = (
+        np.array([value[f"CAL_{key.format(axis)}"] for axis in "XYZ"])
+        for key in ("ACC0_{}OFF", "ACC0_{}SCALE", "GYRO0_{}OFF")
+    )
+    C_sb = AXES[axes or "forward-right-down"]
+    accel, gyro = readings
+    f_b, w_b = result.model.compensate(accel, gyro)
+    same((accel @ C_sb.T - off) * scale, f_b @ C_sb.T)
+    same(gyro @ C_sb.T - gyro_off, w_b @ C_sb.T)
+
+
+def test_ros2(readings: Readings, tmp_path: Path, same: Same) -> None:
+    result = with_terms("accel.bias", "accel.scale", "accel.misalignment")
+    doc = yaml(write(result, "ros2", tmp_path / "imu_calib.yaml"))
+    assert set(doc) == {"SM", "bias"}
+    SM = np.array(doc["SM"]).reshape(3, 3)
+    same(readings[0] @ SM.T - doc["bias"], result.model.compensate(readings[0], None)[0])
+
+
+@pytest.mark.parametrize("axes", list(AXES))
+def test_axes_turn_readings_and_truth_together(
+    axes: str, full: Result, readings: Readings, same: Same
+) -> None:
+    C = AXES[axes]
+    assert np.linalg.det(C) == pytest.approx(1.0)
+    turned = in_axes(full.model, C)
+    f_b, w_b = full.model.compensate(*readings)
+    f_s, w_s = turned.compensate(*(r @ C.T for r in readings))
+    same(f_s, f_b @ C.T)
+    same(w_s, w_b @ C.T)
+
+
+# -- what every file says ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("receiver", list(RECEIVERS))
+def test_every_file_says_what_it_is_and_what_is_lost(receiver: str, tmp_path: Path) -> None:
+    module = importlib.import_module(f"foucault.export.{RECEIVERS[receiver]}")
+    result = with_terms(*FAMILIES)
+    drop = [f for f in FAMILIES if f not in module.CAN] or ["gyro.scale"]
+    path = write(result, receiver, tmp_path / "out", drop=drop)
+    text = path.read_text()
+    for words in (
+        "Calibration by foucault", "serial 0180-2214", "Verdict: pass", "(I + S_a + M_a) f",
+        "a bias is measured minus true", "LOST", "x accelerometer input axis",
+    ):  # fmt: skip
+        assert words in text, words
+    lost = [n for n in result.coefficients.names if n.rpartition(".")[0] in drop]
+    for name in lost:
+        assert f"{name} = {result.coefficients.value(name)!r}" in text
+    docs = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+    assert f"## {receiver}" in docs.lower()

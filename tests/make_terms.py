@@ -1,0 +1,42 @@
+"""Results with chosen terms, larger than any real instrument's, for tests of what applies them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from foucault.coefficients import CoefficientVector
+from foucault.models.imu import LAYOUT, LINEAR_LOWER
+from foucault.result import Result
+from make_result import make_result
+
+Same = Callable[[Any, Any], None]
+Readings = tuple[np.ndarray, np.ndarray]
+
+SIZES = {
+    "accel.bias": 0.3, "accel.scale": 0.02, "accel.misalignment": 0.01,
+    "accel.quadratic": 3e-4, "accel.cross": 2e-4,
+    "gyro.bias": 0.02, "gyro.scale": 0.02, "gyro.misalignment": 0.01,
+    "gyro.g_sensitivity": 2e-4,
+}  # fmt: skip
+"""Large, so that a wrong sign or transpose shows [SI]."""
+
+
+def with_terms(*families: str, seed: int = 5, **changes: Any) -> Result:
+    """Return a result with random coefficients of these families."""
+    rng = np.random.default_rng(seed)
+    names = [
+        n
+        for n in LAYOUT.names
+        if n.rpartition(".")[0] in families
+        and (n in LINEAR_LOWER or not n.startswith("accel.misalignment"))
+    ]
+    values = np.array([SIZES[n.rpartition(".")[0]] * rng.uniform(0.3, 1) for n in names])
+    values *= rng.choice([-1.0, 1.0], len(values))
+    root = rng.normal(size=(len(names), len(names)))
+    cov = root @ root.T * np.outer(values, values) * 1e-4
+    vector = CoefficientVector(LAYOUT.subset(names), values, (cov + cov.T) / 2)
+    return replace(make_result(**changes), coefficients=vector, tables={})

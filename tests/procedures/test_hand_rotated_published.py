@@ -1,0 +1,73 @@
+"""The published recipe as a procedure: what it finds, and what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from foucault.errors import FoucaultError
+from foucault.models.imu import LINEAR_LOWER
+from foucault.models.noise import ImuNoise, grade
+from foucault.plans.hand_rotated import hand_plan
+from foucault.procedures import hand_rotated_published as published
+from foucault.result import Level
+from foucault.simulate.hand_rotated import draw_errors, simulate
+from make_session import BLIND
+
+SETTINGS = published.Settings(initial_rest="8 s")
+
+
+@cache
+def made():
+    model = draw_errors("tactical", 2)
+    noise = grade("tactical").noise
+    return simulate(hand_plan(16, 3.0, 2.0, 10.0, 4), model=model, noise=noise, site=BLIND, seed=5)
+
+
+def test_it_finds_the_errors_to_its_own_uncertainty():
+    result = published.calibrate(made().log, site=BLIND, settings=SETTINGS)
+    assert result.verdict.level is Level.PASS
+    assert result.procedure == "hand_rotated_published"
+    assert len(result.tables["rests"]["start"]) == 16
+    assert set(result.coefficients.names) == set(LINEAR_LOWER)
+    truth = made().model.coefficients(result.coefficients.names).values
+    # Single samples at rest share nothing but white noise, so the accelerometers' covariance
+    # is right; that of the gyros is what 45 residuals suggest. 4.5 sd: 1 % over 21 with those
+    # 30 degrees of freedom.
+    z = (result.coefficients.values - truth) / result.coefficients.sd
+    assert np.abs(z).max() < 4.5
+    assert not result.coefficients.free[list(result.coefficients.names).index("gyro.bias.x")]
+    assert len(result.diagnostics["costs"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [({"noise": ImuNoise()}, "[noise]"), ({"prior": {"gyro.bias": (0.0, 1.0)}}, "[prior]")],
+)
+def test_it_has_no_place_for_noise_and_prior(words, what):
+    with pytest.raises(FoucaultError) as caught:
+        published.calibrate(made().log, site=BLIND, settings=SETTINGS, **words)
+    assert caught.value.code == "published.unweighted"
+    assert what in caught.value.message
+
+
+def test_it_refuses_what_the_better_procedure_refuses():
+    log = made().log
+    for wrong, code in (
+        (replace(log, gyro=log.gyro[:, [1, 0, 2]]), "gyro.left_handed"),
+        (replace(log, accel=log.accel / 9.80665), "accel.scale_impossible"),
+        (log[:1500], "rests.too_few"),
+        (replace(log, accel=None), "session.no_accel"),
+    ):
+        with pytest.raises(FoucaultError) as caught:
+            published.calibrate(wrong, site=BLIND, settings=SETTINGS)
+        assert caught.value.code == code
+
+
+def test_accelerometers_alone():
+    result = published.calibrate(replace(made().log, gyro=None), site=BLIND, settings=SETTINGS)
+    assert all(n.startswith("accel.") for n in result.coefficients.names)
+    assert len(result.diagnostics["costs"]) == 1
