@@ -1,247 +1,23 @@
-"""Find rests while they happen, and keep the list of orientations still to visit.
-
-The detector is that of `diagnose.rests`, fed piece by piece: the standard deviation of a window
-is known half a window after its middle, and what is rest or motion is decided again for the whole
-log whenever it has grown by a few percent, because the quiet level and the threshold are learned
-from all of it. In between only the newest windows are decided, so that the work per second of
-data stays small, and at the end the rests are those of `find_rests`.
-"""
+"""The checklist of a session while it is captured: what there is, and what is still to visit."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.diagnose.coverage import coverage, direction_words, named_directions
-from foucault.diagnose.rests import moving_sd, quiet_runs, quiet_sd, split, turning
+from foucault.diagnose.live_rests import LiveRests
 from foucault.diagnose.session import ENOUGH_RESTS
 from foucault.errors import Finding
-from foucault.logs import checks
-from foucault.tables import FloatArray, IntArray, Log
-
-LEARN = (0.5, 0.02)
-"""The whole log is decided again when it has grown by so much [s] and by this part [1]."""
-
-LOWEST_LIMIT = 2.0
-"""Before anything has moved, the threshold is not below this level [1]."""
-
-THINNED = 1 << 14
-"""Windows the threshold is learned from while data come; neighbours are much alike [1]."""
+from foucault.tables import FloatArray, IntArray
 
 VISITED = np.radians(30.0)
 """A named direction is visited by a rest within this angle [rad]."""
 
 ALIKE = np.radians(15.0)
 """Rests closer than this are one orientation [rad]."""
-
-
-class Rows:
-    """Rows that are added at the end, in one array that doubles when it is full.
-
-    Parameters
-    ----------
-    columns : int, shape ()
-        Columns of the array [1].
-    """
-
-    def __init__(self, columns: int) -> None:
-        self._data = np.empty((4096, columns))
-        self._n = 0
-
-    def __len__(self) -> int:
-        return self._n
-
-    def add(self, rows: FloatArray) -> None:
-        """Add `rows`, shape (k, columns)."""
-        end = self._n + len(rows)
-        if end > len(self._data):
-            grown = np.empty((max(end, 2 * len(self._data)), self._data.shape[1]))
-            grown[: self._n] = self._data[: self._n]
-            self._data = grown
-        self._data[self._n : end] = rows
-        self._n = end
-
-    def clear(self) -> None:
-        """Forget all rows."""
-        self._n = 0
-
-    @property
-    def all(self) -> FloatArray:
-        """The rows so far, shape (n, columns); a view that the next `add` may leave behind."""
-        return self._data[: self._n]
-
-
-class LiveRests:
-    """The rests of a log that grows.
-
-    Parameters
-    ----------
-    window, shortest : float
-        As of `find_rests` [s].
-    threshold : float or None
-        Level that separates rest from motion; None learns it [1].
-    """
-
-    def __init__(
-        self, window: float = 0.5, shortest: float = 1.0, threshold: float | None = None
-    ) -> None:
-        self.window, self.shortest, self._threshold = window, shortest, threshold
-        self._time = Rows(1)
-        self._triads: dict[str, Rows] = {}
-        self._sd: dict[str, Rows] = {}
-        self._log: Log | None = None
-        self.interval = float("nan")
-        self.samples = 0
-        self.quiet: dict[str, float] = {}
-        self.limit = LOWEST_LIMIT
-        self._next = 0  # decide the whole log again at this length
-        self._runs: list[tuple[int, int]] = []  # quiet runs that have ended
-        self._open = self._decided = 0
-        self._means: dict[tuple[str, int, int], FloatArray] = {}
-
-    def __len__(self) -> int:
-        return len(self._time)
-
-    @property
-    def log(self) -> Log:
-        """All samples so far [SI]."""
-        assert self._log is not None
-        data = {name: rows.all for name, rows in self._triads.items()}
-        return Log(self._time.all[:, 0], data.get("gyro"), data.get("accel"), self._log.sampled,
-                   source=self._log.source)  # fmt: skip
-
-    def add(self, log: Log) -> None:
-        """Add the next samples and decide what they are.
-
-        Parameters
-        ----------
-        log : Log
-            The samples, with the same triads as those before [SI].
-
-        Raises
-        ------
-        FoucaultError
-            Time repeats or runs backward.
-        """
-        if self._log is None:
-            self._log = log
-            for name in ("accel", "gyro"):
-                if getattr(log, name) is not None:
-                    self._triads[name], self._sd[name] = Rows(3), Rows(1)
-        known = len(self)
-        self._time.add(log.time[:, None])
-        newest = self._time.all[max(0, known - 2) :, 0]
-        if (np.diff(newest) <= 0).any():
-            checks.timing(newest, max(0, known - 2))
-        for name, rows in self._triads.items():
-            rows.add(getattr(log, name))
-        if len(self) >= max(self._next, 10):
-            self._learn()
-        elif self.samples:
-            self._extend()
-            self._decide()
-
-    def finish(self) -> None:
-        """Decide the whole log once more, from every window."""
-        if len(self) >= 10:
-            self._learn(exact=True)
-
-    def _learn(self, exact: bool = False) -> None:
-        stride = 1 if exact else max(1, len(self) // THINNED)
-        step = np.diff(self._time.all[:, 0])[::stride]
-        self.interval = float(np.median(step))
-        rate = 1.0 / self.interval
-        samples = max(5, 2 * round(self.window * rate / 2) + 1)
-        if abs(samples - self.samples) > (0.0 if exact else 0.1 * self.samples):
-            self.samples = samples
-            for rows in self._sd.values():
-                rows.clear()
-        self._extend()
-        sd = {name: rows.all[::stride, 0] for name, rows in self._sd.items()}
-        self.quiet = {name: quiet_sd(values) for name, values in sd.items()}
-        if self._threshold is None:
-            level = np.fmax.reduce([values / self.quiet[name] for name, values in sd.items()])
-            self.limit = max(split(level), LOWEST_LIMIT)
-        else:
-            self.limit = self._threshold
-        self._runs, self._open, self._decided = [], 0, 0
-        self._decide()
-        self._next = len(self) + round(max(LEARN[0] * rate, LEARN[1] * len(self)))
-
-    def _extend(self) -> None:
-        """Add the standard deviations of the windows that are complete now."""
-        half, n = self.samples // 2, len(self)
-        if n < self.samples:
-            return
-        for name, rows in self._sd.items():
-            if not len(rows):
-                rows.add(np.full((half, 1), np.nan))
-            known = len(rows)
-            x = self._triads[name].all[known - half : n]
-            rows.add(moving_sd(x, self.samples)[half : len(x) - half, None])
-
-    def level(self, since: int) -> FloatArray:
-        """Return the level of every window from sample `since` on, shape (n,) [1]."""
-        parts = [rows.all[since:, 0] / self.quiet[name] for name, rows in self._sd.items()]
-        return np.asarray(np.fmax.reduce(parts))
-
-    def _decide(self) -> None:
-        """Continue the runs of quiet windows from the start of the last open one."""
-        since = self._open
-        quiet = self.level(since) < self.limit
-        first, last = quiet_runs(quiet, 1)
-        runs = [(int(a) + since, int(b) + since) for a, b in zip(first, last, strict=True)]
-        self._decided = since + len(quiet)
-        self._open = self._decided
-        if runs and runs[-1][1] == self._decided:
-            self._open = runs.pop()[0]
-        self._runs += runs
-
-    @property
-    def still_since(self) -> int | None:
-        """First sample of the quiet run that still lasts, shape (); None while moving."""
-        return self._open if self._open < self._decided else None
-
-    @property
-    def run(self) -> float:
-        """Length of the quiet run that still lasts, as it counts for a rest [s]."""
-        return (self._decided - self._open) * self.interval
-
-    def rests(self) -> tuple[IntArray, IntArray, npt.NDArray[np.bool_]]:
-        """Return first and one-past-last sample of each rest, and which of them turn, (n,)."""
-        runs = self._runs
-        if self.still_since is not None:
-            runs = [*runs, (self._open, self._decided)]
-        shortest = max(2, round(self.shortest / self.interval)) if self.samples else 0
-        kept = [(a, b) for a, b in runs if b - a >= shortest]
-        first, last = (np.array([run[i] for run in kept], np.int64) for i in (0, 1))
-        turns = np.zeros(len(kept), bool)
-        if "gyro" in self._triads and len(kept) >= 5:
-            turns, _ = turning(self.means("gyro", first, last))
-        return first, last, turns
-
-    def means(self, triad: str, first: IntArray, last: IntArray) -> FloatArray:
-        """Return the mean reading of rests, shape (n, 3) [SI].
-
-        Parameters
-        ----------
-        triad : {"accel", "gyro"}
-            Which readings.
-        first, last : ndarray of int, shape (n,)
-            First sample of each rest and the sample after its last.
-        """
-        x, out = self._triads[triad].all, np.empty((len(first), 3))
-        for i, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-            known = self._means.get((triad, a, b))
-            if known is None:
-                known = x[a:b].mean(axis=0)
-                if len(self._means) > 4096:
-                    self._means.clear()
-                self._means[triad, a, b] = known
-            out[i] = known
-        return out
 
 
 @dataclass(frozen=True)
@@ -349,7 +125,7 @@ def checklist(
     time = found.log.time
     first, last, turns = found.rests()
     first, last = first[~turns], last[~turns]
-    up_b = up_of(found, first, last)
+    sphere = _sphere(up_of(found, first, last))
     since = found.still_since
     still = None if not found.samples or len(found) < found.samples else since is not None
     asked = max(hold, found.shortest)
@@ -361,32 +137,50 @@ def checklist(
         still_for=found.run + found.samples * found.interval if still else 0.0,
         hold=max(0.0, asked - found.run) if still else asked,
         rests=tuple(
-            LiveRest(float(time[a]), float(time[b - 1]), direction_words(u))
-            for a, b, u in zip(first, last, up_b, strict=True)
+            LiveRest(float(time[a]), float(time[b - 1]), words)
+            for a, b, words in zip(first, last, sphere.words, strict=True)
         ),
-        orientations=_distinct(up_b),
+        orientations=sphere.orientations,
         needed=needed,
-        visited=_visited(up_b),
-        missing=_missing(up_b),
+        visited=sphere.visited,
+        missing=sphere.missing,
         findings=findings,
     )
 
 
-def _distinct(up_b: FloatArray) -> int:
-    kept: list[FloatArray] = []
-    for u in up_b:
-        if all(u @ other < np.cos(ALIKE) for other in kept):
-            kept.append(u)
-    return len(kept)
+@dataclass(frozen=True)
+class _Sphere:
+    """What the directions of up of some rests say; `words` of each rest."""
+
+    words: tuple[str, ...]
+    orientations: int
+    visited: tuple[tuple[str, bool], ...]
+    missing: tuple[str, ...]
 
 
-def _visited(up_b: FloatArray) -> tuple[tuple[str, bool], ...]:
+def _sphere(up_b: FloatArray) -> _Sphere:
+    # Rounded, because the mean of a rest that lasts moves a little with every sample.
+    return _sphere_of(np.round(up_b, 2).tobytes())
+
+
+@lru_cache(maxsize=4)
+def _sphere_of(packed: bytes) -> _Sphere:
+    up_b = np.frombuffer(packed).reshape(-1, 3)
+    up_b = up_b / np.maximum(np.linalg.norm(up_b, axis=1), 1e-300)[:, None]
+    alike = up_b @ up_b.T > np.cos(ALIKE)
+    kept: list[int] = []
+    for i in range(len(up_b)):
+        if not alike[i, kept].any():
+            kept.append(i)
     named = named_directions()
+    words = [direction_words(u) for u in named]
     near = (named @ up_b.T).max(axis=1, initial=-1.0) > np.cos(VISITED)
-    return tuple((direction_words(u), bool(seen)) for u, seen in zip(named, near, strict=True))
-
-
-def _missing(up_b: FloatArray) -> tuple[str, ...]:
-    if not len(up_b):
-        return tuple(direction_words(u) for u in named_directions()[:6])
-    return tuple(words for _, words in coverage(up_b).missing)
+    missing = words[:6]
+    if len(up_b):
+        missing = [there for _, there in coverage(up_b).missing]
+    return _Sphere(
+        tuple(direction_words(u) for u in up_b),
+        len(kept),
+        tuple(zip(words, near.tolist(), strict=True)),
+        tuple(missing),
+    )

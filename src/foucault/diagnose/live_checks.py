@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.diagnose import axes
-from foucault.diagnose.live import LiveRests, up_of
+from foucault.diagnose.live import up_of
+from foucault.diagnose.live_rests import LiveRests
 from foucault.diagnose.rests import turning
 from foucault.diagnose.session_input import first_rest_orientation
 from foucault.errors import Finding, FoucaultError, finding

@@ -78,7 +78,7 @@ def _rate(validity: Mapping[str, Any]) -> list[str]:
     rate = validity.get("rate")
     if rate is None:
         return ["# update_rate: not known to the result; write it here [Hz]"]
-    return [f"update_rate: {number(rate)}"]
+    return [f"update_rate: {float(rate):.9g}"]
 
 
 def _noise(wanted: Request) -> list[str]:

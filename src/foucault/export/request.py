@@ -95,8 +95,8 @@ class Request:
             f"Model: {result.equation}",
             "Signs: a bias is measured minus true; at rest the axis that points up reads +1 g.",
             f"Axes: {self.axes}"
-            + (" (the axes of the result)" if self.axes == OWN_AXES else "")
-            + f"; defined by: {result.gauge}.",
+            + ("" if self.axes == OWN_AXES else f", turned from the result's {OWN_AXES}")
+            + f". Body axes of the result: {result.gauge}.",
         ]
         lines += [f"Valid for: {words}." for words in _validity(result.validity)]
         if len(self.dropped):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +18,18 @@ import numpy as np
 from foucault.errors import Finding, error
 from foucault.logs import axes, checks
 from foucault.logs.own import sampled_of
-from foucault.logs.raw import BLOCK_ROWS, Progress, open_raw
+from foucault.logs.raw import Progress, open_raw
 from foucault.logs.reading import complete, converted, finished, implausible, limits_si, read
 from foucault.tables import FloatArray, Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
 
+BLOCK_ROWS = 1 << 16
+"""Rows per block: the work on a block holds about ten copies of it."""
+
 Part = dict[str, FloatArray]
+Checked = tuple[Part, tuple[Finding, ...]]
 
 
 def blocks(
@@ -59,15 +64,14 @@ def blocks(
     sampled = sampled_of(raw.marker) if used is not description else None
     parts = _checked(_joined(converted(used, columns, raw, path)), used, path)
     source = {"file": path.name, "marker": raw.marker}
-    first = next(parts, None)
-    if first is None:
+    pair = list(islice(parts, 2))
+    if not pair:
         raise error("log.empty", file=path.name)
-    second = next(parts, None)
-    if second is None:
-        yield finished(first[0], used, sampled, first[1], source)
+    if len(pair) == 1:
+        yield finished(pair[0][0], used, sampled, pair[0][1], source)
         return
-    rest = _chain(first, second, parts)
-    yield from (replace(log, source=source) for log in _logs(rest, used, sampled))
+    for log in _logs(chain(_emptying(pair), parts), used, sampled):
+        yield replace(log, source=source)
 
 
 def merged(blocks_findings: Iterable[tuple[Finding, ...]]) -> tuple[Finding, ...]:
@@ -100,21 +104,24 @@ def _slices(log: Log) -> Iterator[Log]:
         yield part if start == 0 else replace(part, findings=())
 
 
-def _chain(*parts: Any) -> Iterator[tuple[Part, tuple[Finding, ...]]]:
-    yield from parts[:-1]
-    yield from parts[-1]
+def _emptying(held: list[Checked]) -> Iterator[Checked]:
+    while held:  # a block that is handed on is not to be kept here
+        yield held.pop(0)
 
 
 def _joined(parts: Iterator[Part]) -> Iterator[Part]:
-    """Join small pieces (4 MB of text) into blocks worth working on."""
+    """Cut and join what a format hands out (4 MB of text, 260 000 rows) into blocks."""
     held: list[Part] = []
     rows = 0
     for part in parts:
-        held.append(part)
-        rows += len(next(iter(part.values())))
-        if rows >= BLOCK_ROWS:
-            yield _one(held)
-            held, rows = [], 0
+        count, start = len(next(iter(part.values()))), 0
+        while start < count:
+            end = min(count, start + BLOCK_ROWS - rows)
+            held.append({name: values[start:end] for name, values in part.items()})
+            rows, start = rows + end - start, end
+            if rows == BLOCK_ROWS:
+                yield _one(held)
+                held, rows = [], 0
     if rows:
         yield _one(held)
 
@@ -125,9 +132,7 @@ def _one(held: list[Part]) -> Part:
     return {name: np.concatenate([part[name] for part in held]) for name in held[0]}
 
 
-def _checked(
-    parts: Iterator[Part], used: LogDescription, path: Path
-) -> Iterator[tuple[Part, tuple[Finding, ...]]]:
+def _checked(parts: Iterator[Part], used: LogDescription, path: Path) -> Iterator[Checked]:
     """Drop or refuse rows that are not numbers; give rows without a time column theirs."""
     start = 0
     for part in parts:
@@ -142,9 +147,7 @@ def _checked(
             yield part, told
 
 
-def _logs(
-    parts: Iterator[tuple[Part, tuple[Finding, ...]]], used: LogDescription, sampled: Any
-) -> Iterator[Log]:
+def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Iterator[Log]:
     """Make a log of each block, the last sample of the one before at hand."""
     triads = {"gyro": used.gyro, "accel": used.accel}
     kind = next(block.kind for block in triads.values() if block is not None)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from foucault.symptoms import campaign, export, logs, results, session, study, watch
+from foucault.symptoms import allan, campaign, export, logs, results, session, study, watch
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ SYMPTOMS: dict[str, Symptom] = {
     row[0]: Symptom(*row)
     for row in sorted(
         (
+            *allan.ROWS,
             *campaign.ROWS,
             *export.ROWS,
             *logs.ROWS,

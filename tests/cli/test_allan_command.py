@@ -1,0 +1,88 @@
+"""The command allan: what it prints and writes, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from foucault import campaign
+from foucault.cli import app
+from foucault.logs import write
+from foucault.tables import Log
+
+
+def run(*words: object) -> Result:
+    result = CliRunner().invoke(app, [str(w) for w in words])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rng = np.random.default_rng(1)
+    n = 5000
+    accel = 0.01 * rng.normal(size=(n, 3)) + [0.0, 0.0, 9.81]
+    file = tmp_path_factory.mktemp("allan") / "static.parquet"
+    write(Log(np.arange(n) / 100, 1e-3 * rng.normal(size=(n, 3)), accel), file)
+    return file
+
+
+def test_it_prints_a_table_and_writes_a_folder(log: Path, tmp_path: Path) -> None:
+    result = run("allan", log, "-o", tmp_path / "noise")
+    assert result.exit_code == 0
+    out = result.output
+    for word in ("gyro.x", "angle random walk", "accel.z", "velocity random walk", "not seen"):
+        assert word in out
+    assert "below" in out and "The record is too short to show less" in out
+    assert {p.name for p in (tmp_path / "noise").iterdir()} == {
+        "allan.html", "noise.toml", "allan.csv",
+    }  # fmt: skip
+    block = (tmp_path / "noise" / "noise.toml").read_text()
+    noise = campaign.parse(campaign.template("hand_rotated") + "\n" + block).noise
+    assert noise is not None
+    assert noise.gyro.white == pytest.approx(1e-4, rel=0.05)
+    assert noise.accel.white == pytest.approx(1e-3, rel=0.05)
+    page = (tmp_path / "noise" / "allan.html").read_text()
+    assert page.count("Plotly.react") >= 1 and "[noise.gyro]" in page and "http-equiv" not in page
+    rows = (tmp_path / "noise" / "allan.csv").read_text().splitlines()
+    assert rows[0].startswith("axis,kind,tau,deviation") and len(rows) == 1 + 6 * 11
+
+
+def test_one_axis_of_another_kind_as_json(log: Path) -> None:
+    result = run("--json", "allan", log, "--axis", "gyro.z", "--kind", "hadamard")
+    found = json.loads(result.output)
+    assert list(found["channels"]) == ["gyro.z"]
+    channel = found["channels"]["gyro.z"]
+    assert channel["kind"] == "hadamard"
+    assert channel["noises"]["white"]["seen"] is True
+    assert channel["deviation"][0] == pytest.approx(1e-3, rel=0.1)
+
+
+def test_a_part_at_rest(log: Path) -> None:
+    result = run("allan", log, "--axis", "x", "--rest", "10", "30")
+    assert "At rest, 10.00 s to 30.00 s." in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--axis", "gyro.w"], "The log has no axis 'gyro.w'."),
+        (["--kind", "modifed"], "Did you mean 'modified'?"),
+        (["--rest", "1", "2"], "There are 101 samples (1 s) at rest"),
+    ],
+)
+def test_mistakes_end_with_1_and_one_sentence(log: Path, words: list[str], text: str) -> None:
+    result = run("allan", log, *words)
+    assert result.exit_code == 1
+    assert text in result.stderr and result.stderr.count("error:") == 1
+
+
+def test_a_folder_that_cannot_be_written(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result = run("allan", log, "--axis", "gyro.x", "-o", tmp_path / "file")
+    assert result.exit_code == 1 and "cannot be written" in result.stderr
