@@ -98,6 +98,8 @@ KINDS: dict[str, Kind] = _kinds(
         ("angle random walk", "rad/s/sqrt(Hz)", "deg/sqrt(h)", "0.003 deg/sqrt(h)"),
         ("acceleration random walk", "m/s^2/sqrt(s)", "ug/sqrt(h)", "5 ug/sqrt(h)"),
         ("rate random walk", "rad/s/sqrt(s)", "deg/h/sqrt(h)", "0.02 deg/h/sqrt(h)"),
+        ("acceleration ramp", "m/s^3", "ug/h ug/s mg/s", "10 ug/h"),
+        ("rate ramp", "rad/s^2", "deg/h/h deg/h/s deg/s/s", "0.01 deg/h/h"),
         ("velocity increment", "m/s", "m/s", "0.001 m/s"),
         ("angle increment", "rad", "arcsec", "0.1 arcsec"),
         ("accelerometer count scale", "count/(m/s^2)", "count/(m/s^2)", "415 count/(m/s^2)"),

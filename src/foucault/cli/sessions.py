@@ -77,7 +77,7 @@ def inspect(
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
-        table = _read(log, tell)
+        table = read_any(log, tell)
         tell(0.7, "finding rests")
         seen = inspection.inspect(table)
         if plots is not None:
@@ -96,7 +96,8 @@ def inspect(
     screen.data(_document(log, seen))
 
 
-def _read(path: Path, tell: Any) -> Log:
+def read_any(path: Path, tell: Any) -> Log:
+    """Read the log of a campaign file, or a log that foucault has written."""
     from foucault import campaign, logs
     from foucault.logs.description import LogDescription
 

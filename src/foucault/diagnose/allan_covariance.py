@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -108,7 +109,7 @@ def _kernel(kind: Kind, m_i: float, m_j: float) -> tuple[FloatArray, FloatArray]
         offsets = (offsets[:, None] + np.array([-m_i, 0.0, m_i])).ravel()
         weights = (weights[:, None] * np.array([1.0, -2.0, 1.0]) / m_i**2).ravel()
     kinks, where = np.unique(np.round(offsets, 9), return_inverse=True)
-    return kinks, np.bincount(where, weights)
+    return np.asarray(kinks, float), np.asarray(np.bincount(where, weights), float)
 
 
 def _covariance_at(
@@ -134,7 +135,7 @@ def _lags(
     edges = np.unique(np.clip(np.round(edges), max(low, kinks[0] - tail[-1]),
                               min(high, kinks[-1] + tail[-1])))  # fmt: skip
     places, weights = [edges[:1], edges[-1:]], [np.array([0.5]), np.array([0.5])]
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         if b - a <= _EXACT:
             inside = np.arange(a, b + 1)
             weight = np.ones(len(inside))

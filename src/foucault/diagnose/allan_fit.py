@@ -19,7 +19,8 @@ one found with a probability of 5 % at most.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,7 @@ import numpy.typing as npt
 from foucault.diagnose.allan_covariance import NOISES, covariance, expected
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 SEEN = 3.0
 """A noise is seen when it is this many standard deviations above zero [1]."""
@@ -36,7 +38,8 @@ CONFIDENCE = 0.95
 
 _ONE_SIDED = 1.6448536269514722  # normal quantile of CONFIDENCE
 _ITERATIONS = 50
-_SMALLEST = 1e-12  # relative; keeps C positive definite where p has only one noise
+_ALL = range(NOISES)
+_SMALLEST = 1e-9  # relative
 
 
 @dataclass(frozen=True)
@@ -78,13 +81,15 @@ class _Problem:
         """Return the Cholesky factor of C(p), shape (k, k)."""
         C = np.einsum("a,b,abij->ij", p, p, self.T)
         mean = self.J @ p
-        C += np.diag((self.excess * mean) ** 2 + _SMALLEST * np.diag(C))
+        # The floor keeps C positive definite where p has one noise, or the ramp alone.
+        C += np.diag(((self.excess + _SMALLEST) * mean) ** 2 + _SMALLEST * np.diag(C))
         return np.asarray(np.linalg.cholesky(C))
 
     def whitened(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return a and J divided by the root of C(p)."""
         L = self.root(p)
-        return np.linalg.solve(L, self.a), np.linalg.solve(L, self.J)
+        both = np.linalg.solve(L, np.column_stack([self.a, self.J]))
+        return np.asarray(both[:, 0]), np.asarray(both[:, 1:])
 
 
 def fit(variance: FloatArray, n: int, m: npt.NDArray[np.int64]) -> Strengths:
@@ -100,19 +105,22 @@ def fit(variance: FloatArray, n: int, m: npt.NDArray[np.int64]) -> Strengths:
         Averaging factors [1].
     """
     T = covariance("overlapping", n, tuple(int(each) for each in m))
-    problem = _with_excess(_Problem(variance, expected("overlapping", m), T))
-    every = np.ones(NOISES, bool)
-    p = _strengths(problem, every)
+    problem, p = _solved(_Problem(variance, expected("overlapping", m), T))
+    # What the others would be without noise j: where j is zero anyway, what they are.
+    without = [_strengths(problem, np.delete(_ALL, j)) if p[j] > 0 else p for j in _ALL]
     cov = _covariance(problem, p, p > 0)
     sd = np.where(p > 0, np.sqrt(np.diag(cov)), np.nan)
-    seen = np.array([p[j] > 0 and _significance(problem, j) > SEEN for j in range(NOISES)])
+    seen = np.array([p[j] > 0 and _significance(problem, without[j], j) > SEEN for j in _ALL])
     low, high = np.zeros(NOISES), np.zeros(NOISES)
-    for j in range(NOISES):
-        low[j], high[j] = _interval(p[j], sd[j]) if seen[j] else (0.0, _limit(problem, p, j))
+    for j in _ALL:
+        if seen[j]:
+            low[j], high[j] = _interval(p[j], sd[j])
+        else:
+            high[j] = _limit(problem, without[j], j)
     return Strengths(p, sd, seen, low, high, problem.excess)
 
 
-def _strengths(problem: _Problem, allowed: npt.NDArray[np.bool_]) -> FloatArray:
+def _strengths(problem: _Problem, allowed: Sequence[int] | IntArray) -> FloatArray:
     """Solve for p >= 0, the weights following the solution; those not allowed stay zero."""
     p = np.zeros(NOISES)
     # To start, relative errors that grow with tau as those of white noise do.
@@ -126,7 +134,7 @@ def _strengths(problem: _Problem, allowed: npt.NDArray[np.bool_]) -> FloatArray:
             break
         moved = np.abs(problem.J @ (new - p)) / (problem.J @ new)
         p = new
-        if moved.max() < 1e-6:
+        if moved.max() < 1e-5:
             break
     return p
 
@@ -139,30 +147,28 @@ def _nonnegative(J: FloatArray, a: FloatArray) -> FloatArray:
     return np.asarray(nnls(J / size, a)[0] / size)
 
 
-def _with_excess(problem: _Problem) -> _Problem:
-    """Add relative scatter until chi-square is its expectation, where it is far above it."""
+def _solved(problem: _Problem) -> tuple[_Problem, FloatArray]:
+    """Solve for p; add scatter until chi-square is its expectation, where it is far above it."""
     from scipy.special import chdtri
 
-    def chi_square(excess: float) -> tuple[float, int]:
-        this = _Problem(problem.a, problem.J, problem.T, excess)
-        p = _strengths(this, np.ones(NOISES, bool))
+    def solve(excess: float) -> tuple[_Problem, FloatArray, float, int]:
+        this = replace(problem, excess=excess)
+        p = _strengths(this, list(_ALL))
         a, J = this.whitened(p)
-        return float(np.sum((a - J @ p) ** 2)), max(1, len(a) - int(np.count_nonzero(p)))
+        return this, p, float(np.sum((a - J @ p) ** 2)), max(1, len(a) - int(np.count_nonzero(p)))
 
-    found, dof = chi_square(0.0)
+    this, p, found, dof = solve(0.0)
     if found <= chdtri(dof, 0.001):
-        return problem
+        return this, p
     low, high = 1e-6, 10.0
-    for _ in range(30):
+    while high / low > 1.01:
         middle = float(np.sqrt(low * high))
-        found, dof = chi_square(middle)
+        this, p, found, dof = solve(middle)
         low, high = (middle, high) if found > dof else (low, middle)
-    return _Problem(problem.a, problem.J, problem.T, high)
+    return this, p
 
 
-def _covariance(
-    problem: _Problem, p: FloatArray, free: npt.NDArray[np.bool_]
-) -> FloatArray:
+def _covariance(problem: _Problem, p: FloatArray, free: npt.NDArray[np.bool_]) -> FloatArray:
     """Return the covariance of the free strengths if the truth is p, shape (5, 5)."""
     _, J = problem.whitened(p)
     J = J[:, free]
@@ -182,15 +188,8 @@ def _estimate(problem: _Problem, truth: FloatArray, j: int) -> tuple[float, floa
     return float((cov @ (J.T @ a))[j]), float(np.sqrt(cov[j, j]))
 
 
-def _without(problem: _Problem, j: int) -> FloatArray:
-    allowed = np.ones(NOISES, bool)
-    allowed[j] = False
-    return _strengths(problem, allowed)
-
-
-def _significance(problem: _Problem, j: int) -> float:
+def _significance(problem: _Problem, truth: FloatArray, j: int) -> float:
     """Return p_j in standard deviations, as they are if noise j is absent."""
-    truth = _without(problem, j)
     if not truth[:4].any():  # nothing else random could make the curve
         return np.inf
     value, sd = _estimate(problem, truth, j)
@@ -201,15 +200,14 @@ def _interval(p: float, sd: float) -> tuple[float, float]:
     from scipy.stats import chi2
 
     dof = 2 * (p / sd) ** 2
-    low, high = chi2.ppf([(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], dof)
+    low, high = (
+        float(chi2.ppf(edge, dof)) for edge in ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+    )
     return float(dof * p / high), float(dof * p / low)
 
 
-def _limit(problem: _Problem, p: FloatArray, j: int) -> float:
+def _limit(problem: _Problem, truth: FloatArray, j: int) -> float:
     """Return the strength of noise j that the data still allow; inf where there is none."""
-    truth = _without(problem, j)
-    if not truth[:4].any():
-        truth = p.copy()
 
     def above(strength: float) -> bool:
         tried = truth.copy()
@@ -217,15 +215,14 @@ def _limit(problem: _Problem, p: FloatArray, j: int) -> float:
         value, sd = _estimate(problem, tried, j)
         return strength - max(value, 0.0) > _ONE_SIDED * sd
 
-    _, high = _estimate(problem, truth, j)
-    low = 0.0
+    low, high = 0.0, _estimate(problem, truth, j)[1]
     for _ in range(60):
         if above(high):
             break
         low, high = high, high * 2
     else:
         return float("inf")
-    for _ in range(30):
+    while high - low > 0.01 * high:
         middle = (low + high) / 2
         low, high = (low, middle) if above(middle) else (middle, high)
     return high

@@ -14,19 +14,15 @@ from foucault.kernels import kernel, reduction
 def integrate(y, offset):
     """Sum the samples, with `offset` removed so that the sums stay small.
 
-    Parameters: y (n,); offset: scalar. Returns phase (n + 1,), the first 0. Compensated (Kahan):
-    a long log must not walk away by rounding.
+    Parameters: y (n,); offset: scalar. Returns phase (n + 1,), the first 0. What rounding adds is
+    white noise of the rate, 1e-16 of the largest phase: 1e-12 of the noise after 1e8 samples.
     """
     n = y.size
     phase = np.empty(n + 1)
     phase[0] = 0.0
     total = 0.0
-    lost = 0.0
     for i in range(n):
-        term = (y[i] - offset) - lost
-        new = total + term
-        lost = (new - total) - term
-        total = new
+        total += y[i] - offset
         phase[i + 1] = total
     return phase
 

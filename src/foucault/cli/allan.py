@@ -1,0 +1,151 @@
+"""The command about noise: allan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foucault.cli.screen import Screen
+from foucault.cli.sessions import read_any
+
+if TYPE_CHECKING:
+    from foucault.diagnose.allan_log import LogAllan
+
+REPORT_FILE, NOISE_FILE, TABLE_FILE = "allan.html", "noise.toml", "allan.csv"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command of this module to the program."""
+    app.command(
+        "allan",
+        epilog="Examples: foucault allan static.csv -o noise; "
+        "foucault allan campaign.toml --axis gyro.z --rest 0 50; "
+        "foucault allan static.parquet --axis gyro --kind hadamard",
+    )(allan)
+
+
+def allan(
+    ctx: typer.Context,
+    log: Annotated[
+        Path, typer.Argument(help="A campaign file, or a log that foucault has written.")
+    ],
+    axis: Annotated[
+        list[str] | None,
+        typer.Option(help="Axis such as gyro.x, gyro or x; repeat for several. All if left out."),
+    ] = None,
+    kind: Annotated[
+        str, typer.Option(help="Deviation to show: overlapping, modified or hadamard.")
+    ] = "overlapping",
+    rest: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            help="Start and end of the part at rest, in s. Left out: the whole log, or the longest "
+            "rest of one that moves.",
+            metavar="START END",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder for the plot, the table and the noise block."),
+    ] = None,
+) -> None:
+    """Find the noise of an instrument at rest: random walks, bias instability, ramp."""
+    from foucault.diagnose.allan_log import measure_log
+
+    screen: Screen = ctx.obj
+    with screen.progress() as tell:
+        table = read_any(log, tell)
+        tell(0.7, "computing variances")
+        seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=rest)
+        if output is not None:
+            tell(0.9, "writing")
+            _write(seen, str(table.source.get("file", log.name)), output)
+    screen.say(f"At rest, {seen.start:.2f} s to {seen.end:.2f} s.")
+    screen.table("", ("axis", "noise", "value", "sd", "95 % interval"), _rows(seen))
+    screen.findings((*table.findings, *seen.findings))
+    if output is not None:
+        screen.say(f"Plot: {output / REPORT_FILE}")
+    screen.data(_document(log, seen, [f.as_dict() for f in (*table.findings, *seen.findings)]))
+
+
+def _kind(given: str) -> Any:
+    from foucault.diagnose.allan import check_kind
+
+    return check_kind(given)
+
+
+def _rows(seen: LogAllan) -> list[tuple[str, ...]]:
+    from foucault.diagnose.allan import WORDS
+    from foucault.diagnose.allan_log import described
+
+    rows: list[tuple[str, ...]] = []
+    for name, channel in seen.channels.items():
+        triad = name.split(".")[0]
+        for i, noise in enumerate(channel.noises):
+            words = described(noise, triad, channel.longest)
+            rows.append((name if i == 0 else "", WORDS[triad][i], *words))
+    return rows
+
+
+def _write(seen: LogAllan, name: str, folder: Path) -> None:
+    """Write the plot, the table of deviations and, where there is one, the noise block."""
+    from foucault.diagnose.allan_log import deviation_table, noise_block
+    from foucault.errors import FoucaultError
+    from foucault.files import atomic, unwritable
+    from foucault.report import allan as report
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise unwritable(folder, problem) from None
+    try:
+        block = noise_block(seen)
+    except FoucaultError as nothing_seen:
+        block = f"# {nothing_seen}\n"
+    texts = {NOISE_FILE: block, TABLE_FILE: deviation_table(seen)}
+    for file, text in texts.items():
+        with atomic(folder / file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    report.write(seen, name, block, folder / REPORT_FILE)
+
+
+def _document(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -> dict[str, Any]:
+    """What `allan` found, in SI."""
+    import math
+
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    channels = {
+        name: {
+            "kind": channel.kind,
+            "samples": channel.samples,
+            "interval": channel.interval,
+            "longest_useful_tau": channel.longest,
+            "excess": channel.excess,
+            **{
+                key: getattr(channel, key).tolist()
+                for key in ("tau", "deviation", "low", "high", "dof", "curve")
+            },
+            "noises": {
+                noise.name: {
+                    "value": noise.value,
+                    "sd": finite(noise.sd),
+                    "seen": noise.seen,
+                    "low": noise.low,
+                    "high": finite(noise.high),
+                }
+                for noise in channel.noises
+            },
+        }
+        for name, channel in seen.channels.items()
+    }
+    return {
+        "log": str(path),
+        "start": seen.start,
+        "end": seen.end,
+        "channels": channels,
+        "findings": findings,
+    }
