@@ -162,6 +162,55 @@ print(json.dumps([ours, peer]))
 """
 
 
+ALLAN = """
+import json, time
+import numpy as np
+from foucault.diagnose.allan import deviations, octaves
+rate = np.random.default_rng(1).standard_normal(1_000_000)
+m = octaves(len(rate))
+def best(function, *arguments, **more):
+    out = 1e9
+    for _ in range(5):
+        start = time.perf_counter()
+        function(*arguments, **more)
+        out = min(out, time.perf_counter() - start)
+    return out
+deviations(rate, 1.0)
+ours = best(deviations, rate, 1.0, m, "overlapping")
+try:
+    import allantools
+    peer = best(allantools.oadev, rate, rate=1.0, data_type="freq", taus=m.astype(float))
+except ImportError:
+    peer = None
+print(json.dumps([ours, peer]))
+"""
+
+STUDY = """
+import json, tempfile, time
+from foucault.campaign import parse, study, template
+campaign = parse(template("hand_rotated"), "template.toml")
+with tempfile.TemporaryDirectory() as folder:
+    study.run(campaign, 2, folder + "/warm")
+    start = time.perf_counter()
+    study.run(campaign, 500, folder + "/study", workers=2)
+    print(json.dumps(time.perf_counter() - start))
+"""
+
+REPORT = """
+import json, tempfile, time
+from foucault import report, run_folder
+from foucault.campaign import parse, simulate, template
+from foucault.procedures import load
+campaign = parse(template("hand_rotated"), "template.toml")
+result = load("hand_rotated").calibrate(simulate(campaign, 1).simulation.log, site=campaign.site)
+with tempfile.TemporaryDirectory() as folder:
+    run_folder.save(result, folder)
+    start = time.perf_counter()
+    report.write(folder)
+    print(json.dumps(time.perf_counter() - start))
+"""
+
+
 @dataclass(frozen=True)
 class Row:
     """One line of the table."""
@@ -215,6 +264,11 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as cache:
         out.append(Row("compiling all kernels, once", measure(COMPILE, NUMBA_CACHE_DIR=cache), 15))
     out.append(Row("`import foucault`", measure(IMPORT), 0.35))
+    ours, peer = measure(ALLAN)
+    out.append(Row("overlapping Allan deviation, 1e6 samples, 18 averaging times", ours, 0.008,
+                   "allantools", peer))  # fmt: skip
+    out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
+    out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
     out.append(Row("reading a CSV of 1e6 rows with all checks, wall", ours, None,
                    "pandas.read_csv alone", peer))  # fmt: skip
@@ -237,7 +291,8 @@ def main() -> None:
         "|---|---|---|---|---|---|",
         *[row.markdown() for row in table],
         "",
-        "Reading ten million rows, with peak memory: `python benchmarks/read_ten_million.py`.",
+        "Reading ten million rows, with peak memory: `python benchmarks/read_ten_million.py`; all "
+        "three Allan deviations and 1e8 samples: `python benchmarks/allan.py`.",
     ]
     text = "\n".join(lines) + "\n"
     (Path(__file__).parent / "README.md").write_text(text)

@@ -31,11 +31,12 @@ def make_result(seed: int = 7, level: Level = Level.PASS, **changes: Any) -> Res
     """Return a hand-rotated calibration of 24 rests; `changes` replace fields of the Result."""
     rng = np.random.default_rng(seed)
     checks = _checks(level)
+    coefficients = _coefficients(rng)
     tables = {"rests": _rests(rng), "turns": _turns(rng)}
     tables["detection"] = _detection(rng, tables["rests"])
     result = Result(
         procedure="hand-rotated",
-        coefficients=_coefficients(rng),
+        coefficients=coefficients,
         equation=EQUATION,
         frame="body axes b, right-forward-up",
         gauge=Gauge.LOWER.value,
@@ -50,15 +51,16 @@ def make_result(seed: int = 7, level: Level = Level.PASS, **changes: Any) -> Res
             ),
         ),
         status=Status.CONVERGED,
-        instrument={"name": "MTi-28", "serial": "0180-2214", "grade": "mems"},
+        instrument={"name": "MTi-28", "serial": "0180-2214", "operator": "", "grade": "mems"},
         site={
             "latitude": float(np.deg2rad(45.41)),
             "height": 31.0,
             "gravity": GRAVITY,
             "gravity_source": "given",
+            "gravity_sd": 2e-5,
         },
         validity={"duration": 482.0, "temperature": [296.1, 299.4]},
-        diagnostics=_diagnostics(),
+        diagnostics=_diagnostics() | _uncertainty(coefficients),
         provenance={
             "versions": {"foucault": "0.1.0", "numpy": "2.4.6", "scipy": "1.17.1"},
             "inputs": [{"file": "session.csv", "sha256": "9f2c" * 16, "size": 7_340_120}],
@@ -181,8 +183,31 @@ def _diagnostics() -> dict[str, Any]:
             "largest_gap": 0.71,
             "directions": 22,
         },
-        "noise": {"accel": [1.1e-3, 1.0e-3, 1.2e-3], "gyro": [8e-4, 7e-4, 8e-4]},
+        "noise": {
+            "source": "measured in the rests",
+            "accel": [1.1e-3, 1.0e-3, 1.2e-3],
+            "gyro": [8e-4, 7e-4, 8e-4],
+        },
         "chi_square": {"accel": [14.8, 5.2, 30.6, 15], "gyro": [37.1, 18.4, 59.3, 34]},
+    }
+
+
+def _uncertainty(coefficients: CoefficientVector) -> dict[str, Any]:
+    """Bound, budget and what was not seen, as a procedure gives them."""
+    variance = coefficients.sd**2
+    n = len(coefficients)
+    gravity = np.where([name.startswith("accel.scale") for name in coefficients.names], 0.6, 0.0)
+    accel = np.linspace(0.9, 0.1, n) * (1 - gravity)
+    shares = {
+        "accelerometer noise": accel,
+        "gyro noise": 1 - accel - gravity,
+        "local gravity": gravity,
+    }
+    return {
+        "bound": (coefficients.sd / 1.25).tolist(),
+        "weakest": ["+0.71 accel.bias.y -0.70 accel.scale.y: 6.2 times less certain together"],
+        "budget": {source: (share * variance).tolist() for source, share in shares.items()},
+        "unseen": ["A wrong local gravity: 1 ppm of g is 1 ppm in all scale factors."],
     }
 
 

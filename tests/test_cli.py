@@ -34,6 +34,7 @@ COMMANDS = [
     "simulate",
     "calibrate",
     "apply",
+    "export",
     "report",
     "demo",
     "schema",

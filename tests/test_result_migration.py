@@ -64,7 +64,7 @@ def test_steps_lead_from_an_older_schema_to_this_one(
     old.write_text(json.dumps(doc))
     before = old.read_bytes()
 
-    with pytest.raises(FoucaultError, match="has schema 'foucault.result/-1'"):
+    with pytest.raises(FoucaultError, match=r"has schema 'foucault.result/-1'"):
         load_result(old)
 
     def step(name: str, to: str, key: str, renamed: str) -> None:
@@ -74,7 +74,7 @@ def test_steps_lead_from_an_older_schema_to_this_one(
         monkeypatch.setitem(result_document.MIGRATIONS, name, change)
 
     step("foucault.result/-1", "foucault.result/0", "bounds", "limits")
-    with pytest.raises(FoucaultError, match="has schema 'foucault.result/0'"):
+    with pytest.raises(FoucaultError, match=r"has schema 'foucault.result/0'"):
         load_result(old)  # the chain breaks off: refused with where it stopped
     step("foucault.result/0", result_document.SCHEMA, "limits", "validity")
     result = load_result(old)

@@ -132,6 +132,7 @@ class Instrument(TypedDict, total=False):
     name: Annotated[str | None, Field(description="make and model")]
     serial: Annotated[str | None, Field(description="serial number")]
     operator: Annotated[str | None, Field(description="who made the measurement")]
+    due: Annotated[str | None, Field(description="when it must be calibrated again")]
     note: Annotated[str | None, Field(description="anything else")]
 
 

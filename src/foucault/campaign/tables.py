@@ -31,6 +31,7 @@ class Instrument(_Table):
     name: str = Field(default="", description="Make and model.")
     serial: str = Field(default="", description="Serial number.")
     operator: str = Field(default="", description="Who made the measurement.")
+    due: str = Field(default="", description="When it must be calibrated again.")
     note: str = Field(
         default="", description="Anything else worth keeping, such as the temperature."
     )

@@ -46,7 +46,8 @@ def montecarlo(
             workers=workers or os.cpu_count() or 1,
             progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
         )
-        report = study_report.write(output)
+        about = study.load(output)[1] | {"n": trials}
+        report = study_report.write(result, about, output / "report.html")
     rows = result.rows()
     screen.table(
         "errors against predicted standard deviations",

@@ -39,8 +39,26 @@ UNSTILL = {"accel": 0.05, "turn": np.radians(1.0)}
 class Evidence:
     """Everything the checks look at.
 
-    `up_b`, shape (rests, 3) [1], is the direction of up in each rest; `held_out`, shape (rests,)
-    twice, the error of the norm predicted without the rest and its sd [m/s^2].
+    Attributes
+    ----------
+    session : Session
+        What was observed [SI].
+    estimate : Estimate
+        The solution.
+    noise : SessionNoise
+        Its noise, with the scatter that was added [SI].
+    declared : bool
+        Whether the noise was declared, not measured.
+    before, after : mapping of str to Component
+        Fit of each kind of observation by the noise alone, and with the scatter.
+    coverage : Coverage
+        Orientations visited.
+    up_b : ndarray, shape (n, 3)
+        Direction of up at each rest, frame b [1].
+    held_out : tuple of ndarray, shape (n,) each
+        Error and predicted standard deviation of the norm at rests left out [m/s^2].
+    rest_level : ndarray, shape (n,)
+        How noisy each rest is; 1 is quiet [1].
     """
 
     session: Session

@@ -228,6 +228,38 @@ def bound(
     }
 
 
+def unseen(data: Session, gravity_sd: float) -> list[str]:
+    """Say what this procedure cannot see in principle, for result.json.
+
+    Parameters
+    ----------
+    data : Session
+        What was observed [SI].
+    gravity_sd : float
+        Standard uncertainty of local gravity [m/s^2].
+    """
+    g = (
+        f"its standard uncertainty, {gravity_sd / 1e-5:.3g} mGal, is part of every uncertainty"
+        if gravity_sd
+        else "it was taken as exact"
+    )
+    out = [
+        f"A wrong local gravity: 1 ppm of g is 1 ppm in all accelerometer scale factors; {g}.",
+        "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
+        "Specific force beyond 1 g: there the result is extrapolated.",
+        "Other temperatures than that of the session.",
+    ]
+    if data.log.gyro is not None and data.site.latitude is None:
+        out.append("The Earth's rotation: without a latitude it cannot be told from gyro bias.")
+    first_rest = ((data.log.source.get("description") or {}).get("accel") or {}).get("first_rest")
+    if not first_rest:
+        out.append(
+            "All three signs at once, and axes exchanged alike in both triads: the orientation "
+            "of the first rest is not declared."
+        )
+    return out
+
+
 def heading_sd(estimate: Estimate, n: int) -> float:
     """Return the standard deviation of the heading of the first rest, about up [rad].
 

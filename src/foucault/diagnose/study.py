@@ -49,7 +49,7 @@ class Study:
     nees : ndarray, shape (trials,)
         Normalised estimation error squared [1].
     status : mapping of str to int
-        How many trials ended in each status, failures included.
+        How many trials ended in each status, failures included [1].
     """
 
     names: tuple[str, ...]
@@ -102,6 +102,7 @@ class Study:
                     "bound": bound,
                     "rms_over_bound": rms / bound if bound > 0 else float("nan"),
                     "mean_z": mean_z,
+                    "mean_z_limit": float(bias_limit),
                     "unbiased": bool(abs(mean_z) <= bias_limit),
                     "ratio": ratio,
                     "ratio_low": float(low),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 FALSE_ALARM = 0.01
 """Family-wise probability of rejecting a result that is right [1]."""
 
@@ -24,3 +27,19 @@ def chi_square_limits(
 
     alpha = 1 - (1 - false_alarm) ** (1 / tests)
     return float(chdtri(dof, 1 - alpha / 2)), float(chdtri(dof, alpha / 2))
+
+
+def chi_square_density(x: npt.NDArray[np.float64], dof: float) -> npt.NDArray[np.float64]:
+    """Return the density of a chi-square variable.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Where, not negative [1].
+    dof : float
+        Degrees of freedom [1].
+    """
+    from scipy.special import gammaln, xlogy
+
+    half = dof / 2
+    return np.asarray(np.exp(xlogy(half - 1, x) - x / 2 - half * np.log(2) - gammaln(half)))

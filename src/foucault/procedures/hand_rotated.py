@@ -253,6 +253,7 @@ def complete(
         diagnostics=result.diagnostics
         | {
             "gravity": site.gravity,
+            "unseen": session_report.unseen(data, site.gravity_sd),
             "detection": {
                 "threshold": rests.threshold,
                 "window": rests.window * log.interval,

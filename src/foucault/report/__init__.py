@@ -94,6 +94,10 @@ def _template() -> Any:
         letter, _, index = text.partition("_")
         return Markup("<i>{}</i><sub>{}</sub>").format(letter, index)
 
+    def dotted(text: str) -> Markup:
+        """Let a dotted name break after its first dot, where the screen is narrow."""
+        return Markup(".<wbr>").join(text.split(".", 1))
+
     def script(value: Any) -> Markup:
         """Write JSON that cannot end the script element it stands in."""
         text = json.dumps(value, allow_nan=False, separators=(",", ":"))
@@ -101,7 +105,7 @@ def _template() -> Any:
 
     def prose(text: str) -> Markup:
         """Write `code` between backticks as such."""
-        parts = text.split("`")
+        parts = text.replace(" %", "\N{NO-BREAK SPACE}%").split("`")
         code = Markup("<code>{}</code>")
         return Markup("").join(code.format(p) if i % 2 else escape(p) for i, p in enumerate(parts))
 
@@ -118,6 +122,7 @@ def _template() -> Any:
     )
     environment.filters |= {
         "symbol": symbol,
+        "dotted": dotted,
         "script": script,
         "prose": prose,
         "equation": equation,

@@ -28,7 +28,7 @@ def how_to_apply(result: Result) -> Section | None:
     """Equation, command, a few lines of Python, and the matrices."""
     said, meant = _split(result.equation)
     blocks: list[Block] = [Equation(said)] if said else []
-    blocks += [Text(line[0].upper() + line[1:] + ".") for line in meant]
+    blocks += [Text(f"Here {line}.") for line in meant]
     imu = result.equation == EQUATION and bool(np.isfinite(result.coefficients.values).all())
     if imu:
         blocks += [Text("Solved for what is true:"), Equation(_split(INVERSE)[0])]

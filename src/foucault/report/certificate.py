@@ -12,6 +12,9 @@ from foucault.result import Result
 
 ZERO_CELSIUS = 273.15  # [K]
 
+KNOWN = ("name", "serial", "operator", "due", "note")
+"""Keys of the instrument that the certificate shows."""
+
 
 def certificate(result: Result) -> Section | None:
     """Who and what; lines to fill in by hand where the campaign does not say."""
@@ -65,7 +68,7 @@ def gravity(site: dict[str, Any]) -> str:
     if site.get("gravity") is None:
         return ""
     sd = site.get("gravity_sd")
-    known = f" ± {sd:.2g}" if sd else ""
+    known = f" ± {sd:.6f}".rstrip("0") if sd else ""
     source = f" ({site['gravity_source']})" if site.get("gravity_source") else ""
     return f"{site['gravity']:.5f}{known} m/s²{source}"
 
@@ -107,7 +110,7 @@ def _software(facts: dict[str, Any]) -> str:
 
 def _log(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """The first input file; provenance has all of it."""
-    one = facts.get("input") or next(iter(facts.get("inputs") or []), {})
+    one: dict[str, Any] = facts.get("input") or next(iter(facts.get("inputs") or []), {})
     if not one.get("file"):
         return []
     digest = f", SHA-256 {one['sha256'][:12]}…" if one.get("sha256") else ""

@@ -19,6 +19,11 @@ Trace = dict[str, Any]
 FIRST, SECOND, THIRD = "var(--first)", "var(--second)", "var(--third)"
 SOFT = "var(--soft)"
 WARNING, BAD = "var(--warning)", "var(--bad)"
+SERIES = (FIRST, SECOND, THIRD, "var(--fourth)", "var(--fifth)", "var(--sixth)")
+
+
+FULL = 0.99
+"""Robust weight above which an observation counts in full [1]."""
 
 
 def numbers(values: npt.ArrayLike) -> list[float | None]:
@@ -121,52 +126,150 @@ def before_after(
     return Figure(
         data,
         layout(
-            430,
+            370,
             xaxis=count_axis("rest", len(x), 12),
             yaxis=axis(f"after [{unit[1]}]", domain=[0, 0.46]),
             yaxis2=axis(f"before [{unit[0]}]", domain=[0.56, 1]),
             shapes=[level_line(0, "y", "solid"), level_line(0, "y2", "solid")],
         ),
+        alt="Error of the norm of specific force per rest, before and after calibration",
     )
 
 
 def residuals(
-    x: npt.ArrayLike, y: FloatArray, weight: FloatArray, what: str, limit: float
+    time: npt.ArrayLike, y: FloatArray, weight: FloatArray, what: str, limit: float
 ) -> Figure:
-    """Draw standardized residuals with their limits; filled less where the weight is less."""
-    full = np.asarray(weight) > 0.99
+    """Draw standardized residuals against `time` [s]; filled less where the weight is less."""
+    place = np.asarray(time, float)
+    data = _weighed(place, y, weight, what, "%{x:.1f} s")
+    return Figure(
+        data,
+        layout(
+            300,
+            meta={"zoom": True},
+            xaxis=axis("time [s]"),
+            yaxis=axis(f"{what}: residual / sd", range=_span(y, limit)),
+            shapes=_limit_lines(y, limit),
+        ),
+        share=50,
+        alt=f"Standardized residual of every {what} against time, with limits of {limit:g} sd",
+    )
+
+
+def against_up(up: FloatArray, y: FloatArray, weight: FloatArray, limit: float) -> Figure:
+    """Draw the error of the norm over its sd against each component of up, shape (n, 3)."""
+    data: list[Trace] = []
+    axes: dict[str, Any] = {}
+    for i, name in enumerate("xyz"):
+        ref = str(i + 1) if i else ""
+        traces = _weighed(up[:, i], y, weight, "rest", f"up · {name} = %{{x:.2f}}")
+        data += [t | {"xaxis": f"x{ref}", "showlegend": i == 0} for t in traces]
+        axes[f"xaxis{ref}"] = axis(
+            f"up · {name}",
+            domain=[i * 0.345, i * 0.345 + 0.31],
+            range=[-1.12, 1.12],
+            tickvals=[-1, 0, 1],
+            tickangle=0,
+        )
+    look = layout(
+        300,
+        yaxis=axis("norm error / sd", range=_span(y, limit)),
+        shapes=_limit_lines(y, limit),
+        showlegend=bool((np.asarray(weight) <= FULL).any()),
+        **axes,
+    )
+    alt = "Error of the norm of every rest over its sd, against the direction of up along x, y, z"
+    caption = "up · x is 1 where x points up, 0 where it is level, −1 where it points down."
+    return Figure(data, look, caption, share=62, alt=alt)
+
+
+def against_angle(angle: FloatArray, y: FloatArray, weight: FloatArray, limit: float) -> Figure:
+    """Draw standardized residuals of turns against their `angle` [deg]."""
+    look = layout(
+        300,
+        xaxis=axis("angle turned [°]"),
+        yaxis=axis("turn: residual / sd", range=_span(y, limit)),
+        shapes=_limit_lines(y, limit),
+    )
+    data = _weighed(angle, y, weight, "turn", "%{x:.0f}°")
+    return Figure(data, look, share=38, alt="Standardized residual of every turn against its angle")
+
+
+def _weighed(
+    x: FloatArray, y: FloatArray, weight: FloatArray, what: str, place: str
+) -> list[Trace]:
+    """Dots, and diamonds where a robust weight is less than 1."""
+    full = np.asarray(weight) > FULL
+    number = np.arange(1, len(x) + 1)
     groups = [(full, FIRST, "circle", "used in full"), (~full, SECOND, "diamond", "weighted down")]
-    place = np.asarray(x, float)
-    data = [
+    return [
         {
             "type": "scatter",
             "mode": "markers",
             "name": name,
-            "x": numbers(place[pick]),
+            "legendgroup": name,
+            "x": numbers(x[pick]),
             "y": numbers(y[pick]),
-            "customdata": numbers(np.asarray(weight)[pick]),
+            "customdata": [
+                [int(n), w]
+                for n, w in zip(number[pick], numbers(np.asarray(weight)[pick]), strict=True)
+            ],
             "marker": {"color": colour, "size": 8, "symbol": symbol},
             "hovertemplate": (
-                f"{what} %{{x}}: %{{y:.2f}} sd, weight %{{customdata:.2f}}<extra></extra>"
+                f"{what} %{{customdata[0]}}, {place}: %{{y:.2f}} sd, "
+                "weight %{customdata[1]:.2f}<extra></extra>"
             ),
         }
         for pick, colour, symbol, name in groups
         if pick.any()
     ]
+
+
+def _span(y: FloatArray, limit: float) -> list[float]:
+    """The range of an axis that shows all of `y` and its limits."""
     top = 1.12 * max(limit, float(np.max(np.abs(y[np.isfinite(y)]), initial=0.0)))
-    signed = bool((y < 0).any())
-    limits, bottom = ((limit, -limit), -top) if signed else ((limit,), 0.0)
-    return Figure(
-        data,
-        layout(
-            300,
-            xaxis=count_axis(what, len(place), 8),
-            yaxis=axis("residual / sd", range=[bottom, top]),
-            shapes=[level_line(v) for v in limits],
-            showlegend=True,
-        ),
-        share=50,
+    return [-top if (y < 0).any() else 0.0, top]
+
+
+def _limit_lines(y: FloatArray, limit: float) -> list[Trace]:
+    values = (limit, -limit) if (y < 0).any() else (limit,)
+    return [level_line(v) for v in values]
+
+
+def shares(symbols: Sequence[str], share: Mapping[str, FloatArray]) -> Figure:
+    """Draw the `share` [percent] of each source in the variance of each coefficient."""
+    labels = [_lowered(s) for s in symbols]
+    data = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "name": source,
+            "y": labels,
+            "x": numbers(values),
+            "marker": {
+                "color": SERIES[k % len(SERIES)],
+                "line": {"color": "var(--card)", "width": 1},
+            },
+            "hovertemplate": "%{y}: %{x:.1f} %<extra>" + source + "</extra>",
+        }
+        for k, (source, values) in enumerate(share.items())
+    ]
+    look = layout(
+        90 + 20 * len(labels),
+        barmode="stack",
+        bargap=0.22,
+        xaxis=axis("share of the variance [%]", range=[0, 100.5]),
+        yaxis={
+            "type": "category",
+            "autorange": "reversed",
+            "tickmode": "linear",
+            "ticks": "",
+            "tickfont": {"size": 13},
+        },
+        showlegend=True,
     )
+    look["legend"] = look["legend"] | {"traceorder": "normal"}
+    return Figure(data, look, alt="Share of every source in the variance of every coefficient")
 
 
 def held_out(n: npt.ArrayLike, error: FloatArray, sd: FloatArray, unit: str) -> Figure:
@@ -183,7 +286,9 @@ def held_out(n: npt.ArrayLike, error: FloatArray, sd: FloatArray, unit: str) -> 
     x_axis = count_axis("rest", int(np.max(n)), 12)
     look = layout(280, xaxis=x_axis, yaxis=axis(f"predicted error [{unit}]"))
     look["margin"] = look["margin"] | {"t": 12}
-    return Figure([trace], look | {"shapes": [level_line(0, "y", "solid")], "showlegend": False})
+    look |= {"shapes": [level_line(0, "y", "solid")], "showlegend": False}
+    alt = "Error of the norm of every rest, predicted without it, with two standard deviations"
+    return Figure([trace], look, alt=alt)
 
 
 def detection(
@@ -225,16 +330,18 @@ def detection(
         data,
         layout(
             340,
+            meta={"zoom": True},
             xaxis=axis("time [s]", showgrid=False),
             yaxis=axis("level, 1 = at rest", type="log", dtick=1),
             shapes=shapes,
         ),
+        alt="Moving standard deviation against time with the threshold and the rests found",
     )
 
 
 def correlation(symbols: Sequence[str], matrix: FloatArray) -> Figure:
     """Draw the correlation matrix."""
-    ticks = {"tickfont": {"size": 10}, "ticks": "", "showgrid": False, "tickmode": "linear"}
+    ticks = {"tickfont": {"size": 12.5}, "ticks": "", "showgrid": False, "tickmode": "linear"}
     labels = [_lowered(s) for s in symbols]
     data = [
         {
@@ -253,12 +360,16 @@ def correlation(symbols: Sequence[str], matrix: FloatArray) -> Figure:
     ]
     look = layout(
         520,
-        meta={"ratio": 1.1},  # about square on a narrow screen
+        # About square on a narrow screen, where the columns have no room for their names.
+        meta={
+            "ratio": 1.05,
+            "narrow": {"xaxis": {"showticklabels": False}, "yaxis": {"tickfont": {"size": 10}}},
+        },
         xaxis={"type": "category", "tickangle": -90, **ticks},
         yaxis={"type": "category", "autorange": "reversed", **ticks},
     )
     look["margin"] = look["margin"] | {"t": 8}
-    return Figure(data, look)
+    return Figure(data, look, alt="Correlation of every pair of coefficients, from -1 to 1")
 
 
 def _lowered(symbol: str) -> str:

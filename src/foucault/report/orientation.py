@@ -48,11 +48,12 @@ def sphere(up: FloatArray, missing: FloatArray) -> Figure:
         "zaxis": hidden,
         "aspectmode": "cube",
         "dragmode": "orbit",
-        "camera": {"eye": {"x": 0.92, "y": -1.0, "z": 0.62}},
+        "camera": {"eye": {"x": 0.88, "y": -0.96, "z": 0.6}},
     }
     look = layout(HEIGHT, scene=scene, meta={"ratio": 0.9})
     look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
-    return Figure(data, look, "Turn it with the pointer.", on="screen", share=38)
+    alt = f"Sphere with {len(up)} directions visited and {len(missing)} missing"
+    return Figure(data, look, "Turn it with the pointer.", on="screen", share=38, alt=alt)
 
 
 def _wires() -> list[Trace]:
@@ -122,7 +123,8 @@ def flat_map(up: FloatArray, missing: FloatArray, words: Sequence[str]) -> Figur
         meta={"ratio": 0.62},  # a narrow screen needs less height
     )
     look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
-    return Figure(data, look, "Equal-area map, both halves seen from +z.", share=62)
+    alt = f"Map of the sphere with {len(up)} directions visited and {len(missing)} missing"
+    return Figure(data, look, "Equal-area map, both halves seen from +z.", share=62, alt=alt)
 
 
 def _dots(

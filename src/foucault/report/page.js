@@ -29,7 +29,11 @@
       if (box.offsetParent === null) continue; // not shown in this medium
       const { data, layout } = painted(figure, style);
       layout.width = box.clientWidth;
+      if (root.classList.contains("print")) layout.height *= 0.8;
       layout.height = Math.min(layout.height, box.clientWidth * (layout.meta?.ratio ?? Infinity));
+      if (box.clientWidth < 480) {
+        for (const [key, less] of Object.entries(layout.meta?.narrow ?? {})) Object.assign(layout[key], less);
+      }
       if (mouse && layout.meta?.zoom) layout.dragmode = "zoom";
       box.style.height = layout.height + "px";
       Plotly.react(box, data, layout, config);

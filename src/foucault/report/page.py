@@ -54,8 +54,9 @@ class Items:
 class Column:
     """A table column: its heading and how its cells look.
 
-    `look` is "text", "long" (may break anywhere), "name", "symbol", "number" or "state";
-    `aside` columns are left out on a narrow screen, `optional` ones until they are asked for.
+    `look` is "text", "short", "long" (may break anywhere), "meaning" (only where there is room),
+    "name", "symbol", "number" or "state"; `aside` columns are left out on a narrow screen,
+    `optional` ones until they are asked for.
     """
 
     heading: str

@@ -19,7 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 POINTS = 4000
 """Samples drawn per line; a longer log is shown by the extremes of blocks."""
 
-_COLOURS = (figures.FIRST, figures.SECOND, figures.WARNING)
+_COLOURS = (figures.FIRST, figures.SECOND, figures.THIRD)
 
 
 def write(inspection: Inspection, path: str | Path) -> None:

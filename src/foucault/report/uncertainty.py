@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from foucault import units
 from foucault.coefficients import CoefficientVector, format_value
 from foucault.report import figures
-from foucault.report.page import Column, Items, Section, Table
+from foucault.report.page import Block, Column, Items, Section, Table
 from foucault.result import Result
 
 FloatArray = npt.NDArray[np.float64]
@@ -33,11 +34,11 @@ def coefficients(result: Result) -> Section | None:
         Column("symbol", "symbol", aside=True),
         Column("value", "number"),
         Column("± sd", "number"),
-        Column("± U (k = 2)", "number", optional=True),
-        Column("unit"),
+        Column("± U (k=2)", "number", optional=True),
+        Column("unit", "short"),
         *([Column("prior sd", "number")] if prior else []),
         *([Column("sd / bound", "number")] if bound is not None else []),
-        Column("meaning", aside=True),
+        Column("meaning", "meaning"),
     ]
     rows: list[list[str]] = []
     start = 0
@@ -77,7 +78,8 @@ def _coefficient_rows(
         known = _signed(format_value(value, sd)) if np.isfinite(value) else "unknown"
         free = row["free"]
         cells = [row["name"], row["symbol"], known]
-        cells += [_size(sd) if free else "held", _size(COVERAGE * sd) if free and sd else "", unit]
+        cells += [_size(sd) if free else "held", _size(COVERAGE * sd) if free and sd else ""]
+        cells.append(shown(unit))
         if prior:
             cells.append(_size((row["prior_sd"] or 0.0) / units.factor(unit, row["kind"])))
         if bound is not None:
@@ -85,6 +87,13 @@ def _coefficient_rows(
             cells.append(f"{row['sd'] / bound[i]:.2f}" if seen else "")
         out.append([*cells, row["meaning"]])
     return out
+
+
+def shown(unit: str) -> str:
+    """Write a unit with the signs that people use."""
+    for plain, sign in (("ug", "µg"), ("deg", "°"), ("percent", "%")):
+        unit = re.sub(rf"\b{plain}\b", sign, unit)
+    return unit
 
 
 def _signed(text: str) -> str:
@@ -102,7 +111,9 @@ def unseen(result: Result) -> Section | None:
     items = [("warning", f"Seen badly: {words}.") for words in facts.get("weakest") or []]
     gaps = (facts.get("coverage") or {}).get("missing") or []
     items += [("warning", f"No rest near: {gap.get('words', '')}.") for gap in gaps]
-    weak = vector.free & np.isfinite(vector.prior_sd) & (vector.sd > NOTHING_ADDED * vector.prior_sd)
+    weak = (
+        vector.free & np.isfinite(vector.prior_sd) & (vector.sd > NOTHING_ADDED * vector.prior_sd)
+    )
     if weak.any():
         names = ", ".join(f"`{n}`" for n, w in zip(vector.names, weak, strict=True) if w)
         items.append(("warning", f"Known hardly better than beforehand: {names}."))
@@ -122,6 +133,7 @@ _MEASURED = ("A", "scatter of the samples within the rests")
 _DECLARED = ("B", "noise as declared in the campaign")
 _BASIS = {
     "scatter between rests": ("A", "scatter of the residuals beyond the noise"),
+    "unknown heading": ("B", "heading not given: the whole circle"),
     "unknown Earth rate": ("B", "latitude not given: any direction"),
     "prior": ("B", "prior as given in the campaign"),
     "local gravity": ("B", "standard uncertainty of local gravity"),
@@ -151,7 +163,7 @@ def budget(result: Result) -> Section | None:
         "Where the variance of each coefficient comes from. Type A: evaluated from the scatter of "
         "these data; type B: from other knowledge."
     )
-    blocks = [
+    blocks: list[Block] = [
         figures.shares(symbols, {s: share[s] for s in order}),
         _sources(result, {s: share[s] for s in order}),
         _contributions(vector, {s: parts[s] for s in order}, total),
@@ -165,7 +177,7 @@ def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
     names = result.coefficients.names
     columns = [
         Column("source"),
-        Column("type"),
+        Column("type", "short"),
         Column("evaluated from"),
         Column("mean share", "number"),
         Column("largest share", "number"),
@@ -194,16 +206,17 @@ def _contributions(
         Column("u of", "name"),
         *[Column(source, "number") for source in parts],
         Column("combined", "number"),
-        Column("unit"),
+        Column("unit", "short"),
     ]
     rows = []
     for i, row in enumerate(vector.rows()):
         size = units.factor(row["display_unit"], row["kind"])
         combined = float(np.sqrt(total[i])) / size
         digits = 1 - int(np.floor(np.log10(combined))) if combined > 0 else 0
-        cells = [float(np.sqrt(max(v[i], 0.0))) / size for v in parts.values()]
-        shown = [f"{u:.{max(0, min(digits, 9))}f}" for u in (*cells, combined)]
-        rows.append([row["name"], *shown, row["display_unit"]])
+        cells = [*(float(np.sqrt(max(v[i], 0.0))) / size for v in parts.values()), combined]
+        texts = [f"{u:.{max(0, min(digits, 9))}f}" for u in cells]
+        kept = [text if float(text) else "–" for text in texts]
+        rows.append([row["name"], *kept, shown(row["display_unit"])])
     return Table(columns, rows)
 
 

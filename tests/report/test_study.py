@@ -1,0 +1,121 @@
+"""The report of a Monte Carlo study says whether the uncertainties were right."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from foucault.diagnose.study import Study
+from foucault.estimate.chi_square import chi_square_density
+from foucault.models.imu import LINEAR_LOWER
+from foucault.report import study as study_report
+
+ABOUT = {"procedure": "hand_rotated", "n": 80, "seed": 4, "version": "0.1.0"}
+
+
+def make_study(factor: float = 1.0, failures: int = 0, n: int = 80, bound: bool = True) -> Study:
+    """Return trials whose true errors are `factor` times what they were predicted to be."""
+    rng = np.random.default_rng(8)
+    names = LINEAR_LOWER
+    sd = np.tile(np.geomspace(1e-5, 1e-3, len(names)), (n, 1))
+    unit = factor * rng.normal(size=sd.shape)
+    status = {"converged": n} | ({"not converged": failures} if failures else {})
+    limit = sd / 1.1 if bound else np.full(sd.shape, np.nan)
+    return Study(names, unit * sd, sd, limit, np.sum(unit**2, axis=1), status)
+
+
+def figures_of(page: str) -> list[dict]:
+    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
+    return [json.loads(text) for text in found]
+
+
+def titles_of(page: str) -> list[str]:
+    return re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
+
+
+def test_a_study_that_is_right_passes():
+    page = study_report.html(make_study(), ABOUT)
+    assert '<p class="word">Pass</p>' in page
+    assert "Monte Carlo study of hand_rotated" in page and "80 trials" in page
+    assert titles_of(page) == [
+        "Checks",
+        "Error of every coefficient",
+        "Errors against predicted uncertainty",
+        "NEES",
+        "Coverage",
+        "How the trials ended",
+        "Provenance",
+    ]
+
+
+def test_a_halved_covariance_is_doubtful_and_says_why():
+    page = study_report.html(make_study(factor=np.sqrt(2)), ABOUT)
+    assert '<p class="word">Doubtful</p>' in page
+    assert "the uncertainties are too small" in page
+
+
+def test_figures_show_the_numbers_of_the_study():
+    study = make_study()
+    rows = study.rows()
+    ratio, mean, nees, coverage = figures_of(study_report.html(study, ABOUT))
+    np.testing.assert_allclose(ratio["data"][0]["x"], [r["ratio"] for r in rows], rtol=1e-5)
+    band = ratio["layout"]["shapes"][0]
+    assert (band["x0"], band["x1"]) == (rows[0]["ratio_low"], rows[0]["ratio_high"])
+    np.testing.assert_allclose(mean["data"][0]["x"], [r["mean_z"] for r in rows], rtol=1e-5)
+    np.testing.assert_allclose(nees["data"][0]["x"], study.nees, rtol=1e-5)
+    x, density = (np.array(nees["data"][1][k]) for k in "xy")
+    assert density.sum() * (x[1] - x[0]) == pytest.approx(1, abs=2e-3)
+    np.testing.assert_allclose(
+        coverage["data"][0]["x"], [100 * r["coverage_68"] for r in rows], rtol=1e-5
+    )
+
+
+def test_coefficients_outside_their_limits_stand_out():
+    study = make_study()
+    study.error[:, 2] *= 3
+    ratio = figures_of(study_report.html(study, ABOUT))[0]
+    outside = next(t for t in ratio["data"] if t["name"] == "outside")
+    assert outside["y"] == [study.names[2]]
+    assert outside["marker"]["symbol"] != ratio["data"][0]["marker"]["symbol"]
+
+
+def test_failures_are_counted_by_status():
+    page = study_report.html(make_study(failures=20), ABOUT)
+    assert '<p class="word">Doubtful</p>' in page
+    assert "not converged" in page and "20.0\N{NO-BREAK SPACE}%" in page
+
+
+def test_without_a_bound_its_column_is_left_out():
+    assert "RMS / bound" in study_report.html(make_study(), ABOUT)
+    assert "RMS / bound" not in study_report.html(make_study(bound=False), ABOUT)
+
+
+def test_a_study_without_estimates_is_still_a_page():
+    empty = np.empty((0, len(LINEAR_LOWER)))
+    study = Study(LINEAR_LOWER, empty, empty, empty, np.empty(0), {"rests.too_few": 40})
+    page = study_report.html(study, ABOUT)
+    assert '<p class="word">Unusable</p>' in page
+    assert titles_of(page) == ["Checks", "How the trials ended", "Provenance"]
+    assert "rests.too_few" in page
+
+
+def test_written_whole_self_contained_with_one_plotly(tmp_path):
+    file = study_report.write(make_study(), ABOUT, tmp_path / "report.html")
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+    page = file.read_text(encoding="utf-8")
+    assert page.count("* plotly.js v") == 1
+    rest = re.sub(r"<script>/\*\*\n\* plotly\.js.*?</script>", "", page, flags=re.DOTALL)
+    assert re.findall(r"https?:|<(?:link|img|iframe|base)|@import|url\(", rest) == []
+
+
+def test_density_is_that_of_chi_square():
+    from scipy.stats import chi2
+
+    x = np.linspace(0, 60, 31)
+    for dof in (1.0, 2.0, 21.0):
+        expected = chi2.pdf(x[1:], dof)
+        np.testing.assert_allclose(chi_square_density(x, dof)[1:], expected, rtol=1e-12)
+    assert chi_square_density(np.zeros(1), 2.0) == pytest.approx(0.5)
