@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from foucault.diagnose.held_out import norm_with_sd
+from foucault.diagnose.held_out import norm_with_cov
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
@@ -36,14 +36,15 @@ def test_sd_of_a_norm_is_that_of_drawn_coefficients_and_readings():
     f_b = np.array([[0.0, 0.0, 9.8], [6.0, -6.0, 5.0]])
     reading, _ = model.measure(f_b, f_b)
     reading_cov = np.array([np.diag([1e-6, 2e-6, 3e-6])] * 2)
-    _, sd = norm_with_sd(model, replace(truth, cov=root @ root.T), reading, reading_cov)
+    _, joint = norm_with_cov(model, replace(truth, cov=root @ root.T), reading, reading_cov)
     n, norms = 4000, []
     for _ in range(n):
         values = truth.values + root @ rng.normal(size=9)
         drawn = ImuModel.from_coefficients(replace(truth, values=values))
         noisy = reading + rng.normal(size=(2, 3)) * np.sqrt([1e-6, 2e-6, 3e-6])
         norms.append(np.linalg.norm(drawn.compensate(noisy, None)[0], axis=1))
-    square = np.sum((np.array(norms) - np.linalg.norm(f_b, axis=1)) ** 2, axis=0) / sd**2
+    square = np.sum((np.array(norms) - np.linalg.norm(f_b, axis=1)) ** 2, axis=0)
+    square /= np.diag(joint)
     low, high = chi_square_limits(n, tests=2)
     assert (low < square).all() and (square < high).all()
 

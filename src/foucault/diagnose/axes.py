@@ -123,6 +123,8 @@ def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:
         )
         left_handed = np.linalg.det(best.exchange) < 0
         code = "gyro.left_handed" if left_handed else "gyro.axes"
+        if np.array_equal(best.exchange, -np.eye(3)):
+            code = "gyro.reversed"
         return error(code, exchange=words, **numbers)
     causes = {
         180 / np.pi: ("rad/s", "deg/s", "the gyro unit is rad/s and was declared as deg/s"),

@@ -95,9 +95,20 @@ def _sources(session: Session, noise: SessionNoise) -> dict[str, tuple[SessionNo
         for name in ("accel_repeatability", "gyro_repeatability", "turn_repeatability")
     }
     return {
-        "accelerometer noise": (replace(silent, accel_psd=noise.accel_psd, slow=accel), known),
+        "accelerometer noise": (
+            replace(
+                silent, accel_psd=noise.accel_psd, slow=accel, accel_rounding=noise.accel_rounding
+            ),
+            known,
+        ),
         "gyro noise": (
-            replace(silent, gyro_psd=noise.gyro_psd, turn_psd=noise.turn_psd, slow=gyro),
+            replace(
+                silent,
+                gyro_psd=noise.gyro_psd,
+                turn_psd=noise.turn_psd,
+                slow=gyro,
+                gyro_rounding=noise.gyro_rounding,
+            ),
             known,
         ),
         "scatter between rests": (replace(silent, **scatter), known),

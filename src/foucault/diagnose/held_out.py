@@ -17,10 +17,10 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def norm_with_sd(
+def norm_with_cov(
     model: ImuModel, coefficients: CoefficientVector, accel: FloatArray, cov: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the compensated norm of mean readings and its standard deviation.
+    """Return the compensated norm of mean readings, shape (n,), and its covariance, (n, n).
 
     Parameters
     ----------
@@ -46,10 +46,10 @@ def norm_with_sd(
             slope[:, k] = lever[:, where]
         elif block in inputs:
             slope[:, k] = lever[:, where[0]] * inputs[block][:, where[1]]
-    variance = np.einsum("ni,nij,nj->n", lever, cov, lever)
+    joint = np.diag(np.einsum("ni,nij,nj->n", lever, cov, lever))
     if coefficients.cov is not None:
-        variance = variance + np.einsum("ni,ij,nj->n", slope, coefficients.cov, slope)
-    return norm, np.sqrt(variance)
+        joint = joint + slope @ coefficients.cov @ slope.T
+    return norm, joint
 
 
 def hold_out(
@@ -57,7 +57,8 @@ def hold_out(
     noise: SessionNoise,
     refit: Callable[[IntArray], Estimate],
     folds: int,
-) -> tuple[FloatArray, FloatArray]:
+    used: npt.NDArray[np.bool_],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Predict the norm of rests that the fit did not see.
 
     Parameters
@@ -70,6 +71,8 @@ def hold_out(
         ``rests -> Estimate`` without the accelerometers of the rests given by number.
     folds : int, shape ()
         Number of parts; each is left out once [1].
+    used : ndarray of bool, shape (rests,)
+        Rests that the solution uses; an outlier need not be predicted.
 
     Returns
     -------
@@ -77,19 +80,24 @@ def hold_out(
         Predicted norm minus local g [m/s^2].
     sd : ndarray, shape (rests,)
         Its predicted standard deviation [m/s^2].
+    white : ndarray, shape (rests,)
+        The errors made white within each part, which shares one estimate [1].
     """
     n = len(session.accel_mean)
-    error, sd = np.full(n, np.nan), np.full(n, np.nan)
+    error, sd, white = np.full((3, n), np.nan)
     cov = rest_cov(session, noise)
     for fold in range(folds):
-        out = np.arange(n) % folds == fold
+        out = (np.arange(n) % folds == fold) & used
+        if not out.any():
+            continue
         estimate = refit(np.flatnonzero(out))
         state: Attitudes = estimate.state
-        norm, norm_sd = norm_with_sd(
+        norm, joint = norm_with_cov(
             state.model, estimate.coefficients, session.accel_mean[out], cov[out]
         )
-        error[out], sd[out] = norm - session.site.gravity, norm_sd
-    return error, sd
+        error[out], sd[out] = norm - session.site.gravity, np.sqrt(np.diag(joint))
+        white[out] = np.linalg.solve(np.linalg.cholesky(joint), error[out])
+    return error, sd, white
 
 
 def rest_cov(session: Session, noise: SessionNoise) -> FloatArray:
@@ -105,4 +113,5 @@ def rest_cov(session: Session, noise: SessionNoise) -> FloatArray:
     white = np.diag(noise.accel_psd) / session.rest_time[:, None, None]
     slow = noise.slow.accel.bias_instability**2 + noise.accel_repeatability**2
     walk = noise.slow.accel.random_walk**2 * session.log.time[session.first]
-    return np.asarray(white + (slow + walk)[:, None, None] * np.eye(3))
+    rounding = np.diag(noise.accel_rounding**2)
+    return np.asarray(white + rounding + (slow + walk)[:, None, None] * np.eye(3))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.rests import moving_sd, quiet_runs, quiet_sd, split, turning
+from foucault.diagnose.rests import moving_sd, quiet_runs, quiet_sd, split, trimmed, turning
 from foucault.logs import checks
 from foucault.tables import FloatArray, IntArray, Log
 
@@ -206,6 +206,8 @@ class LiveRests:
         shortest = max(2, round(self.shortest / self.interval)) if self.samples else 0
         kept = [(a, b) for a, b in runs if b - a >= shortest]
         first, last = (np.array([run[i] for run in kept], np.int64) for i in (0, 1))
+        if kept:
+            first, last = trimmed(self.level(0), first, last, shortest)
         turns = np.zeros(len(kept), bool)
         if "gyro" in self._triads and len(kept) >= 5:
             turns, _ = turning(self.means("gyro", first, last))

@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from foucault.errors import Finding, finding
 from foucault.kernels.moving import moving_moments
+from foucault.models.noise import rounding_bias
 from foucault.tables import AXES, Log
 
 FloatArray = npt.NDArray[np.float64]
@@ -86,6 +87,8 @@ def find_rests(
     level = np.fmax(accel_level, gyro_level)
     limit = split(level) if threshold is None else threshold
     first, last = quiet_runs(level < limit, max(2, round(shortest * rate)))
+    if threshold is None:
+        first, last = trimmed(level, first, last, max(2, round(shortest * rate)))
     first, last, findings = _drop_moving(log, first, last)
     return Rests(first, last, level, accel_level, gyro_level, limit, samples, findings)
 
@@ -163,6 +166,37 @@ def quiet_runs(quiet: npt.NDArray[np.bool_], shortest: int) -> tuple[IntArray, I
     return first[keep].astype(np.int64), last[keep].astype(np.int64)
 
 
+EDGE = 2.5
+"""A rest ends where its level leaves this multiple of its own median [1]."""
+
+
+def trimmed(
+    level: FloatArray, first: IntArray, last: IntArray, shortest: int
+) -> tuple[IntArray, IntArray]:
+    """Cut the slow beginnings and ends of turns off the rests.
+
+    The threshold that tells rest from turn lies far above the level of a rest, and the more so
+    the slower the log; a turn that starts gently is below it for a while.
+
+    Parameters
+    ----------
+    level : ndarray, shape (samples,)
+        Level of each window, 1 for quiet [1].
+    first, last : ndarray of int, shape (n,)
+        First sample of each rest and the sample after its last.
+    shortest : int, shape ()
+        Fewest samples of a rest; a rest is not cut below it [1].
+    """
+    first, last = first.copy(), last.copy()
+    for j, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        part = level[a:b]
+        calm = np.flatnonzero(part <= EDGE * np.median(part))
+        # Only the ends are cut: a bump in the middle stays part of the rest.
+        if len(calm) and calm[-1] + 1 - calm[0] >= shortest:
+            first[j], last[j] = a + calm[0], a + calm[-1] + 1
+    return first, last
+
+
 def _drop_moving(
     log: Log, first: IntArray, last: IntArray
 ) -> tuple[IntArray, IntArray, tuple[Finding, ...]]:
@@ -210,11 +244,14 @@ class RestNoise:
         rests were not quite still [unit^2 s].
     samples_sd : ndarray, shape (3,)
         Standard deviation of single samples at rest [unit].
+    rounding : ndarray, shape (3,)
+        Constant error of rounding that averaging does not remove, sd [unit].
     """
 
     psd: FloatArray
     psd_of_mean: FloatArray
     samples_sd: FloatArray
+    rounding: FloatArray
 
 
 def measure_noise(x: FloatArray, interval: float, rests: Rests) -> RestNoise:
@@ -252,7 +289,44 @@ def measure_noise(x: FloatArray, interval: float, rests: Rests) -> RestNoise:
         measured = slow / slow_n * interval
         limit = f_distribution.ppf(0.99, slow_n, max(fast_n, 1))
         of_mean = np.where(measured > limit * psd, measured, psd)
-    return RestNoise(psd, of_mean, np.sqrt(square / max(n, 1)))
+    sd = np.sqrt(square / max(n, 1))
+    steps = np.array([resolution(x[:, i]) for i in range(3)])
+    # What is rounded moves by less than it seems, for rounding adds a variance of its own. A
+    # signal that hardly leaves two steps says nothing of how much it moves: take it for still.
+    before = np.sqrt(np.maximum(sd**2 - steps**2 / 12, 0.0))
+    before[_levels(x, rests) < 3] = 0.0
+    rounding = [rounding_bias(step, s) for step, s in zip(steps, before, strict=True)]
+    floor = steps**2 / 12 * interval  # in motion, rounding is white noise
+    return RestNoise(np.maximum(psd, floor), np.maximum(of_mean, floor), sd, np.array(rounding))
+
+
+def _levels(x: FloatArray, rests: Rests) -> FloatArray:
+    """Return how many values the samples of a typical rest take, rare ones left out, (3,)."""
+    counts = []
+    for a, b in zip(rests.first, rests.last, strict=True):
+        part = x[a : min(b, a + 500)]
+        shares = [np.unique(part[:, i], return_counts=True)[1] / len(part) for i in range(3)]
+        counts.append([int(np.sum(share >= 0.005)) for share in shares])
+    return np.asarray(np.median(np.array(counts).reshape(-1, 3), axis=0))
+
+
+def resolution(x: FloatArray, most: int = 10_000) -> float:
+    """Return the step of a rounded signal [unit], 0 where the samples are not rounded.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Readings of one axis [unit].
+    most : int, shape ()
+        Number of samples to look at [1].
+    """
+    seen = x[:: max(1, len(x) // most)]
+    values = np.unique(seen)
+    if len(values) < 2 or len(values) > 0.9 * len(seen):
+        return 0.0
+    steps = np.diff(values)
+    # Equal steps differ by the rounding of their own arithmetic.
+    return float(steps[steps > 1e-6 * steps.max()].min())
 
 
 def _block_means(x: FloatArray, size: int) -> FloatArray:

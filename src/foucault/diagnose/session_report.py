@@ -11,10 +11,11 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.coverage import Coverage
-from foucault.diagnose.held_out import norm_with_sd, rest_cov
+from foucault.diagnose.held_out import norm_with_cov, rest_cov
 from foucault.diagnose.information import information
 from foucault.diagnose.session import Evidence
 from foucault.errors import Finding, finding
+from foucault.estimate import gauss_newton
 from foucault.estimate import session_likelihood as likelihood
 from foucault.estimate.session_likelihood import Component
 from foucault.models.earth import Site
@@ -37,38 +38,53 @@ def hints(e: Evidence, prediction: Prediction) -> list[Finding]:
     prediction : Prediction
         Residuals at the solution [SI].
     """
-    return [*_scatter(e), *_outliers(e), *_common_scale(e), *_g_sensitivity(e, prediction)]
+    found = [*_resolution(e), *_scatter(e), *_outliers(e), *_common_scale(e)]
+    return found + ([] if _resolution(e) else _g_sensitivity(e, prediction))
+
+
+COARSE = 3.0
+"""A constant rounding error this many times the noise of a rest's mean is worth saying [1]."""
+
+
+def _resolution(e: Evidence) -> list[Finding]:
+    """Name a triad whose steps are so coarse that its mean does not average the rounding."""
+    rest = float(np.median(e.session.rest_time))
+    rows = (
+        ("accelerometers", e.noise.accel_rounding, e.noise.accel_psd, 1 / 9.80665e-3, "mg"),
+        ("gyros", e.noise.gyro_rounding, e.noise.gyro_psd, 180 / np.pi * 3600, "deg/h"),
+    )
+    return [
+        finding("session.resolution", what=what, sd=f"{rounding.max() * scale:.2g} {unit}")
+        for what, rounding, psd, scale, unit in rows
+        if np.any(rounding > COARSE * np.sqrt(psd / rest))
+    ]
 
 
 def _scatter(e: Evidence) -> list[Finding]:
-    sizes = (
-        ("the specific forces at rest", e.noise.accel_repeatability / 9.80665e-3, "mg"),
-        ("the rates at rest", np.degrees(e.noise.gyro_repeatability) * 3600, "deg/h"),
-        ("the turns", np.degrees(e.noise.turn_repeatability), "deg"),
+    """Name scatter that is significant; a little is estimated in every session."""
+    degrees = 180 / np.pi
+    rows = (
+        ("accel_repeatability", "the specific forces at rest", 1 / 9.80665e-3, "mg"),
+        ("gyro_repeatability", "the rates at rest", degrees * 3600, "deg/h"),
+        ("turn_repeatability", "the turns", degrees, "deg"),
     )
     return [
-        finding("session.scatter", what=what, sd=f"{size:.2g} {unit}")
-        for what, size, unit in sizes
-        if size > 0
+        finding("session.scatter", what=what, sd=f"{getattr(e.noise, name) * scale:.2g} {unit}")
+        for name, what, scale, unit in rows
+        if getattr(e.noise, name) > 0 and e.before[name].chi_square > e.before[name].high
     ]
 
 
 def _outliers(e: Evidence) -> list[Finding]:
     n, out = len(e.session.accel_mean), []
-    names = ("rest", "rest", "turn")
+    names = ("specific force of the rest", "rate of the rest", "turn")
+    norms = gauss_newton.block_norms(e.estimate.residuals, e.estimate.blocks, e.estimate.weights)
     for block in np.flatnonzero(e.estimate.weights < 0.5).tolist():
         kind, j = min(block // n, 2), block % n if block < 2 * n else block - 2 * n
         at = int(e.session.last[j]) - 1 if kind == 2 else int(e.session.first[j])
-        weight = e.estimate.weights[block]
-        out.append(
-            finding(
-                "session.outlier",
-                what=names[kind],
-                time=f"{e.session.log.time[at]:.1f}",
-                norm=f"{3 / weight:.0f}",
-                weight=f"{weight:.2f}",
-            )
-        )
+        time = e.session.log.time[at] - e.session.log.time[0]
+        words = {"what": names[kind], "time": f"{time:.1f}", "norm": f"{norms[block]:.0f}"}
+        out.append(finding("session.outlier", **words))
     return out
 
 
@@ -112,7 +128,7 @@ def tables(e: Evidence, prediction: Prediction, base: Mapping[str, Any]) -> dict
         The columns that `diagnose.rests.rest_table` makes.
     """
     s, n = e.session, len(e.up_b)
-    norm, sd = norm_with_sd(
+    norm, joint = norm_with_cov(
         e.estimate.state.model, e.estimate.coefficients, s.accel_mean, rest_cov(s, e.noise)
     )
     worst = _worst(e.estimate, n)
@@ -120,7 +136,7 @@ def tables(e: Evidence, prediction: Prediction, base: Mapping[str, Any]) -> dict
     rests |= {
         "norm_before": np.linalg.norm(s.accel_mean, axis=1),
         "norm_after": norm,
-        "norm_sd": sd,
+        "norm_sd": np.sqrt(np.diag(joint)),
         "held_out": e.held_out[0],
         "held_out_sd": e.held_out[1],
         "residual": worst[:n],

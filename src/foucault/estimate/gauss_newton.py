@@ -36,7 +36,20 @@ def least_squares(norms: FloatArray) -> FloatArray:
     return np.ones_like(norms)
 
 
-def huber(norms: FloatArray, limit: float = 3.0) -> FloatArray:
+ROBUST_LIMIT = 3.0
+"""Observations whose standardized residuals exceed this, rms, count as outliers [1]."""
+
+PATIENCE = 8
+"""After this many steps a gain below the tolerance is none [1]."""
+
+SETTLED = 0.05
+"""A last step shorter than this is of no account, in units of its standard deviation [1]."""
+
+LEFT_OUT = 1e-6
+"""Weight of an observation that is left out; not zero, so that its residual is still known [1]."""
+
+
+def huber(norms: FloatArray, limit: float = ROBUST_LIMIT) -> FloatArray:
     """Give weight limit/norm to observations with a standardized residual beyond `limit`.
 
     Parameters
@@ -89,7 +102,7 @@ def solve(
     state = problem.start
     weights = np.ones(problem.n_blocks) if weights is None else weights
     at = _with_prior(problem, state, problem.linearise(state, weights))
-    status, iterations = Status.NOT_CONVERGED, 0
+    status, iterations, moved = Status.NOT_CONVERGED, 0, np.inf
     while iterations < max_iterations:
         iterations += 1
         if not (np.isfinite(at.residuals).all() and np.isfinite(at.jacobian).all()):
@@ -103,10 +116,16 @@ def solve(
         if reweighted > 1e-3:
             at = _with_prior(problem, state, problem.linearise(state, weights))
         # `moved` is the step in units of its own standard deviation: sqrt(dx' J'J dx).
-        # A small step that lowers nothing is the end too: whitening moves with the state.
-        elif moved < tolerance or (moved < 100 * tolerance and gained <= 0):
+        # A small step that lowers nothing is the end too: whitening moves with the state. A
+        # heading that is hardly visible creeps by hundredths of its sd for long.
+        elif moved < tolerance or (
+            moved < 100 * tolerance and gained <= (tolerance if iterations > PATIENCE else 0)
+        ):
             status = Status.CONVERGED
             break
+    # Robust weights can flicker for ever; what they move by then may be of no account.
+    if status is Status.NOT_CONVERGED and moved < SETTLED:
+        status = Status.CONVERGED
     return _estimate(problem, state, at, weights, status, iterations)
 
 
@@ -211,14 +230,30 @@ def _descend(
     return state, at, moved
 
 
+def block_norms(
+    residuals: FloatArray, blocks: npt.NDArray[np.int64], weights: FloatArray
+) -> FloatArray:
+    """Return the root mean square standardized residual of each observation.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (m,)
+        White residuals, the root of the weights in them [1].
+    blocks : ndarray of int, shape (m,)
+        Observation each belongs to, -1 for a prior.
+    weights : ndarray, shape (blocks,)
+        Weights the residuals were made with; they are undone [1].
+    """
+    used = blocks >= 0
+    square = np.bincount(blocks[used], residuals[used] ** 2, len(weights))
+    count = np.bincount(blocks[used], minlength=len(weights))
+    return np.sqrt(square / np.maximum(count, 1) / np.maximum(weights, 1e-12))
+
+
 def _reweight(
     problem: Problem, at: Linearised, weights: FloatArray, loss: Loss
 ) -> tuple[FloatArray, float]:
-    used = at.blocks >= 0
-    square = np.bincount(at.blocks[used], at.residuals[used] ** 2, problem.n_blocks)
-    count = np.bincount(at.blocks[used], minlength=problem.n_blocks)
-    # Residuals came in weighted; undo that to judge the observation itself.
-    norms = np.sqrt(square / np.maximum(count, 1) / np.maximum(weights, 1e-12))
+    norms = block_norms(at.residuals, at.blocks, weights)
     new = loss(norms)
     return new, float(np.max(np.abs(new - weights), initial=0.0))
 

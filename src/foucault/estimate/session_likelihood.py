@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ from foucault.estimate import gauss_newton, norm_observation
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.published_hand_rotated import fit_directions
 from foucault.models.imu import LAYOUT, ImuModel
-from foucault.models.rests_and_turns import Attitudes, Session, predict
+from foucault.models.rests_and_turns import Attitudes, Prediction, Session, predict
 from foucault.models.rotation import aligning, exp
 from foucault.models.session_noise import SessionNoise, blocks, correlated, whiten
 from foucault.result import Estimate, Linearised, Problem
@@ -76,12 +77,43 @@ class Component:
         return self.chi_square / max(self.redundancy, 1e-9)
 
 
+class Memory:
+    """The last prediction: while only the noise changes, the turns need no new integration."""
+
+    def __init__(self) -> None:
+        self._state: Attitudes | None = None
+        self._psd: FloatArray = np.zeros(0)
+        self._at: Prediction | None = None
+
+    def predict(
+        self, session: Session, names: Sequence[str], state: Attitudes, psd: FloatArray
+    ) -> Prediction:
+        """Return `predict` of a state, from memory where it is the state of the last call.
+
+        Parameters
+        ----------
+        session : Session
+            What was observed [SI].
+        names : sequence of str, length p
+            Coefficients, the same in every call.
+        state : Attitudes
+            Where to linearise.
+        psd : ndarray, shape (3,)
+            White noise power of the gyro outputs [rad^2/s].
+        """
+        if self._at is None or self._state is not state or not np.array_equal(self._psd, psd):
+            self._at = predict(session, names, state, psd)
+            self._state, self._psd = state, psd
+        return self._at
+
+
 def build(
     session: Session,
     names: Sequence[str],
     start: Attitudes,
     noise: SessionNoise,
     prior: CoefficientVector | None = None,
+    memory: Memory | None = None,
 ) -> Problem:
     """Build the least-squares problem of a session.
 
@@ -97,14 +129,17 @@ def build(
         Noise of the observations.
     prior : CoefficientVector or None
         Prior of the coefficients, in the order of `names`.
+    memory : Memory or None
+        Shared by problems of the same session that follow one another.
     """
+    memory = memory or Memory()
     layout = LAYOUT.subset(names)
     p, n = len(names), len(session.accel_mean)
     kinds = 1 if session.gyro_mean is None else 3
     n_blocks = n if kinds == 1 else 3 * n - 1
 
     def linearise(state: Attitudes, weights: FloatArray) -> Linearised:
-        at = predict(session, names, state, noise.turn_psd)
+        at = memory.predict(session, names, state, noise.turn_psd)
         share = np.sqrt(weights)[:, None]
         r, J = whiten(
             at.residuals * share,
@@ -245,6 +280,7 @@ def fit(
     prior: CoefficientVector | None = None,
     loss: gauss_newton.Loss = gauss_newton.least_squares,
     repeatability: bool = True,
+    pretest: bool = False,
 ) -> tuple[Estimate, SessionNoise, dict[str, Component]]:
     """Estimate the coefficients, and the scatter that the noise leaves unexplained.
 
@@ -263,7 +299,11 @@ def fit(
     loss : callable
         Robust loss, see `estimate.gauss_newton`.
     repeatability : bool
-        Add variance where the residuals demand it.
+        Add variance where the residuals are larger than the noise explains.
+    pretest : bool
+        Add it only where they are significantly larger. Right for noise that is known; noise
+        measured within rests is a lower limit of what differs between them, and a test would
+        leave moderate scatter out of the covariance.
 
     Returns
     -------
@@ -274,29 +314,81 @@ def fit(
     before : dict of str to Component
         How well the noise alone explained the residuals.
     """
-    estimate = gauss_newton.solve(build(session, names, start, noise, prior), loss=loss)
+    robust = loss is not gauss_newton.least_squares
+    state, outliers, memory = start, np.zeros(0), Memory()
+    before: dict[str, Component] = {}
+    for attempt in range(4):
+        # At first only significant scatter, lest an outlier be taken for scatter of all.
+        careful = pretest or (robust and attempt == 0)
+        estimate, noise, fits = _with_scatter(
+            build(session, names, state, noise, prior, memory), session, names, noise, loss,
+            repeatability, careful, memory,
+        )  # fmt: skip
+        before = fits if attempt == 0 else before
+        state, found = estimate.state, _outlier_weights(estimate, session)
+        if not robust or np.array_equal(found, outliers):
+            break
+        # Huber's loss keeps the pull of an outlier, clipped, on the estimate, but its covariance
+        # does not count that pull. Once the outliers are known they are left out altogether.
+        outliers, loss = found, partial(_held, found)
+    return estimate, noise, before
+
+
+def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
+    """A loss whose weights are settled."""
+    return weights
+
+
+def _with_scatter(
+    problem: Problem,
+    session: Session,
+    names: Sequence[str],
+    noise: SessionNoise,
+    loss: gauss_newton.Loss,
+    repeatability: bool,
+    pretest: bool,
+    memory: Memory,
+) -> tuple[Estimate, SessionNoise, dict[str, Component]]:
+    """Solve, then add variance of each kind until its residuals fit."""
+    estimate = gauss_newton.solve(problem, loss=loss)
     now = components(estimate, session, clipped=True)
-    too_large = [name for name, c in now.items() if c.chi_square > c.high]
     full = components(estimate, session)
-    before = {name: full[name] if name in too_large else c for name, c in now.items()}
-    if not repeatability or not too_large:
+    before = {name: full[name] if c.chi_square > c.high else c for name, c in now.items()}
+    growing = [
+        k for k, c in now.items() if not pretest or c.chi_square > c.high or getattr(noise, k) > 0
+    ]
+    if not repeatability or all(_settled(now[k], getattr(noise, k)) for k in growing):
         return estimate, noise, before
     for _ in range(20):
-        noise = _inflate(noise, now, session, too_large)
-        problem = build(session, names, estimate.state, noise, prior)
+        noise = _inflate(noise, now, session, growing)
+        problem = build(session, names, estimate.state, noise, problem.prior, memory)
         estimate = gauss_newton.solve(
             problem, loss=loss, max_iterations=1, weights=estimate.weights
         )
         now = components(estimate, session, clipped=True)
-        # A variance from some 60 degrees of freedom is uncertain by 18 %: 2 % is settled.
-        if all(abs(now[k].ratio - 1) < 0.02 or getattr(noise, k) == 0 for k in too_large):
+        if all(_settled(now[k], getattr(noise, k)) for k in growing):
             break
-    problem = build(session, names, estimate.state, noise, prior)
+    problem = build(session, names, estimate.state, noise, problem.prior, memory)
     return gauss_newton.solve(problem, loss=loss, weights=estimate.weights), noise, before
 
 
+def _settled(c: Component, scatter: float) -> bool:
+    """A variance from some 60 degrees of freedom is uncertain by 18 %: 3 % is settled."""
+    return abs(c.ratio - 1) < 0.03 or (scatter == 0 and c.ratio < 1)
+
+
+def _outlier_weights(estimate: Estimate, session: Session) -> FloatArray:
+    norms = gauss_newton.block_norms(estimate.residuals, estimate.blocks, estimate.weights)
+    out = norms > gauss_newton.ROBUST_LIMIT
+    n = len(session.accel_mean)
+    for kind in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
+        if out[kind].sum() > FEW * len(out[kind]):
+            out[kind] = False  # so many are not outliers but scatter
+    return np.where(out, gauss_newton.LEFT_OUT, 1.0)
+
+
 def _inflate(
-    noise: SessionNoise, now: dict[str, Component], session: Session, too_large: list[str]
+    noise: SessionNoise, now: dict[str, Component], session: Session, growing: list[str]
 ) -> SessionNoise:
     """Scale the total variance of each kind by its ratio and give the increase to the scatter."""
     rest = float(np.mean(1 / session.rest_time))
@@ -306,7 +398,7 @@ def _inflate(
         "turn_repeatability": float(noise.turn_psd.mean() * session.turn_time.mean()),
     }
     changed: dict[str, Any] = {}
-    for name in too_large:
+    for name in growing:
         scatter = getattr(noise, name) ** 2
         total = (scatter + white[name]) * now[name].ratio
         changed[name] = float(np.sqrt(max(total - white[name], 0.0)))

@@ -13,6 +13,7 @@ References
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from foucault import units
@@ -103,3 +104,27 @@ def grade(name: str) -> Grade:
         TriadNoise(white=units.parse(gyro_white, "angle random walk")),
     )
     return Grade(noise, spread)
+
+
+def rounding_bias(step: float, sd: float) -> float:
+    """Return the sd of the constant error that rounding leaves in a long mean.
+
+    A signal that moves by much less than a step is rounded the same way every time; averaging
+    does not help. ``step / sqrt(12) * exp(-2 pi^2 (sd / step)^2)``: all of the rounding error
+    without noise, none of it to speak of once the noise is half a step.
+
+    Parameters
+    ----------
+    step : float
+        Step of the output [unit].
+    sd : float
+        Standard deviation of single samples before rounding [unit].
+
+    References
+    ----------
+    .. [1] B. Widrow, I. Kollar, *Quantization Noise*, Cambridge University Press, 2008,
+       section 6 (the first harmonic of the rounding error).
+    """
+    if step <= 0:
+        return 0.0
+    return step / math.sqrt(12) * math.exp(-2 * (math.pi * sd / step) ** 2)

@@ -25,7 +25,8 @@ Jacobian leaves it out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -96,6 +97,26 @@ class Session:
     def turn_time(self) -> FloatArray:
         """Length of each turn, from the last sample of a rest to the first of the next [s]."""
         return self.log.time[self.first[1:]] - self.log.time[self.last[:-1] - 1]
+
+    @cached_property
+    def turns(self) -> tuple[Log, IntArray, IntArray]:
+        """Return the samples of the turns alone, with first and last sample of each turn.
+
+        One more sample on either side is kept, for the rule that integrates rates. Between
+        turns the shortened log jumps in time; nothing is integrated there.
+        """
+        keep = np.zeros(len(self.log), bool)
+        for a, b in zip(self.last[:-1] - 1, self.first[1:], strict=True):
+            keep[max(a - 1, 0) : b + 2] = True
+        place = np.cumsum(keep) - 1
+        log_ = replace(
+            self.log,
+            time=self.log.time[keep],
+            gyro=None if self.log.gyro is None else self.log.gyro[keep],
+            accel=None if self.log.accel is None else self.log.accel[keep],
+            temperature=None,
+        )
+        return log_, place[self.last[:-1] - 1], place[self.first[1:]]
 
     @property
     def earth(self) -> FloatArray:
@@ -208,7 +229,8 @@ def _turns(
     session: Session, names: Sequence[str], state: Attitudes, gyro_psd: FloatArray, J: FloatArray
 ) -> tuple[FloatArray, ...]:
     """Fill the Jacobian of the turns in place; return residuals, noise, bias, path, C_se."""
-    model, C_nb, log_ = state.model, state.C_nb, session.log
+    model, C_nb = state.model, state.C_nb
+    log_, first, last = session.turns
     n, p = len(C_nb), len(names)
     inverse = np.linalg.inv(model.gyro_matrix)
     f_b, w_b = model.compensate(log_.accel, log_.gyro)
@@ -219,8 +241,8 @@ def _turns(
         w_b,
         f_b,
         inverse @ np.diag(gyro_psd) @ inverse.T,
-        session.last[:-1] - 1,
-        session.first[1:],
+        first,
+        last,
         log_.sampled == "increment",
     )
     modelled = (

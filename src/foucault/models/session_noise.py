@@ -8,16 +8,19 @@ unknown, the Earth's rotation is an unknown of known size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.models.earth import EARTH_RATE
-from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.noise import ImuNoise, TriadNoise, rounding_bias
 from foucault.models.rests_and_turns import Prediction, Session
 
 FloatArray = npt.NDArray[np.float64]
+
+QUIET_ENDS = 0.6
+"""About how long a turn between two detected rests is still quiet, both ends together [s]."""
 
 QUIETEST = 1e-9
 """Least white noise, [m/s^2/sqrt(Hz)] and [rad/s/sqrt(Hz)]: below what any instrument has, and far
@@ -39,6 +42,9 @@ class SessionNoise:
     accel_repeatability, gyro_repeatability, turn_repeatability : float
         Standard deviation, per axis, of what the noise does not explain in a rest's specific
         force [m/s^2], a rest's rate [rad/s] and the rotation of a turn [rad].
+    accel_rounding, gyro_rounding : ndarray, shape (3,)
+        Constant error of rounding in the mean of a rest [unit]: another one in every rest for
+        the accelerometers, the same in all rests for the gyros, which always read their bias.
     """
 
     accel_psd: FloatArray
@@ -48,6 +54,8 @@ class SessionNoise:
     accel_repeatability: float = 0.0
     gyro_repeatability: float = 0.0
     turn_repeatability: float = 0.0
+    accel_rounding: FloatArray = field(default_factory=lambda: np.zeros(3))
+    gyro_rounding: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         for name in ("accel_psd", "gyro_psd", "turn_psd"):
@@ -68,7 +76,14 @@ class SessionNoise:
         def psd(triad: TriadNoise) -> FloatArray:
             return np.full(3, triad.white**2 + triad.quantisation**2 / 12 * interval)
 
-        return cls(psd(noise.accel), psd(noise.gyro), psd(noise.gyro), noise)
+        def rounding(triad: TriadNoise) -> FloatArray:
+            sd = triad.white / np.sqrt(interval)
+            return np.full(3, rounding_bias(triad.quantisation, sd))
+
+        return cls(
+            psd(noise.accel), psd(noise.gyro), psd(noise.gyro), noise,
+            accel_rounding=rounding(noise.accel), gyro_rounding=rounding(noise.gyro),
+        )  # fmt: skip
 
 
 def blocks(session: Session, noise: SessionNoise, at: Prediction) -> FloatArray:
@@ -89,7 +104,8 @@ def blocks(session: Session, noise: SessionNoise, at: Prediction) -> FloatArray:
         Covariance blocks in the order of `Prediction.residuals` [SI].
     """
     rest_time = session.rest_time[:, None, None]
-    out = [np.diag(noise.accel_psd) / rest_time + noise.accel_repeatability**2 * np.eye(3)]
+    floor = np.diag(noise.accel_rounding**2) + noise.accel_repeatability**2 * np.eye(3)
+    out = [np.diag(noise.accel_psd) / rest_time + floor]
     if session.gyro_mean is not None:
         # An unknown Earth rate has its full size over all directions: a third per axis.
         unknown = EARTH_RATE**2 / 3 if session.site.latitude is None else 0.0
@@ -154,7 +170,9 @@ def correlated(session: Session, noise: SessionNoise, at: Prediction) -> FloatAr
     ndarray, shape (3 k, 3 k), or None
         Covariance of all residuals [SI]; None where there is no slow noise.
     """
-    if not any(t.bias_instability or t.random_walk for t in (noise.slow.accel, noise.slow.gyro)):
+    slow = any(t.bias_instability or t.random_walk for t in (noise.slow.accel, noise.slow.gyro))
+    coarse = session.gyro_mean is not None and noise.gyro_rounding.any()
+    if not (slow or coarse):
         return None
     time = session.log.time - session.log.time[0]
     rest_start, rest_end = time[session.first], time[session.last - 1]
@@ -169,6 +187,16 @@ def correlated(session: Session, noise: SessionNoise, at: Prediction) -> FloatAr
         effect = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), at.turn_bias])
         part = np.einsum("iab,ij,jcb->iajc", effect, gyro, effect)
         out[3 * n :, 3 * n :] = part.reshape(total - 3 * n, total - 3 * n)
+        if coarse:
+            # The same in all rests. A turn is rounded alike too, but only where it is still
+            # quiet, near its ends, and how long that is is not known well enough to subtract
+            # the one from the other: they count as two errors.
+            share = np.minimum(1.0, QUIET_ENDS / session.turn_time)[:, None, None]
+            effect = effect * noise.gyro_rounding
+            rests = effect[:n].reshape(-1, 3)
+            turns = (effect[n:] * share).reshape(-1, 3)
+            out[3 * n : 6 * n, 3 * n : 6 * n] += rests @ rests.T
+            out[6 * n :, 6 * n :] += turns @ turns.T
     return out
 
 

@@ -33,6 +33,7 @@ from foucault.diagnose import session as judge
 from foucault.diagnose import session_report
 from foucault.diagnose.budget import session_budget
 from foucault.diagnose.coverage import coverage
+from foucault.diagnose.earth import vertical_check
 from foucault.diagnose.held_out import hold_out
 from foucault.diagnose.rests import (
     Rests,
@@ -81,9 +82,9 @@ class Settings(BaseModel):
     earth_rate: bool = Field(
         default=True, description="Model the Earth's rotation where the latitude is given."
     )
-    loss: Literal["huber", "squares"] = Field(
-        default="huber",
-        description="huber: a rest or turn beyond 3 sd counts less; squares: all count in full.",
+    loss: Literal["robust", "squares"] = Field(
+        default="robust",
+        description="robust: a rest or turn beyond 3 sd is left out; squares: all count in full.",
     )
     repeatability: bool = Field(
         default=True,
@@ -301,9 +302,14 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
     accel = measure_noise(log.accel, log.interval, rests)
     if log.gyro is None:
         zero = np.zeros(3)
-        return SessionNoise(accel.psd_of_mean, zero, zero, ImuNoise())
+        return SessionNoise(
+            accel.psd_of_mean, zero, zero, ImuNoise(), accel_rounding=accel.rounding
+        )
     gyro = measure_noise(log.gyro, log.interval, rests)
-    return SessionNoise(accel.psd_of_mean, gyro.psd_of_mean, gyro.psd, ImuNoise())
+    return SessionNoise(
+        accel.psd_of_mean, gyro.psd_of_mean, gyro.psd, ImuNoise(),
+        accel_rounding=accel.rounding, gyro_rounding=gyro.rounding,
+    )  # fmt: skip
 
 
 def _likelihood(
@@ -316,12 +322,13 @@ def _likelihood(
 ) -> Result:
     names = names_of(settings, data.gyro_mean is not None)
     prior = _prior(names, given)
-    loss = gauss_newton.huber if settings.loss == "huber" else gauss_newton.least_squares
+    loss = gauss_newton.huber if settings.loss == "robust" else gauss_newton.least_squares
     start = likelihood.first_guess(data)
     assert start is not None  # check_input has solved the same equations
     estimate, noise, before = likelihood.fit(
         data, names, start, _noise(data, rests, declared),
         prior=prior, loss=loss, repeatability=settings.repeatability,
+        pretest=declared is not None,
     )  # fmt: skip
     progress(0.7, "predicting held-out rests")
     prediction = predict(data, names, estimate.state, noise.turn_psd)
@@ -329,9 +336,11 @@ def _likelihood(
     up_b = estimate.state.C_nb[:, 2, :]
     evidence = judge.Evidence(
         data, estimate, noise, declared is not None, before,
-        likelihood.components(estimate, data), coverage(up_b), up_b, held_out, rest_levels(rests),
+        likelihood.components(estimate, data, clipped=True), coverage(up_b), up_b, held_out,
+        rest_levels(rests),
     )  # fmt: skip
-    checks = judge.checks(evidence)
+    vertical = vertical_check(data, estimate.state)
+    checks = judge.checks(evidence) + ((vertical,) if vertical else ())
     n = len(names)
     return Result(
         procedure="hand_rotated",
@@ -367,15 +376,16 @@ def _held_out(
     noise: SessionNoise,
     prior: CoefficientVector,
     settings: Settings,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     n = len(data.accel_mean)
     folds = min(settings.held_out, n - NEEDED)
     if folds < 2:
-        return np.full(n, np.nan), np.full(n, np.nan)
+        none = np.full(n, np.nan)
+        return none, none, none
     problem = likelihood.build(data, names, estimate.state, noise, prior)
     at = problem.linearise(estimate.state, estimate.weights)
     refit = partial(gauss_newton.leave_out, problem, estimate, at)
-    return hold_out(data, noise, refit, folds)
+    return hold_out(data, noise, refit, folds, estimate.weights[:n] > 0.5)
 
 
 def _validity(data: SessionData) -> dict[str, Any]:

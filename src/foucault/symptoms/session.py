@@ -40,6 +40,13 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The turns miss the change of gravity by {declared} deg as the gyro columns are "
      "declared; with {exchange} (body axis = declared column) they miss by {better} deg.",
      "Reorder `columns` of [log.gyro] like that, or those of [log.accel] the other way."),
+    ("gyro.reversed", "error",
+     "All gyro signs reversed, or both triads mirrored alike",
+     "The turns miss the change of gravity by {declared} deg as declared; with all three gyro "
+     "signs reversed they miss by {better} deg.",
+     "Either all gyro signs are reversed (write \"-\" before each of `columns` in [log.gyro]), or "
+     "both triads are left-handed alike (two columns swapped, or one sign wrong, in both): check "
+     "the columns against the instrument's drawing of its axes."),
     ("gyro.left_handed", "error",
      "A left-handed triad: two axes swapped, or one sign wrong, in one of the triads",
      "The turns miss the change of gravity by {declared} deg as declared; with gyro "
@@ -67,11 +74,15 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "uncertainty given.",
      "Hold or set the instrument down more firmly. If it was on a stable table, the noise "
      "settings or the error model are incomplete."),
+    ("session.resolution", "warning",
+     "Steps of the output so coarse that the noise does not average them out",
+     "The {what} are read in steps much coarser than their noise: a mean at rest keeps an error "
+     "of {sd} (sd) from rounding, which is part of the uncertainties.",
+     "Log with more digits or a smaller range, or switch the instrument's low-pass filter off."),
     ("session.outlier", "warning",
      "One rest or turn that fits much worse than the others",
-     "The {what} at {time} s fits {norm} times worse than its uncertainty and counts with "
-     "weight {weight}.",
-     "Look at this part of the log in the report; leave it out if it was disturbed."),
+     "The {what} at {time} s is {norm} standard deviations off and was left out.",
+     "Look at this part of the log in the report: was the instrument disturbed?"),
     ("session.common_scale", "warning",
      "All accelerometer scale factors off by the same amount (a wrong g)",
      "All three accelerometer scale factor errors are close to {ppm} ppm. A wrong value of "

@@ -1,0 +1,82 @@
+"""Does the vertical part of the Earth's rotation have the sign that the site says?
+
+Gravity read instead of specific force, both triads mirrored alike, or the latitude given with
+the wrong sign: none of them shows in norms or turns, but all of them turn the vertical Earth
+rate around. With the attitudes known up to heading, the mean rates at rest are linear in the
+gyro bias, the two horizontal components and the vertical one; the last is estimated freely and
+compared with ``w_ie sin L``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.rests_and_turns import Attitudes, Session
+from foucault.result import Check, Level
+
+FloatArray = npt.NDArray[np.float64]
+
+VISIBLE = 4.0
+"""The two signs are told apart when they lie this many standard deviations apart [1]."""
+
+
+def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, float] | None:
+    """Estimate the vertical Earth rate from the rests, with its sd from their own scatter.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed [SI].
+    state : Attitudes
+        Model and attitudes of the solution.
+
+    Returns
+    -------
+    (float, float) or None
+        Vertical Earth rate, up positive, and its standard deviation [rad/s]; None where there
+        are no gyros or too few rests.
+    """
+    if session.gyro_mean is None or len(session.gyro_mean) < 4:
+        return None
+    model, n = state.model, len(session.gyro_mean)
+    axes = model.gyro_matrix @ np.swapaxes(state.C_nb, 1, 2)  # columns: east, north, up
+    rows = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), axes], axis=2).reshape(-1, 6)
+    f_b = session.site.gravity * state.C_nb[:, 2, :]
+    known = (session.gyro_mean - f_b @ model.g_sensitivity.T).ravel()
+    root = np.repeat(np.sqrt(session.rest_time), 3)
+    rows, known = rows * root[:, None], known * root
+    x, *_ = np.linalg.lstsq(rows, known)
+    scatter = np.sum((known - rows @ x) ** 2) / (3 * n - 6)
+    sd = np.sqrt(scatter * np.linalg.pinv(rows.T @ rows)[5, 5])
+    return float(x[5]), float(sd)
+
+
+def vertical_check(session: Session, state: Attitudes) -> Check | None:
+    """Test the sign of the vertical Earth rate, where the gyros can see it.
+
+    Parameters
+    ----------
+    session : Session
+        What was observed [SI].
+    state : Attitudes
+        Model and attitudes of the solution.
+    """
+    found = vertical_earth_rate(session, state)
+    if found is None or session.site.latitude is None:
+        return None
+    value, sd = found
+    want = float(session.earth[2])
+    if abs(want) < VISIBLE * sd / 2:
+        return None
+    unit = np.degrees(1.0) * 3600
+    fine = abs(value - want) <= abs(value + want)
+    words = f"The vertical Earth rate is seen as {value * unit:+.1f} +- {sd * unit:.1f} deg/h"
+    words += f", expected {want * unit:+.1f}" + (
+        "."
+        if fine
+        else ". Its sign is reversed: the accelerometers read gravity instead of specific force "
+        '(reads = "gravity"), both triads are mirrored alike, or the latitude has the wrong sign.'
+    )
+    limit = abs(want)
+    return Check("vertical Earth rate", value - want, -limit, limit, fine, words, Level.UNUSABLE)
