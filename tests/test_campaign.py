@@ -398,3 +398,12 @@ def test_injected_error_is_in_the_simulated_instrument() -> None:
     assert campaign.simulate(read).truth.value("gyro.bias.x") == pytest.approx(
         parse("30 deg/h", "angular rate")
     )
+
+
+def test_the_example_values_of_the_template_beside_a_real_log_are_noticed(tmp_path: Path) -> None:
+    session = campaign.simulate(campaign.parse(campaign.template("hand_rotated")))
+    file = campaign.save_session(session, tmp_path)
+    assert campaign.read_log(campaign.load(file)).findings == ()
+    (tmp_path / "truth.json").unlink()  # now it could be anybody's log
+    (found,) = campaign.read_log(campaign.load(file)).findings
+    assert found.code == "campaign.template"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
+import numpy as np
 import pytest
 from pydantic import BaseModel, ValidationError
 
@@ -169,13 +170,33 @@ class _Settings(BaseModel):
     rate: Annotated[float, units.Quantity("frequency")]
 
 
-def test_pydantic_field_holds_si_and_refuses_a_bare_number() -> None:
+def test_pydantic_field_holds_si_and_a_number_from_python_is_si() -> None:
     assert _Settings.model_validate({"rate": "0.1 kHz"}).rate == 100.0
-    with pytest.raises(FoucaultError, match="rate: 100 has no unit"):
-        _Settings.model_validate({"rate": 100})
+    assert _Settings(rate=100).rate == 100.0
+    assert _Settings(rate=np.float32(0.5)).rate == 0.5
+    for wrong in (True, None, "100", [100.0]):
+        with pytest.raises(FoucaultError, match="rate: .* has no unit"):
+            _Settings.model_validate({"rate": wrong})
+
+
+def test_a_bare_number_in_a_file_is_refused() -> None:
     with pytest.raises(ValidationError) as caught:
         _Settings.model_validate({"rate": 100}, context={"locate": True})
     assert caught.value.errors()[0]["loc"] == ("rate",)
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [(290.4, 2, "290"), (0.2, 2, "0.2"), (0.0996, 2, "0.1"), (1e4, 4, "10000"), (-1.5, 2, "-1.5"),
+     (0.0, 2, "0"), (1e-9, 2, "1e-09"), (float("nan"), 2, "nan"), (987654.0, 2, "990000")],
+)  # fmt: skip
+def test_plain_numbers(value: float, digits: int, text: str) -> None:
+    assert units.plain(value, digits) == text
+
+
+def test_lengths_of_time_are_read_in_their_own_unit() -> None:
+    times = (10.0, 0.01, 0.0098765, 2.5e-4, 1e-6)
+    assert [units.span(t) for t in times] == ["10 s", "10 ms", "9.877 ms", "250 us", "1 us"]
 
 
 def test_schema_of_a_quantity_shows_an_example() -> None:

@@ -16,6 +16,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from foucault.errors import FoucaultError, error
@@ -226,12 +227,29 @@ def display_unit(kind: str, magnitude: float) -> str:
     return best
 
 
+def plain(value: float, digits: int = 4) -> str:
+    """Write `value`, shape () [any], to `digits` [1] significant digits, no exponent above 1e-6."""
+    if not 1e-6 <= abs(value) < 1e15:
+        return f"{value:.{digits}g}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    text = f"{float(f'{value:.{digits}g}'):.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def span(seconds: float) -> str:
+    """Write a length of time, `seconds`, shape () [s], in the unit people would read it in."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if abs(seconds) >= size:
+            return f"{plain(seconds / size)} {unit}"
+    return f"{plain(seconds / 1e-6)} us"
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Marks a pydantic field as a number with a unit, held in SI.
 
-    ``rate: Annotated[float, Quantity("frequency")]`` accepts ``"100 Hz"``, refuses ``100`` and
-    gives 100.0.
+    ``rate: Annotated[float, Quantity("frequency")]`` takes ``"100 Hz"`` and gives 100.0. In a
+    campaign file a bare ``100`` is refused; from Python a number is SI, as everywhere there.
     """
 
     kind: str
@@ -240,11 +258,14 @@ class Quantity:
         from pydantic_core import core_schema
 
         def read(value: object, info: Any) -> float:
+            in_file = "locate" in (info.context or ())
+            if not in_file and isinstance(value, Real) and not isinstance(value, bool):
+                return float(value)
             try:
                 return parse(value, self.kind, str(info.field_name or "value"))
             except FoucaultError as problem:
                 # A reader that wants the place of the mistake too (a campaign file) says so.
-                if "locate" in (info.context or ()):
+                if in_file:
                     raise ValueError(problem) from None
                 raise
 

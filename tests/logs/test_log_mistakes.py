@@ -276,3 +276,21 @@ def test_every_symptom_of_logs_is_complete():
             assert row.symptom
             assert row.message.endswith((".", "{hint}"))
             assert row.cure.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("interval", "declared", "true", "rate"),
+    [(10.0, "s", "ms", "100"), (1e4, "s", "us", "100"), (1e-5 / 2, "ms", "s", "200")],
+)
+def test_a_wrong_unit_of_time_is_named(interval, declared, true, rate):
+    from foucault.logs.checks import timing
+
+    (found,) = timing(np.arange(100) * interval)
+    assert found.code == "log.time_unit"
+    assert f"In {true} instead of {declared} the log would have {rate} Hz" in found.message
+
+
+def test_a_plausible_rate_says_nothing():
+    from foucault.logs.checks import timing
+
+    assert timing(np.arange(100) * 0.01) == ()

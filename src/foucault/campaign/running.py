@@ -15,9 +15,9 @@ from foucault import logs, procedures
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign, load
 from foucault.campaign.tables import grade
-from foucault.campaign.writing import LOG_TABLE
+from foucault.campaign.writing import EXAMPLE, LOG_TABLE
 from foucault.coefficients import CoefficientVector
-from foucault.errors import error
+from foucault.errors import error, finding
 from foucault.files import atomic, unwritable
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.result import Result
@@ -38,7 +38,11 @@ def _silent(_fraction: float, _words: str) -> None:
 def read_log(campaign: Campaign, progress: Progress = _silent) -> Log:
     """Read the log of a campaign; its findings follow those of the campaign file."""
     log = logs.read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
-    return replace(log, findings=campaign.findings + log.findings)
+    found = campaign.findings
+    simulated = (campaign.folder / TRUTH_FILE).exists()
+    if campaign.instrument.get("name") == EXAMPLE and not simulated:
+        found = (*found, finding("campaign.template"))
+    return replace(log, findings=found + log.findings)
 
 
 def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> Result:

@@ -56,6 +56,7 @@ class SiteTable(_Table):
     gravity_sd: Annotated[float, Quantity("gravity")] | None = Field(
         default=None,
         ge=0,
+        examples=["0.0004 m/s^2"],
         description="Its standard uncertainty. Left out: none for gravity as given, 40 mGal for "
         "normal gravity.",
     )

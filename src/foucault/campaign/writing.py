@@ -42,6 +42,14 @@ accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_res
 # A file that says -1 g along up at rest:  accel = { ..., reads = "gravity" }
 """
 
+EXAMPLE = "example IMU"
+"""Name of the instrument in the template; a real log under this name was not described."""
+
+SITE_NOTE = (
+    "# CHANGE THIS to your own place: a wrong latitude or height is a wrong g, and a wrong g is",
+    "# a wrong scale of every accelerometer that no residual can show.",
+)
+
 _NOISE = """\
 # Left out, the noise is measured in the rests.
 # [noise]
@@ -72,14 +80,14 @@ def template(procedure: str) -> str:
     """
     module = procedures.load(procedure)
     summary = (module.__doc__ or procedure).strip().splitlines()[0].rstrip(".")
-    instrument = {"name": "example IMU", "serial": "0001", "operator": "", "note": ""}
+    instrument = {"name": EXAMPLE, "serial": "0001", "operator": "", "note": ""}
     # Where Foucault's pendulum hung: the Pantheon in Paris.
     site = {"latitude": '"48.8462 deg"', "longitude": '"2.3464 deg"', "height": '"60 m"'}
     settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(module.Settings, {})]
     parts = [
         _HEAD.format(summary=summary),
         "\n".join(["[instrument]", *_commented(Instrument, _texts(instrument))]) + "\n",
-        "\n".join(["[site]", *_commented(SiteTable, site)]) + "\n",
+        "\n".join(["[site]", *SITE_NOTE, *_commented(SiteTable, site)]) + "\n",
         LOG_TABLE,
         "\n".join(settings) + "\n",
         _NOISE,
@@ -125,9 +133,9 @@ def _default(field: FieldInfo) -> str | None:
 
 def _sample(field: FieldInfo) -> str:
     kind = kind_of(field)
-    if kind is not None:
-        return _text(units.KINDS[kind].example)
-    return _text(field.examples[0]) if field.examples else "..."
+    if field.examples:
+        return _text(field.examples[0])
+    return _text(units.KINDS[kind].example) if kind is not None else "..."
 
 
 def _texts(values: Mapping[str, str]) -> dict[str, str]:

@@ -126,7 +126,7 @@ def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
                 "truth": format_value(true, sd),
                 "estimate": format_value(value, sd),
                 "error": format_value(value - true, sd),
-                "sd": "" if sd is None else f"{sd:.2g}",
+                "sd": "" if sd is None else units.plain(sd, 2),
                 "unit": row["display_unit"],
                 "error_over_sd": "" if not sd else f"{(value - true) / sd:+.2f}",
             }

@@ -107,7 +107,7 @@ def timing(time: FloatArray, start: int = 0) -> tuple[Finding, ...]:
     nominal = float(np.median(step))
     gaps = step > GAP * nominal
     off = ~gaps & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
-    found = []
+    found = list(_time_unit(nominal))
     if off.mean() > IRREGULAR[1]:
         low, high = np.quantile(step, (0.01, 0.99))
         words = {"nominal": f"{nominal:.6g}", "low": f"{low:.4g}", "high": f"{high:.4g}"}
@@ -125,6 +125,25 @@ def timing(time: FloatArray, start: int = 0) -> tuple[Finding, ...]:
             )
         )
     return tuple(found)
+
+
+PLAUSIBLE_RATES = (1.0, 1e5)
+"""Sample rates of inertial logs lie in here; outside, the unit of time is suspect [Hz]."""
+
+
+def _time_unit(nominal: float) -> tuple[Finding, ...]:
+    """Name a unit of time that would make the rate plausible, where it is not."""
+    low, high = PLAUSIBLE_RATES
+    if low <= 1 / nominal <= high:
+        return ()
+    for unit, size in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
+        # Declared as s but counted in a smaller unit; or the other way round.
+        for declared, true, change in (("s", unit, size), (unit, "s", 1 / size)):
+            rate = 1 / (nominal * change)
+            if low <= rate <= high:
+                words = {"interval": f"{nominal:.4g}", "declared": declared, "true": true}
+                return (finding("log.time_unit", rate=f"{rate:.4g}", **words),)
+    return ()
 
 
 ACCEL_UNITS = {"rate": ("m/s^2", "g", "mg"), "increment": ("m/s", "g*s")}

@@ -53,12 +53,23 @@ class TimeColumn(_Block):
     column: ColumnName | None = Field(
         None, description="name, or number from 0; guessed from the header if left out"
     )
-    unit: str = Field(description='"s", "ms", "us", or a tick such as "15.625 us"')
+    unit: str = Field(
+        description='"s", "ms", "us", a tick such as "15.625 us", or "iso" for 2026-05-04T10:00:00Z'
+    )
 
     @model_validator(mode="after")
     def _unit(self) -> TimeColumn:
-        scaled_unit(self.unit, "time")
+        self.one()
         return self
+
+    @property
+    def iso(self) -> bool:
+        """Whether the column holds dates and times of day."""
+        return self.unit.lower() == "iso"
+
+    def one(self) -> float:
+        """Return the value of one `unit` [s]."""
+        return 1.0 if self.iso else scaled_unit(self.unit, "time")
 
 
 class TemperatureColumn(_Block):
@@ -227,7 +238,7 @@ class LogDescription(_Block):
     delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
     decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")
     header: Literal["auto", "none"] | Annotated[int, Field(ge=0)] = Field(
-        "auto", description="lines before the data; comment and blank lines do not count"
+        "auto", description="lines before the data, counted as an editor does, or \"none\""
     )
     comment: tuple[str, ...] = Field(("#", "%"), description="what starts a comment")
     variable: str | None = Field(None, description="array inside a .mat or .npz file")

@@ -10,12 +10,12 @@ from __future__ import annotations
 import difflib
 import gzip
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
-from foucault.errors import FoucaultError, error
+from foucault.errors import Finding, FoucaultError, error
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -43,12 +43,18 @@ class RawTable:
         in the order of the file [as in the file].
     marker : str
         What the file says about itself if this package wrote it, else empty.
+    stamps : tuple of int
+        Numbers of the columns that hold dates, handed out in seconds since 1970 [1].
+    findings : tuple of Finding
+        What was noticed of the file before its rows.
     """
 
     names: tuple[str, ...]
     named: bool
     blocks: Callable[[Sequence[int]], Iterator[FloatArray]]
     marker: str = ""
+    stamps: tuple[int, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 _MODULES = {
@@ -103,7 +109,7 @@ def open_raw(path: Path, description: LogDescription, progress: Progress | None 
         raise
     except Exception as problem:  # each library raises its own types for a damaged file
         raise unreadable(path, name, problem) from problem
-    return RawTable(table.names, table.named, _guarded(table, path, name), table.marker)
+    return replace(table, blocks=_guarded(table, path, name))
 
 
 def _guarded(

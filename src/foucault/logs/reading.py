@@ -57,22 +57,25 @@ def read(
     """
     parts: list[dict[str, FloatArray]] = []
     names, prints, used = [], [], description
+    told: tuple[Finding, ...] = ()
     files = list(description.files().items())
     for i, (name, wanted) in enumerate(files):
         path = Path(folder) / name
         raw = open_raw(path, description, _part_of(progress, i, len(files)))
         used, blocks = complete(description, wanted, raw, path)
         parts.append(_columns(used, blocks, raw, path))
+        told += raw.findings
         names.append(path.name)
         prints.append(sha256(path))
     sampled = sampled_of(raw.marker) if used is not description else None
     data = _joined(parts, names, used)
-    told: tuple[Finding, ...] = ()
-    keep, told = checks.finite(data, used.missing, names[0])
-    if keep is not None:
-        data = {block: values[keep] for block, values in data.items()}
-        if not keep.any():
-            raise error("log.empty", file=names[0])
+    for sieve in (_finite(used, names[0]), checks.doubled):
+        keep, found = sieve(data)
+        told += found
+        if keep is not None:
+            data = {block: values[keep] for block, values in data.items()}
+            if not keep.any():
+                raise error("log.empty", file=names[0])
     source = {
         "file": " + ".join(names),
         "sha256": " + ".join(prints),
@@ -186,18 +189,23 @@ def _concatenated(pieces: list[FloatArray]) -> FloatArray:
 def _picks(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> Iterator[_Pick]:
-    from foucault.logs.description import scaled_unit
-
     if used.time is not None:
-        one = np.array([scaled_unit(used.time.unit, "time")])
         numbers, sign = _numbers(raw, [used.time.column], "time", path)
-        yield _Pick("time", numbers, np.zeros(1), one * sign)
+        if used.time.iso != (numbers[0] in raw.stamps):
+            code = "log.time_not_iso" if used.time.iso else "log.time_iso"
+            name, unit = raw.names[numbers[0]], used.time.unit
+            raise error(code, file=path.name, column=name, unit=unit)
+        yield _Pick("time", numbers, np.zeros(1), np.array([used.time.one()]) * sign)
     elif used.rate is None:
         raise error("log.no_time", file=path.name)
     for name in blocks:
         block = getattr(used, name)
         wanted = [block.column] if name == "temperature" else list(block.columns or [None])
         numbers, sign = _numbers(raw, wanted, name, path)
+        dates = [raw.names[n] for n in numbers if n in raw.stamps]
+        if dates:
+            raise error("log.not_numeric", file=path.name, line="every line", column=dates[0],
+                        cell="a date", hint="")  # fmt: skip
         zero, factor = block.conversion()
         yield _Pick(name, numbers, zero, factor * sign)
 

@@ -17,6 +17,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Unit '{unit}' is not known.{hint}",
      "Known are m, s, min, h, Hz, rad, deg, arcmin, arcsec, g, mg, ug, ppm, percent, "
      "count, K and their products, quotients, powers and sqrt()."),
+    ("campaign.template", "warning",
+     "The example values of the template beside a real log",
+     "The instrument is still called 'example IMU': were [site] and [instrument] changed from the "
+     "template's example?",
+     "Write your instrument into [instrument] and your place into [site]: its latitude and height "
+     "give g and the Earth's rotation."),
     ("campaign.missing", "error",
      "The campaign file is not there",
      "Campaign file '{path}' does not exist.{hint}",

@@ -38,11 +38,15 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "has {cells}.",
      "Correct the file or delimiter in [log], or write header = 1 and give columns by number "
      "from 0."),
+    ("log.time_unit", "warning", "A wrong unit of time (milliseconds declared as seconds)",
+     "Samples are {interval} s apart as the time column is declared. In {true} instead of "
+     "{declared} the log would have {rate} Hz.",
+     'Write unit = "{true}" for `time` in [log] if the instrument is not really that slow.'),
     ("log.undescribed", "error", "A log that was not described",
      "'{file}' has {have}, but [log] says neither which of them are gyro or accelerometer nor "
      "their units.",
      'Add [log.gyro] with columns = ["gx", "gy", "gz"] and unit = "deg/s", and [log.accel] '
-     "likewise."),
+     "likewise; `foucault init hand_rotated -o campaign.toml` writes a file to put them in."),
     ("log.cannot_guess", "error", "Columns that were left out and cannot be guessed",
      "'{file}' has {have}; none has a usual name of {block}.",
      "Write {example} in [log.{block}], by name or by number from 0."),
