@@ -175,7 +175,7 @@ def test_pydantic_field_holds_si_and_a_number_from_python_is_si() -> None:
     assert _Settings(rate=100).rate == 100.0
     assert _Settings(rate=np.float32(0.5)).rate == 0.5
     for wrong in (True, None, "100", [100.0]):
-        with pytest.raises(FoucaultError, match="rate: .* has no unit"):
+        with pytest.raises(FoucaultError, match=r"rate: .* has no unit"):
             _Settings.model_validate({"rate": wrong})
 
 

@@ -17,7 +17,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsFloat, cast
 
 from foucault.errors import FoucaultError, error
 
@@ -244,6 +244,10 @@ def span(seconds: float) -> str:
     return f"{plain(seconds / 1e-6)} us"
 
 
+def _is_real(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Marks a pydantic field as a number with a unit, held in SI.
@@ -259,8 +263,8 @@ class Quantity:
 
         def read(value: object, info: Any) -> float:
             in_file = "locate" in (info.context or ())
-            if not in_file and isinstance(value, Real) and not isinstance(value, bool):
-                return float(value)
+            if not in_file and _is_real(value):
+                return float(cast(SupportsFloat, value))
             try:
                 return parse(value, self.kind, str(info.field_name or "value"))
             except FoucaultError as problem:

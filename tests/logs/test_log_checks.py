@@ -24,8 +24,8 @@ def test_gaps_are_counted_and_placed():
     (found,) = checks.timing(time)
     assert found.code == "log.gap"
     assert found.message == (
-        "Time has 2 gaps; about 4 samples are missing. The longest is 0.04 s after 4.99 s, where "
-        "0.01 s is usual."
+        "Time has 2 gaps; about 4 samples are missing. The longest is 40 ms, 4.99 s from the "
+        "start, where 10 ms is usual."
     )
 
 
@@ -83,7 +83,8 @@ def test_saturated_gyro():
     at_limit = int((np.abs(clipped[:, 1]) == 4.363).sum())
     first = time[np.argmax(np.abs(clipped[:, 1]) == 4.363)]
     assert found.message == (
-        f"gyro y is saturated; samples at the limit: {at_limit}, the first at {first:.9g} s."
+        f"gyro y is saturated; samples at the limit: {at_limit}, the first {first:.9g} s from "
+        "the start."
     )
 
 
@@ -93,7 +94,10 @@ def test_declared_range_finds_a_single_sample():
     f[1234, 2] = 2 * G
     limits = np.array([[-2 * G, 2 * G]] * 3)
     (found,) = axes.check(time, f, "accel", limits)
-    assert found.message == "accel z is saturated; samples at the limit: 1, the first at 12.34 s."
+    assert (
+        found.message
+        == "accel z is saturated; samples at the limit: 1, the first 12.34 s from the start."
+    )
     assert axes.check(time, session()[1], "accel", limits) == ()
 
 

@@ -107,7 +107,7 @@ ACCEL = {"columns": ["ax", "ay", "az"], "unit": "g"}
         ({"gyro": {**GYRO, "zero": 3}}, "log.scale_without_count", "its unit is 'deg/s'"),
         ({"accel": {**ACCEL, "scale": "3 count/g"}}, "log.scale_without_count", "'g'"),
         ({"rate": "100 Hz", "time": {"unit": "s"}}, "log.time_and_rate", "Keep [log.time]"),
-        ({"rate": 100}, "unit.missing", '"100 Hz"'),
+        ({"rate": "100"}, "unit.missing", '"100 Hz"'),
         ({"rate": "-1 Hz"}, "log.rate", "not positive"),
         ({"time": {"unit": "m"}}, "unit.kind", "'m' does not measure time"),
         ({"temperature": {"unit": "deg"}}, "unit.kind", "does not measure temperature"),

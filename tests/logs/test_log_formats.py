@@ -147,7 +147,7 @@ def test_header_lines_of_numbers_are_skipped_when_told(tmp_path, matrix):
     lines = ["% title", "1 2 3", "4 5 6", ""]
     lines += [" ".join(map(repr, row)) for row in matrix.tolist()]
     (tmp_path / "log.txt").write_text("\n".join(lines))
-    check(described(tmp_path, "log.txt", header=2), matrix)
+    check(described(tmp_path, "log.txt", header=4), matrix)
 
 
 def test_foreign_parquet(tmp_path, matrix):

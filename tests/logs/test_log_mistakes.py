@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs import LogDescription, read
+from foucault.logs import LogDescription, checks, read, streaming
 from foucault.symptoms import SYMPTOMS
 
 HEAD = "t,gx,gy,gz,ax,ay,az"
@@ -136,7 +136,7 @@ def test_cell_that_is_not_a_number(read_text):
 
 def test_text_in_utf_16(tmp_path):
     (tmp_path / "log.csv").write_text("\n".join([HEAD, *lines()]), encoding="utf-16")
-    with pytest.raises(FoucaultError, match=r"saved as UTF-16\?"):
+    with pytest.raises(FoucaultError, match=r"looks like UTF-16. Save it as UTF-8"):
         read(LogDescription.model_validate({"file": "log.csv", **WORDS}), tmp_path)
 
 
@@ -193,11 +193,11 @@ def test_empty_files_of_other_formats(tmp_path):
 def test_time_backward_and_repeated(read_text):
     refused(
         read_text, cells(8, 0, "0.005"), "log.time_backward",
-        "row 8 of the data (from 0): 0.005 s after 0.07 s; 1 such rows",
+        "row 8 of the data (from 0): 0.005 s after 0.07 s, counted from the start; 1 such rows",
     )  # fmt: skip
     refused(
         read_text, cells(8, 0, "0.07"), "log.time_repeated",
-        "Row 8 of the data (from 0) has the same time as the row before, 0.07 s", "rate =",
+        "Row 8 of the data (from 0) has the same time as the row before, 0.07 s", 'rate = "100 Hz"',
     )  # fmt: skip
 
 
@@ -279,18 +279,100 @@ def test_every_symptom_of_logs_is_complete():
 
 
 @pytest.mark.parametrize(
-    ("interval", "declared", "true", "rate"),
-    [(10.0, "s", "ms", "100"), (1e4, "s", "us", "100"), (1e-5 / 2, "ms", "s", "200")],
+    ("interval", "declared", "likely", "rate", "then"),
+    [
+        (10.0, "s", "ms", "0.1", "100"),
+        (1e4, "s", "us", "0.0001", "100"),
+        (1e7, "s", "ns", "0.0000001", "100"),
+        (1.0, "us", "ms", "1000000", "1000"),
+        (0.005, "ms", "s", "200000", "200"),
+    ],
 )
-def test_a_wrong_unit_of_time_is_named(interval, declared, true, rate):
-    from foucault.logs.checks import timing
-
-    (found,) = timing(np.arange(100) * interval)
+def test_a_wrong_unit_of_time_is_named(read_text, interval, declared, likely, rate, then):
+    rows = [f"{i * interval!r},{row.partition(',')[2]}" for i, row in enumerate(lines())]
+    time = {"column": "t", "unit": declared}
+    (found,) = read_text("\n".join([HEAD, *rows]), **{**WORDS, "time": time}).findings
     assert found.code == "log.time_unit"
-    assert f"In {true} instead of {declared} the log would have {rate} Hz" in found.message
+    assert f'with unit = "{declared}" of time' in found.message
+    assert f'write unit = "{likely}" in [log.time], which gives {then} Hz' in found.cure
+    if float(rate) > 1e-6:
+        assert f"The median rate is {rate} Hz" in found.message
 
 
-def test_a_plausible_rate_says_nothing():
-    from foucault.logs.checks import timing
+@pytest.mark.parametrize("interval", [1.0, 0.01, 1e-5, 2e9, 1e-11])
+def test_a_rate_that_is_plausible_or_cannot_be_mended_says_nothing(interval):
+    assert checks.time_scale(interval, "s", 1.0) == ()
 
-    assert timing(np.arange(100) * 0.01) == ()
+
+def test_times_in_words_count_from_the_start(read_text):
+    rows = [f"{1717171717 + 0.01 * i:.2f},{row.partition(',')[2]}" for i, row in enumerate(lines())]
+    del rows[9:12]
+    (found,) = read_text("\n".join([HEAD, *rows]), **WORDS).findings
+    assert "The longest is 40 ms, 0.08 s from the start, where 10 ms is usual" in found.message
+
+
+def test_rows_written_twice_are_left_out(read_text):
+    rows = [row for row in lines() for _ in range(2)]
+    log = read_text("\n".join([HEAD, *rows]), **WORDS)
+    assert len(log) == 20
+    (found,) = log.findings
+    assert found.code == "log.rows_doubled"
+    assert found.message.startswith("20 rows repeat the row before them")
+
+
+def test_a_log_in_blocks_loses_the_same_doubled_rows(tmp_path, monkeypatch):
+    rows = [row for row in lines() for _ in range(2)]
+    (tmp_path / "log.csv").write_text("\n".join([HEAD, *rows]))
+    words = LogDescription.model_validate({"file": "log.csv", **WORDS})
+    monkeypatch.setattr(streaming, "BLOCK_ROWS", 7)  # cuts between two equal rows
+    logs = list(streaming.blocks(words, tmp_path))
+    assert len(logs) > 3
+    assert np.array_equal(np.concatenate([p.time for p in logs]), read(words, tmp_path).time)
+
+
+def test_equal_times_with_other_data_name_the_rate(read_text):
+    rows = [f"{0.04 * (i // 4):.2f},{row.partition(',')[2]}" for i, row in enumerate(lines(101))]
+    refused(read_text, rows, "log.time_repeated", "but other readings", 'rate = "100 Hz" in [log]')
+
+
+PREAMBLE = ["Logger 7, firmware 1.2", "Rate: 100 Hz", "", HEAD]
+
+
+def test_a_preamble_is_named_and_its_length_found(read_text):
+    refused(
+        read_text, lines(), "log.preamble", "line 2 is neither a title nor a sample: 'Rate: 100",
+        "Write header = 4 in [log]", head="\n".join(PREAMBLE),
+    )  # fmt: skip
+    log = read_text("\n".join([*PREAMBLE, *lines()]), **WORDS, header=4)
+    assert len(log) == 20
+    assert log.findings == ()
+
+
+def test_a_header_that_swallows_a_sample_is_noticed(read_text):
+    log = read_text("\n".join(["", HEAD, *lines()]), **WORDS, header=3)
+    assert len(log) == 19
+    (found,) = log.findings
+    assert found.code == "log.header_numbers"
+    assert "line 3 is one of the 3 lines of the header" in found.message
+    assert lines()[0][:20] in found.message
+    assert read_text("\n".join(["", HEAD, *lines()]), **WORDS, header=2).findings == ()
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_dates_are_times(read_text, zone):
+    rows = [
+        f"2026-05-04T10:00:00.{10 * i:03d}{zone},{row.partition(',')[2]}"
+        for i, row in enumerate(lines())
+    ]
+    text = "\n".join([HEAD, *rows])
+    log = read_text(text, **{**WORDS, "time": {"column": "t", "unit": "iso"}})
+    start = 1777888800 - (7200 if zone == "+02:00" else 0)
+    assert log.time == pytest.approx(start + 0.01 * np.arange(20), abs=1e-6)
+    assert log.findings == ()
+    refused(read_text, rows, "log.time_iso", "column 't' holds dates", 'Write unit = "iso"')
+    iso = {"time": {"column": "t", "unit": "iso"}}
+    refused(read_text, lines(), "log.time_not_iso", "does not begin with a date", **iso)
+    gyro = {"columns": ["t", "gy", "gz"], "unit": "deg/s"}
+    refused(read_text, rows, "log.not_numeric", "'a date' is not a number", gyro=gyro, **iso)
+    rows[6] = "04.05.2026" + rows[6][10:]
+    refused(read_text, rows, "log.not_a_date", "line 8, column 't': '04.05.2026", **iso)

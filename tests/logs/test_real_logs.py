@@ -79,7 +79,7 @@ def test_ring_laser_increments_in_packed_text(real):
         real("ring_laser_in_vehicle"),
         file="lasergyro_0-900s.imu.gz",
         rate="100 Hz",
-        header=3,
+        header=14,  # a title of eleven lines and three lines of other numbers
         gyro={"columns": [0, 1, 2], "unit": "0.1 arcsec", "kind": "increment"},
         accel={"columns": [3, 4, 5], "unit": "125 ug*s", "kind": "increment"},
     )
@@ -90,7 +90,9 @@ def test_ring_laser_increments_in_packed_text(real):
     assert turn == pytest.approx(15.041, abs=0.1)
     gravity = np.linalg.norm(log.accel.mean(axis=0))
     assert gravity == pytest.approx(9.7965, rel=5e-3)
-    assert log.findings == ()
+    (found,) = log.findings  # the header declared ends with a line of six numbers, as samples are
+    assert found.code == "log.header_numbers"
+    assert "line 14 is one of the 14 lines of the header" in found.message
 
 
 def test_ln100_binary(real):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli.screen import Screen
-from foucault.cli.sessions import read_any
+from foucault.cli.sessions import from_start, read_any
 
 if TYPE_CHECKING:
     from foucault.diagnose.allan_log import LogAllan
@@ -41,8 +41,8 @@ def allan(
     rest: Annotated[
         tuple[float, float] | None,
         typer.Option(
-            help="Start and end of the part at rest, in s. Left out: the whole log, or the longest "
-            "rest of one that moves.",
+            help="Start and end of the part at rest, in s from the start. Left out: the whole "
+            "log, or the longest rest of one that moves.",
             metavar="START END",
         ),
     ] = None,
@@ -56,7 +56,7 @@ def allan(
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
-        table = read_any(log, tell)
+        table, _ = from_start(read_any(log, tell))
         tell(0.7, "computing variances")
         seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=rest)
         if output is not None:

@@ -114,7 +114,7 @@ def demo(
 
 def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
     from foucault.coefficients import format_value
-    from foucault.units import convert
+    from foucault.units import convert, plain
 
     rows = []
     for row in result.coefficients.rows():
@@ -126,7 +126,7 @@ def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
                 "truth": format_value(true, sd),
                 "estimate": format_value(value, sd),
                 "error": format_value(value - true, sd),
-                "sd": "" if sd is None else units.plain(sd, 2),
+                "sd": "" if sd is None else plain(sd, 2),
                 "unit": row["display_unit"],
                 "error_over_sd": "" if not sd else f"{(value - true) / sd:+.2f}",
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -68,7 +69,11 @@ def simulate(
 def inspect(
     ctx: typer.Context,
     log: Annotated[
-        Path, typer.Argument(help="A campaign file, or a log that foucault has written.")
+        Path,
+        typer.Argument(
+            help="A campaign file, a log that foucault has written, or one whose titles give the "
+            "units: gyro_x (deg/s)."
+        ),
     ],
     plots: Annotated[Path | None, typer.Option(help="HTML file to write quick plots to.")] = None,
 ) -> None:
@@ -77,7 +82,7 @@ def inspect(
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
-        table = read_any(log, tell)
+        table, start = from_start(read_any(log, tell))
         tell(0.7, "finding rests")
         seen = inspection.inspect(table)
         if plots is not None:
@@ -85,7 +90,7 @@ def inspect(
 
             tell(0.9, "drawing")
             quick.write(seen, plots)
-    screen.table("", ("log", str(log)), _overview(seen))
+    screen.table("", ("log", str(log)), _overview(seen, start))
     screen.table("readings", ("axis", "mean", "sd", "min", "max", "noise at rest"), _axes(seen))
     screen.table(
         "rests", ("rest", "start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)"), _rests(seen)
@@ -93,32 +98,43 @@ def inspect(
     screen.findings(seen.findings)
     if plots is not None:
         screen.say(f"Plots are in {plots}.")
-    screen.data(_document(log, seen))
+    screen.data(_document(log, seen, start))
 
 
 def read_any(path: Path, tell: Any) -> Log:
-    """Read the log of a campaign file, or a log that foucault has written."""
+    """Read the log of a campaign file, one that foucault has written, or one titled with units."""
     from foucault import campaign, logs
-    from foucault.logs.description import LogDescription
+    from foucault.logs.titles import description_of
 
     if path.suffix == ".toml":
         return campaign.read_log(campaign.load(path), tell)
-    description = LogDescription.model_validate({"file": path.name})
-    return logs.read(description, path.parent, lambda done: tell(done, "reading the log"))
+    description, told = description_of(path)
+    log = logs.read(description, path.parent, lambda done: tell(done, "reading the log"))
+    return replace(log, findings=told + log.findings)
 
 
-def _overview(seen: Inspection) -> list[tuple[str, str]]:
+def from_start(log: Log) -> tuple[Log, float]:
+    """Return the log with time counted from its start, and that start [s]."""
+    start = float(log.time[0])
+    return replace(log, time=log.time - start), start
+
+
+def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
+    from foucault.units import plain, span
+
     log = seen.log
     kind = {"rate": "instantaneous", "increment": "means over each interval"}[log.sampled]
     rows = [
         ("samples", f"{len(log)}"),
         ("duration", f"{log.duration:.2f} s"),
-        ("rate", f"{log.rate:.6g} Hz"),
-        ("interval", f"{seen.shortest * 1e3:.4g} to {seen.longest * 1e3:.4g} ms"),
+        ("rate", f"{plain(log.rate, 6)} Hz"),
+        ("interval", f"{span(seen.shortest)} to {span(seen.longest)}"),
         ("gaps", f"{seen.gaps}"),
         ("readings", kind),
         ("rests found", f"{len(seen.rests)} (level below {seen.rests.threshold:.3g} x the quiet)"),
     ]
+    if start:
+        rows.insert(1, ("starts at", f"{start:.9g} s; times below count from there"))
     f = _means(seen, "accel")
     if f is not None and len(f):
         size = np.linalg.norm(f, axis=1)
@@ -173,8 +189,8 @@ def _means(seen: Inspection, triad: str) -> Any:
     return np.stack([seen.rest_rows[name] for name in names], axis=1)
 
 
-def _document(path: Path, seen: Inspection) -> dict[str, Any]:
-    """What `inspect` found, in SI."""
+def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
+    """What `inspect` found, in SI; times count from `start`."""
     log = seen.log
     keep = ("mean", "sd", "lowest", "highest", "noise")
     triads = {
@@ -185,6 +201,7 @@ def _document(path: Path, seen: Inspection) -> dict[str, Any]:
     return {
         "log": str(path),
         "samples": len(log),
+        "start": start,
         "duration": log.duration,
         "rate": log.rate,
         "interval": [seen.shortest, seen.longest],

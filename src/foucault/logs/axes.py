@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from foucault.errors import Finding, finding
+from foucault.logs.checks import moment
 from foucault.tables import AXES, FloatArray, IntArray
 
 CLIPPED_RUN = 4
@@ -38,7 +39,11 @@ class _Runs:
 
 
 def check(
-    time: FloatArray, values: FloatArray, triad: str, limits: FloatArray | None = None
+    time: FloatArray,
+    values: FloatArray,
+    triad: str,
+    limits: FloatArray | None = None,
+    zero: float | None = None,
 ) -> tuple[Finding, ...]:
     """Look for saturated and stuck axes of one triad.
 
@@ -52,6 +57,8 @@ def check(
         "gyro" or "accel", for the texts.
     limits : ndarray, shape (3, 2), or None
         Declared range of each axis, lowest and highest [SI].
+    zero : float or None
+        Time that texts count from; None is that of the first sample given [s].
 
     Returns
     -------
@@ -60,6 +67,7 @@ def check(
     """
     if len(time) < 10:
         return ()
+    zero = float(time[0]) if zero is None else zero
     needed = max(10, int(np.ceil(STUCK_TIME / float(np.median(np.diff(time))))))
     found = []
     for i, axis in enumerate(AXES):
@@ -69,13 +77,13 @@ def check(
         still = _stuck(x, values, i, runs, needed)
         if still is not None:
             start, end = still
-            words |= {"start": f"{time[start]:.9g}", "end": f"{time[end - 1]:.9g}"}
+            words |= {"start": moment(time[start] - zero), "end": moment(time[end - 1] - zero)}
             found.append(finding("log.stuck", value=f"{x[start]:.6g}", **words))
             continue
         told = _clipped(x, runs) if limits is None else _at_limit(x, runs, limits[i])
         if told is not None:
             first, count = told
-            words["start"] = f"{time[first]:.9g}"
+            words["start"] = moment(time[first] - zero)
             found.append(finding("log.saturated", count=count, **words))
     return tuple(found)
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.tables import FloatArray
-from foucault.units import STANDARD_GRAVITY, factor
+from foucault.units import STANDARD_GRAVITY, factor, plain, span
 
 GAP = 1.5
 """An interval longer than this many nominal intervals is a gap [1]."""
@@ -29,6 +29,15 @@ GRAVITY_BAND = 1.25
 
 CAUSE_BAND = 1.15
 """A wrong unit explains a wrong norm when it brings it within this factor of gravity [1]."""
+
+RATE_BAND = (1.0, 1e5)
+"""Inertial instruments are sampled at rates within this band [Hz]."""
+
+USUAL_RATE = 200.0
+"""Where several units of time are possible, the one that gives a rate nearest to this [Hz]."""
+
+TIME_UNITS = ("s", "ms", "us", "ns")
+"""Units people log time in."""
 
 _SAMPLE = 200_000  # rows are thinned to about this many for a median or quantile
 
@@ -79,7 +88,40 @@ def finite(
     return keep, (told,)
 
 
-def timing(time: FloatArray, start: int = 0) -> tuple[Finding, ...]:
+def doubled(
+    columns: dict[str, FloatArray], last: dict[str, FloatArray] | None = None
+) -> tuple[npt.NDArray[np.bool_] | None, tuple[Finding, ...]]:
+    """Look for rows that repeat the row before them in every column, time included.
+
+    Parameters
+    ----------
+    columns : dict of str to ndarray, each shape (n,) or (n, 3)
+        The blocks of the log by name, ``time`` among them [SI].
+    last : dict of str to ndarray, or None
+        Rows before these, where these are not the first of the log [SI].
+
+    Returns
+    -------
+    keep : ndarray of bool, shape (n,), or None
+        Rows to keep; None where none repeats.
+    findings : tuple of Finding
+        What was left out.
+    """
+    time = columns["time"]
+    rows = np.flatnonzero(time[1:] == time[:-1]) + 1
+    for values in columns.values():
+        same = values[rows] == values[rows - 1]
+        rows = rows[same.all(axis=1) if values.ndim == 2 else same]
+    if last and all(np.array_equal(last[name][-1], values[0]) for name, values in columns.items()):
+        rows = np.concatenate(([0], rows))
+    if not len(rows):
+        return None, ()
+    keep = np.ones(len(time), bool)
+    keep[rows] = False
+    return keep, (finding("log.rows_doubled", count=len(rows)),)
+
+
+def timing(time: FloatArray, start: int = 0, zero: float | None = None) -> tuple[Finding, ...]:
     """Check that time runs forward, and look for gaps and an irregular rate.
 
     Parameters
@@ -88,6 +130,8 @@ def timing(time: FloatArray, start: int = 0) -> tuple[Finding, ...]:
         Time of each sample [s].
     start : int, shape ()
         Number of the first row, where these are not the first of the log [1].
+    zero : float or None
+        Time that texts count from; None is that of the first sample given [s].
 
     Returns
     -------
@@ -96,21 +140,24 @@ def timing(time: FloatArray, start: int = 0) -> tuple[Finding, ...]:
     """
     if len(time) < 3:
         return ()
+    zero = float(time[0]) if zero is None else zero
     step = np.diff(time)
     wrong = step <= 0
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
         code = "log.time_repeated" if step[row - 1] == 0 else "log.time_backward"
-        count = int(wrong.sum())
-        raise error(code, row=row + start, time=_seconds(time[row]), before=_seconds(time[row - 1]),
-                    count=count)  # fmt: skip
+        now, before = (moment(t - zero) for t in (time[row], time[row - 1]))
+        whole = float(time[-1] - time[0])
+        rate = plain((len(time) - 1) / whole, 5) if whole > 0 else "100"
+        raise error(code, row=row + start, time=now, before=before, count=int(wrong.sum()),
+                    rate=rate)  # fmt: skip
     nominal = float(np.median(step))
     gaps = step > GAP * nominal
     off = ~gaps & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
-    found = list(_time_unit(nominal))
+    found = []
     if off.mean() > IRREGULAR[1]:
         low, high = np.quantile(step, (0.01, 0.99))
-        words = {"nominal": f"{nominal:.6g}", "low": f"{low:.4g}", "high": f"{high:.4g}"}
+        words = {"nominal": span(nominal), "low": span(low), "high": span(high)}
         found.append(finding("log.irregular", share=f"{100 * off.mean():.3g}", **words))
     if gaps.any():
         longest = int(np.argmax(step))
@@ -119,31 +166,41 @@ def timing(time: FloatArray, start: int = 0) -> tuple[Finding, ...]:
                 "log.gap",
                 count=int(gaps.sum()),
                 lost=f"{np.sum(np.round(step[gaps] / nominal) - 1):.0f}",
-                longest=f"{step[longest]:.4g}",
-                start=_seconds(time[longest]),
-                nominal=f"{nominal:.6g}",
+                longest=span(step[longest]),
+                start=moment(time[longest] - zero),
+                nominal=span(nominal),
             )
         )
     return tuple(found)
 
 
-PLAUSIBLE_RATES = (1.0, 1e5)
-"""Sample rates of inertial logs lie in here; outside, the unit of time is suspect [Hz]."""
+def time_scale(interval: float, unit: str, one: float) -> tuple[Finding, ...]:
+    """Find a rate that no inertial log has, and name the unit of time that would explain it.
 
+    Parameters
+    ----------
+    interval : float
+        Nominal sample interval as read [s].
+    unit : str
+        Unit of time as declared.
+    one : float
+        Value of one such unit [s].
 
-def _time_unit(nominal: float) -> tuple[Finding, ...]:
-    """Name a unit of time that would make the rate plausible, where it is not."""
-    low, high = PLAUSIBLE_RATES
-    if low <= 1 / nominal <= high:
+    Returns
+    -------
+    tuple of Finding
+        One where the rate is far off and another unit would mend it.
+    """
+    low, high = RATE_BAND
+    if not interval > 0 or low <= 1 / interval <= high:
         return ()
-    for unit, size in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
-        # Declared as s but counted in a smaller unit; or the other way round.
-        for declared, true, change in (("s", unit, size), (unit, "s", 1 / size)):
-            rate = 1 / (nominal * change)
-            if low <= rate <= high:
-                words = {"interval": f"{nominal:.4g}", "declared": declared, "true": true}
-                return (finding("log.time_unit", rate=f"{rate:.4g}", **words),)
-    return ()
+    rates = {other: one / (interval * factor(other, "time")) for other in TIME_UNITS}
+    fits = {other: rate for other, rate in rates.items() if low <= rate <= high}
+    if not fits:
+        return ()
+    likely = min(fits, key=lambda other: abs(np.log(fits[other] / USUAL_RATE)))
+    words = {"rate": plain(1 / interval), "unit": unit, "interval": span(interval)}
+    return (finding("log.time_unit", likely=likely, then=plain(fits[likely]), **words),)
 
 
 ACCEL_UNITS = {"rate": ("m/s^2", "g", "mg"), "increment": ("m/s", "g*s")}
@@ -253,8 +310,9 @@ def _thinned(values: FloatArray) -> FloatArray:
     return values[:: max(1, len(values) // _SAMPLE)]
 
 
-def _seconds(time: float) -> str:
-    return f"{time:.9g}"
+def moment(time: float) -> str:
+    """Write a `time` counted from the start [s]; below a microsecond it is only rounding."""
+    return f"{round(float(time), 6):.9g}"
 
 
 def _row_list(rows: npt.NDArray[np.int64]) -> str:

@@ -48,6 +48,10 @@ def find(raw: RawTable, wanted: ColumnName, path: Path, block: str) -> tuple[int
         number, _ = find(raw, wanted[1:], path, block)
         return number, -1.0
     text = str(wanted)
+    # `t` names "t (s)" too, where no other column is called so.
+    alike = [i for i, name in enumerate(raw.names) if _bare(name) == text]
+    if isinstance(wanted, str) and wanted not in raw.names and raw.named and len(alike) == 1:
+        return alike[0], 1.0
     if isinstance(wanted, str) and wanted in raw.names:
         return raw.names.index(wanted), 1.0
     if text.isdigit() and int(text) < len(raw.names):
@@ -95,6 +99,11 @@ def guess(raw: RawTable, block: str, path: Path) -> list[int]:
     example = "columns = [1, 2, 3]" if singles is None else "column = 0"
     have = f"columns {', '.join(raw.names)}" if raw.named else f"{len(raw.names)} unnamed columns"
     raise error("log.cannot_guess", file=path.name, block=block, have=have, example=example)
+
+
+def _bare(name: str) -> str:
+    """Return a column's `name` without a unit in brackets."""
+    return re.sub(r"\s*[(\[][^)\]]*[)\]]\s*$", "", name)
 
 
 def _plain(name: str) -> str:

@@ -9,15 +9,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from foucault.errors import FoucaultError, error
-from foucault.logs.own import MARKER
+from foucault.logs.dialect import (
+    EMPTY,
+    SPACE,
+    STAMP,
+    Dialect,
+    dialect_of,
+    number_in,
+    text_lines,
+    uncomment,
+)
 from foucault.logs.raw import Progress, RawTable, open_bytes, unreadable
 from foucault.tables import FloatArray
 
@@ -25,30 +33,7 @@ if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
 
 BLOCK_BYTES = 4 << 20
-SPACE = " "
 _BLANK_LINE = re.compile(rb"(?m)^[ \t]+(?=\r?$)")
-EMPTY = ("", "NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN", "-nan")
-"""Cells that mean "no value"."""
-
-
-@dataclass(frozen=True)
-class Dialect:
-    """How the lines of one file are to be read.
-
-    `skip`, shape (), counts every line before the data, comment and blank lines included.
-    """
-
-    skip: int
-    delimiter: str
-    decimal: str
-    comment: tuple[str, ...]
-    names: tuple[str, ...]
-    named: bool
-    marker: str
-
-    def cells(self, line: str) -> list[str]:
-        """Split one line into its cells."""
-        return _split(_uncomment(line, self.comment), self.delimiter)
 
 
 def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
@@ -59,7 +44,8 @@ def open_raw(path: Path, description: LogDescription, progress: Progress | None)
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         return _blocks(path, dialect, columns, progress)
 
-    return RawTable(dialect.names, dialect.named, blocks, dialect.marker)
+    known = dialect.marker, dialect.stamps, dialect.findings
+    return RawTable(dialect.names, dialect.named, blocks, *known)
 
 
 def _blocks(
@@ -109,14 +95,31 @@ def parse(
         parse_options=csv.ParseOptions(delimiter=dialect.delimiter),
         convert_options=csv.ConvertOptions(
             include_columns=list(dict.fromkeys(wanted)),
-            column_types={key: pa.float64() for key in wanted},
+            column_types={keys[c]: _arrow_type(dialect, c) for c in columns},
+            timestamp_parsers=[csv.ISO8601],
             null_values=EMPTY,
             strings_can_be_null=True,
             decimal_point=dialect.decimal,
         ),
     )
     for batch in reader:
-        yield np.column_stack([batch.column(k).to_numpy(zero_copy_only=False) for k in wanted])
+        yield np.column_stack([_floats(batch.column(k)) for k in wanted])
+
+
+def _arrow_type(dialect: Dialect, column: int) -> Any:
+    import pyarrow as pa
+
+    if column not in dialect.stamps:
+        return pa.float64()
+    return pa.timestamp("ns", tz="UTC" if column in dialect.zoned else None)
+
+
+def _floats(column: Any) -> FloatArray:
+    values: Any = column.to_numpy(zero_copy_only=False)
+    if values.dtype.kind != "M":
+        return cast(FloatArray, values)
+    seconds = values.astype(np.int64) * 1e-9
+    return np.where(np.isnat(values), np.nan, seconds)
 
 
 class _DataLines:
@@ -163,124 +166,17 @@ class _DataLines:
         """Do nothing: the stream is closed by the one who opened it."""
 
 
-def dialect_of(stream: IO[bytes], description: LogDescription, name: str) -> Dialect:
-    """Tell from the first lines of a text how to read it.
-
-    Parameters
-    ----------
-    stream : file
-        The text, from its first line.
-    description : LogDescription
-        What is known of it.
-    name : str
-        Name of the file, for the texts.
-    """
-    comment = description.comment
-    marker, remark, heads, skip = "", "", list[str](), 0
-    for line in _lines(stream):
-        if "\0" in line:
-            raise ValueError("it is not UTF-8 text (saved as UTF-16?)")
-        text = line.strip()
-        remark = text if _is_comment(text, comment) else remark
-        marker = text if MARKER in remark and not marker else marker
-        content = _uncomment(text, comment).strip()
-        if content and not _is_head(content, len(heads), description):
-            break
-        heads += [content] if content else []
-        skip += 1
-    else:
-        raise error("log.empty", file=name)
-    delimiter = _delimiter(content, description)
-    count = len(_split(content, delimiter))
-    names = _names(heads, remark, delimiter, count, comment)
-    head = next((h for h in heads if not _any_number(_split(h, delimiter))), None)
-    if names is None and head and delimiter != SPACE and description.header == "auto":
-        have = len(_split(head, delimiter))
-        raise error("log.header_count", file=name, names=have, line=skip + 1, cells=count)
-    numbers = tuple(str(i) for i in range(count))
-    return Dialect(
-        skip, delimiter, description.decimal, comment, names or numbers, names is not None, marker
-    )
-
-
-def _is_head(content: str, seen: int, description: LogDescription) -> bool:
-    if isinstance(description.header, int):
-        return seen < description.header
-    if description.header == "none":
-        return False
-    # Titles and units are lines without a single number, before the first line that has one.
-    return not _any_number(_split(content, _delimiter(content, description)))
-
-
-def _names(
-    heads: list[str], remark: str, delimiter: str, count: int, comment: tuple[str, ...]
-) -> tuple[str, ...] | None:
-    # The first title line that fits; "# t gx gy gz" counts as one where there is no other.
-    for mark in comment:
-        remark = remark.removeprefix(mark)
-    for line in [*heads, remark]:
-        cells = _split(line, delimiter)
-        if len(cells) == count and not _any_number(cells):
-            return tuple(cells)
-    return None
-
-
-def _delimiter(content: str, description: LogDescription) -> str:
-    if description.delimiter != "auto":
-        spaces = ("space", "spaces", "whitespace", " ")
-        return SPACE if description.delimiter in spaces else description.delimiter
-    for candidate in (";", "\t", "|") if description.decimal == "," else (";", ",", "\t", "|"):
-        if candidate in content:
-            return candidate
-    return SPACE
-
-
-def _split(line: str, delimiter: str) -> list[str]:
-    if delimiter == SPACE:
-        return line.split()
-    return [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(delimiter)]
-
-
-def _is_comment(text: str, comment: tuple[str, ...]) -> bool:
-    return any(text.startswith(mark) for mark in comment)
-
-
-def _uncomment(line: str, comment: tuple[str, ...]) -> str:
-    for mark in comment:
-        line = line.partition(mark)[0]
-    return line
-
-
-def _number(cell: str, decimal: str) -> float | None:
-    if cell in EMPTY:
-        return float("nan")
-    try:
-        return None if "_" in cell else float(cell.replace(decimal, "."))
-    except ValueError:
-        return None
-
-
-def _any_number(cells: list[str]) -> bool:
-    # A decimal comma counts, declared or not: such a line is data, not a title.
-    return any(cell and _number(cell, ",") is not None for cell in cells)
-
-
-def _lines(stream: IO[bytes]) -> Iterator[str]:
-    for line in stream:
-        yield line.decode("utf-8", errors="replace").removeprefix("\ufeff")
-
-
 def _first_fault(path: Path, dialect: Dialect, columns: Sequence[int]) -> FoucaultError | None:
     """Find the first line that cannot be read, and say what is wrong with it."""
     with open_bytes(path) as stream:
-        lines = enumerate(_lines(stream), start=1)
+        lines = enumerate(text_lines(stream), start=1)
         for number, line in islice(lines, dialect.skip, None):
-            if not _uncomment(line, dialect.comment).strip():
+            if not uncomment(line, dialect.comment).strip():
                 continue
             wrong = fault(path.name, dialect, columns, number, line)
             if wrong is None:
                 continue
-            more = any(_uncomment(text, dialect.comment).strip() for _, text in lines)
+            more = any(uncomment(text, dialect.comment).strip() for _, text in lines)
             have, want = len(dialect.cells(line)), len(dialect.names)
             if not more and (have < want or not line.endswith("\n")):
                 return error("log.truncated", file=path.name, line=number, have=have, want=want)
@@ -310,7 +206,13 @@ def fault(
     if len(cells) != want:
         return error("log.ragged", file=name, line=number, have=len(cells), want=want)
     for column in columns:
-        if _number(cells[column], dialect.decimal) is None:
+        if column in dialect.stamps:
+            match = STAMP.fullmatch(cells[column])
+            good = match and bool(match[1]) == (column in dialect.zoned)
+            if not good and cells[column] not in EMPTY:
+                return error("log.not_a_date", file=name, line=number, cell=cells[column],
+                             column=dialect.names[column])  # fmt: skip
+        elif number_in(cells[column], dialect.decimal) is None:
             comma = "," in cells[column] and dialect.decimal == "."
             return error(
                 "log.not_numeric",

@@ -238,7 +238,7 @@ class LogDescription(_Block):
     delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
     decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")
     header: Literal["auto", "none"] | Annotated[int, Field(ge=0)] = Field(
-        "auto", description="lines before the data, counted as an editor does, or \"none\""
+        "auto", description='lines before the data, counted as an editor does, or "none"'
     )
     comment: tuple[str, ...] = Field(("#", "%"), description="what starts a comment")
     variable: str | None = Field(None, description="array inside a .mat or .npz file")

@@ -20,6 +20,7 @@ import numpy as np
 
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.logs import checks, delimited
+from foucault.logs.dialect import dialect_of
 from foucault.logs.own import sampled_of
 from foucault.logs.raw import RawTable, is_text, unreadable
 from foucault.logs.reading import complete, converted
@@ -187,11 +188,12 @@ class Follower:
         self._left_out = 0
         self._reason = ""
         self._times = np.empty(0)
+        self._last: dict[str, FloatArray] | None = None
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What was noticed of the lines; what the samples show is for others."""
-        told = []
+        told = list(self._dialect.findings) if self.used is not None else []
         if self._restarts:
             told.append(finding("watch.restarted", file=self.tail.name))
         if self._left_out:
@@ -232,7 +234,7 @@ class Follower:
         """Look at the first lines; return the data after the titles, None before they come."""
         path = Path(self.tail.name)
         try:
-            dialect = delimited.dialect_of(BytesIO(text), self._description, path.name)
+            dialect = dialect_of(BytesIO(text), self._description, path.name)
         except FoucaultError as problem:
             if problem.code == "log.empty":
                 return None
@@ -265,7 +267,7 @@ class Follower:
         def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
             return self._parsed(text, columns)
 
-        return RawTable(known.names, known.named, blocks, known.marker)
+        return RawTable(known.names, known.named, blocks, known.marker, known.stamps)
 
     def _parsed(self, text: bytes, columns: Sequence[int]) -> Iterator[FloatArray]:
         import pyarrow as pa
@@ -312,6 +314,13 @@ class Follower:
             data = {name: values[keep] for name, values in data.items()}
         if not len(data["time"]):
             return None
+        keep, told = checks.doubled(data, self._last)
+        if keep is not None:
+            self._leave_out(int(np.sum(~keep)), told[0].message)
+            data = {name: values[keep] for name, values in data.items()}
+        if not len(data["time"]):
+            return None
+        self._last = {name: values[-1:].copy() for name, values in data.items()}
         if self._kind == "increment":
             interval = self._intervals(data["time"])[:, None]
             if len(self._times) < 2:

@@ -69,13 +69,15 @@ def read(
         prints.append(sha256(path))
     sampled = sampled_of(raw.marker) if used is not description else None
     data = _joined(parts, names, used)
-    for sieve in (_finite(used, names[0]), checks.doubled):
-        keep, found = sieve(data)
-        told += found
-        if keep is not None:
-            data = {block: values[keep] for block, values in data.items()}
-            if not keep.any():
-                raise error("log.empty", file=names[0])
+    keep, found = checks.finite(data, used.missing, names[0])
+    if keep is not None:
+        data = {block: values[keep] for block, values in data.items()}
+        if not keep.any():
+            raise error("log.empty", file=names[0])
+    keep, doubled = checks.doubled(data)
+    if keep is not None:
+        data = {block: values[keep] for block, values in data.items()}
+    told += found + doubled
     source = {
         "file": " + ".join(names),
         "sha256": " + ".join(prints),
@@ -307,6 +309,8 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
         counts = block.scale is not None
         one = None if counts else abs(float(block.conversion()[1][0]))
         found += checks.accel_scale(log.accel, log.interval, block.unit, one, block.kind)
+    if used.time is not None and len(log) > 2:
+        found += checks.time_scale(log.interval, used.time.unit, used.time.one())
     if log.gyro is not None and used.gyro is not None:
         found += checks.gyro_scale(log.gyro, used.gyro.unit, used.gyro.kind)
     return found

@@ -68,10 +68,12 @@ def blocks(
     if not pair:
         raise error("log.empty", file=path.name)
     if len(pair) == 1:
-        yield finished(pair[0][0], used, sampled, pair[0][1], source)
+        yield finished(pair[0][0], used, sampled, raw.findings + pair[0][1], source)
         return
+    before = raw.findings
     for log in _logs(chain(_emptying(pair), parts), used, sampled):
-        yield replace(log, source=source)
+        yield replace(log, source=source, findings=before + log.findings)
+        before = ()
 
 
 def merged(blocks_findings: Iterable[tuple[Finding, ...]]) -> tuple[Finding, ...]:
@@ -135,6 +137,7 @@ def _one(held: list[Part]) -> Part:
 def _checked(parts: Iterator[Part], used: LogDescription, path: Path) -> Iterator[Checked]:
     """Drop or refuse rows that are not numbers; give rows without a time column theirs."""
     start = 0
+    last: Part | None = None
     for part in parts:
         rows = len(next(iter(part.values())))
         if used.rate is not None:
@@ -143,24 +146,31 @@ def _checked(parts: Iterator[Part], used: LogDescription, path: Path) -> Iterato
         start += rows
         if keep is not None:
             part = {name: values[keep] for name, values in part.items()}
+        if not len(part["time"]):
+            continue
+        keep, doubled = checks.doubled(part, last)
+        if keep is not None:
+            part = {name: values[keep] for name, values in part.items()}
         if len(part["time"]):
-            yield part, told
+            last = {name: values[-1:].copy() for name, values in part.items()}
+            yield part, told + doubled
 
 
 def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Iterator[Log]:
     """Make a log of each block, the last sample of the one before at hand."""
     triads = {"gyro": used.gyro, "accel": used.accel}
     kind = next(block.kind for block in triads.values() if block is not None)
-    before, nominal, start = np.empty(0), float("nan"), 0
+    before, nominal, start, zero = np.empty(0), float("nan"), 0, float("nan")
     for data, findings in parts:
         time = data["time"]
         if not start:
+            zero = float(time[0])
             nominal = float(np.median(np.diff(time))) if len(time) > 1 else nominal
         seen = np.concatenate((before, time))
-        findings += checks.timing(seen, start - len(before))
+        findings += checks.timing(seen, start - len(before), zero)
         for name, block in triads.items():
             if block is not None:
-                told = axes.check(time, data[name], name, limits_si(block))
+                told = axes.check(time, data[name], name, limits_si(block), zero)
                 findings += tuple(item for item in told if item.code != "log.stuck")
         if kind == "increment":
             dt = np.diff(seen, prepend=[np.nan] * (1 - len(before)))

@@ -36,17 +36,32 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.header_count", "error", "A title line with another count of columns than the data",
      "'{file}': the title line names {names} columns, but line {line}, the first of the data, "
      "has {cells}.",
-     "Correct the file or delimiter in [log], or write header = 1 and give columns by number "
-     "from 0."),
-    ("log.time_unit", "warning", "A wrong unit of time (milliseconds declared as seconds)",
-     "Samples are {interval} s apart as the time column is declared. In {true} instead of "
-     "{declared} the log would have {rate} Hz.",
-     'Write unit = "{true}" for `time` in [log] if the instrument is not really that slow.'),
+     "Correct the file or delimiter in [log], or write header = {header} and give columns by "
+     "number from 0."),
+    ("log.preamble", "error", "Lines before the data that are neither titles nor remarks",
+     "'{file}' line {line} is neither a title nor a sample: '{text}'.",
+     "Write header = {header} in [log]: so many lines stand before the first sample."),
+    ("log.header_numbers", "warning", "A line of the header that looks like a sample",
+     "'{file}' line {line} is one of the {header} lines of the header, but it holds as many "
+     "numbers as a sample: '{text}'.",
+     "Correct header in [log] if this line is a sample; lines count as an editor counts them, "
+     "blank lines and remarks included."),
+    ("log.encoding", "error", "Text saved as UTF-16",
+     "'{file}' is not UTF-8 text; it looks like UTF-16.",
+     'Save it as UTF-8: in a spreadsheet choose "CSV UTF-8", in an editor "Save with encoding".'),
     ("log.undescribed", "error", "A log that was not described",
      "'{file}' has {have}, but [log] says neither which of them are gyro or accelerometer nor "
      "their units.",
      'Add [log.gyro] with columns = ["gx", "gy", "gz"] and unit = "deg/s", and [log.accel] '
      "likewise; `foucault init hand_rotated -o campaign.toml` writes a file to put them in."),
+    ("log.bare", "error", "A log given alone, whose titles do not say what its columns are",
+     "'{file}' has {have}; that does not say what they are: {reason}.",
+     "Describe it in a campaign file: `foucault init hand_rotated -o campaign.toml`, then fill in "
+     "[log]; or give the columns titles with their units, such as time (s), gyro_x (deg/s), "
+     "accel_x (m/s^2)."),
+    ("log.units_from_titles", "note", "A log given alone, its units taken from its titles",
+     "Nothing describes '{file}', so its units were taken from the titles of its columns: {units}.",
+     "Check that they are right; a campaign file declares them for good."),
     ("log.cannot_guess", "error", "Columns that were left out and cannot be guessed",
      "'{file}' has {have}; none has a usual name of {block}.",
      "Write {example} in [log.{block}], by name or by number from 0."),
@@ -115,6 +130,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.not_numeric", "error", "A cell that is not a number",
      "'{file}' {line}, column '{column}': '{cell}' is not a number.{hint}",
      "Correct the cell, or choose another column in [log]; leave a missing value empty."),
+    ("log.not_a_date", "error", "A cell in a column of dates that is not a date like the first",
+     "'{file}' line {line}, column '{column}': '{cell}' is not a date and time of day written as "
+     "in the first line of the data.",
+     "Correct the cell; the year comes first, 2026-05-04T10:00:00.010Z, and either all lines "
+     "name a time zone or none."),
     ("log.missing_value", "error", "Missing values (NaN or empty cells)",
      "'{file}': missing values in {columns}, {count} in all: {rows} of the data (from 0).",
      'Write missing = "drop" in [log] to leave these rows out.'),
@@ -127,29 +147,46 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "(from 0).",
      "Nothing to do if they are few; a turn across a gap is less certain."),
     ("log.time_backward", "error", "Time that runs backward",
-     "Time runs backward at row {row} of the data (from 0): {time} s after {before} s; {count} "
-     "such rows in all.",
+     "Time runs backward at row {row} of the data (from 0): {time} s after {before} s, counted "
+     "from the start; {count} such rows in all.",
      "The logger was restarted, or two logs were put together: keep one part of the file."),
     ("log.time_repeated", "error", "The same time twice",
-     "Row {row} of the data (from 0) has the same time as the row before, {time} s; {count} such "
-     "rows in all.",
-     'Delete the doubled rows; if the clock is only too coarse, replace [log.time] by rate = '
-     '"100 Hz" in [log].'),
+     "Row {row} of the data (from 0) has the same time as the row before, {time} s from the start, "
+     "but other readings; {count} such rows in all.",
+     'If the clock is only too coarse, replace [log.time] by rate = "{rate} Hz" in [log], the mean '
+     "rate of this log; if rows of two logs are mixed, keep those of one."),
+    ("log.rows_doubled", "warning", "Rows written twice",
+     "{count} rows repeat the row before them in every column, time included, and were left out.",
+     "Nothing to do; the logger or the program that wrote the file stored them twice."),
+    ("log.time_unit", "warning", "A wrong unit of time (ms given as s)",
+     "The median rate is {rate} Hz (a sample every {interval}) with unit = \"{unit}\" of time; "
+     "inertial instruments are sampled at 1 Hz to 100 kHz.",
+     'The unit is probably wrong; write unit = "{likely}" in [log.time], which gives {then} Hz.'),
+    ("log.time_iso", "error", "Dates in a time column with another unit",
+     "'{file}', column '{column}' holds dates such as 2026-05-04T10:00:00Z, but its unit is given "
+     "as \"{unit}\".",
+     'Write unit = "iso" in [log.time].'),
+    ("log.time_not_iso", "error", "A time column without dates whose unit is \"iso\"",
+     "'{file}', column '{column}' does not begin with a date such as 2026-05-04T10:00:00Z, but its "
+     "unit is given as \"{unit}\".",
+     'Write its unit in [log.time], for example unit = "s" or "ms"; a date and a time of day in '
+     "two columns must be joined by a T."),
     ("log.gap", "warning", "Gaps: samples are missing",
-     "Time has {count} gaps; about {lost} samples are missing. The longest is {longest} s after "
-     "{start} s, where {nominal} s is usual.",
+     "Time has {count} gaps; about {lost} samples are missing. The longest is {longest}, "
+     "{start} s from the start, where {nominal} is usual.",
      "The logger lost data: a rest or turn across a gap is less certain, so repeat it if you "
      "can."),
     ("log.irregular", "warning", "An irregular sample rate",
      "The rate is irregular: {share} % of the intervals are more than 10 % off the usual "
-     "{nominal} s (1st to 99th percentile {low} to {high} s).",
+     "{nominal} (1st to 99th percentile {low} to {high}).",
      "Use the instrument's own clock as time; if it samples evenly and only its time is coarse, "
      "replace [log.time] by rate in [log]."),
     ("log.saturated", "warning", "A saturated axis",
-     "{triad} {axis} is saturated; samples at the limit: {count}, the first at {start} s.",
+     "{triad} {axis} is saturated; samples at the limit: {count}, the first {start} s from the "
+     "start.",
      "Turn more slowly or choose a wider range; leave the saturated turns out."),
     ("log.stuck", "warning", "An axis that does not move",
-     "{triad} {axis} stays at {value} (SI) from {start} s to {end} s.",
+     "{triad} {axis} stays at {value} (SI) from {start} s to {end} s, counted from the start.",
      "The axis is stuck or its resolution is too coarse: check the column in [log.{triad}] and "
      "the instrument."),
     ("log.accel_unit", "warning", "g given as m/s^2, or rates as increments, or the reverse",

@@ -1,0 +1,211 @@
+"""How a text file is written: its titles, its delimiter, and where the samples begin."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain, islice
+from typing import IO, TYPE_CHECKING
+
+from foucault.errors import Finding, error, finding
+from foucault.logs.own import MARKER
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription
+
+SPACE = " "
+
+EMPTY = ("", "NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN", "-nan")
+"""Cells that mean "no value"."""
+
+STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(Z|[-+]\d\d:?(?:\d\d)?)?")
+"""A date and time of day as ISO 8601 writes it; the group is the time zone."""
+
+LOOK_AHEAD = 200
+"""Lines looked at to find where the samples begin [1]."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How the lines of one file are to be read.
+
+    `skip`, shape (), counts every line before the data, comment and blank lines included;
+    `stamps` are the numbers of the columns of dates, and `zoned` those that name a time zone.
+    """
+
+    skip: int
+    delimiter: str
+    decimal: str
+    comment: tuple[str, ...]
+    names: tuple[str, ...]
+    named: bool
+    marker: str
+    stamps: tuple[int, ...] = ()
+    zoned: tuple[int, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    def cells(self, line: str) -> list[str]:
+        """Split one line into its cells."""
+        return split(uncomment(line, self.comment), self.delimiter)
+
+
+def dialect_of(stream: IO[bytes], description: LogDescription, name: str) -> Dialect:
+    """Tell from the first lines of a text how to read it.
+
+    Parameters
+    ----------
+    stream : file
+        The text, from its first line.
+    description : LogDescription
+        What is known of it.
+    name : str
+        Name of the file, for the texts.
+    """
+    comment = description.comment
+    marker, remark, heads, skip = "", "", list[str](), 0
+    seen: list[str] = []
+    lines = text_lines(stream)
+    for line in lines:
+        if "\0" in line:
+            raise error("log.encoding", file=name)
+        seen.append(line)
+        text = line.strip()
+        remark = text if _is_comment(text, comment) else remark
+        marker = text if MARKER in remark and not marker else marker
+        content = uncomment(text, comment).strip()
+        if content and not _is_head(content, skip, description):
+            break
+        heads += [content] if content else []
+        skip += 1
+    else:
+        raise error("log.empty", file=name)
+    delimiter = _delimiter(content, description)
+    count = len(split(content, delimiter))
+    names = _names(heads, remark, delimiter, count, comment)
+    head = next((h for h in heads if not _any_number(split(h, delimiter))), None)
+    if description.header == "auto":
+        _no_preamble(list(chain(seen, islice(lines, LOOK_AHEAD))), skip, description, name)
+    if names is None and head and delimiter != SPACE and description.header == "auto":
+        have = len(split(head, delimiter))
+        raise error("log.header_count", file=name, names=have, line=skip + 1, cells=count,
+                    header=skip)  # fmt: skip
+    numbers = tuple(str(i) for i in range(count))
+    zones = {i: m[1] for i, c in enumerate(split(content, delimiter)) if (m := STAMP.fullmatch(c))}
+    return Dialect(
+        skip, delimiter, description.decimal, comment, names or numbers, names is not None, marker,
+        tuple(zones), tuple(i for i, zone in zones.items() if zone),
+        _numbers_skipped(seen[:skip], description, delimiter, count, name),
+    )  # fmt: skip
+
+
+def _no_preamble(lines: list[str], skip: int, description: LogDescription, name: str) -> None:
+    """Refuse a file whose first line with a number belongs to no sample; say where they begin."""
+
+    def cells(line: str) -> list[str]:
+        content = uncomment(line, description.comment).strip()
+        return split(content, _delimiter(content, description)) if content else []
+
+    if all(_is_sample(cell) for cell in cells(lines[skip])):
+        return
+    rows = [(i, cells(line)) for i, line in enumerate(lines) if i >= skip]
+    rows = [(i, row) for i, row in rows if row]
+    for (i, first), *others in zip(rows, rows[1:], rows[2:], strict=False):
+        if all(len(row) == len(first) > 1 for _, row in others) and all(map(_is_sample, first)):
+            if len(first) != len(cells(lines[skip])):
+                raise error("log.preamble", file=name, line=skip + 1, header=i,
+                            text=_shown(lines[skip]))  # fmt: skip
+            return
+
+
+def _is_sample(cell: str) -> bool:
+    return number_in(cell, ",") is not None or STAMP.fullmatch(cell) is not None
+
+
+def _numbers_skipped(
+    lines: list[str], description: LogDescription, delimiter: str, count: int, name: str
+) -> tuple[Finding, ...]:
+    """Tell the last line of a declared header that looks like a sample."""
+    found: tuple[Finding, ...] = ()
+    for i, line in enumerate(lines, start=1):
+        cells = split(uncomment(line, description.comment).strip(), delimiter)
+        if len(cells) == count and all(c and _is_sample(c) for c in cells):
+            words = {"line": i, "header": description.header, "text": _shown(line)}
+            found = (finding("log.header_numbers", file=name, **words),)
+    return found
+
+
+def _shown(line: str) -> str:
+    text = line.strip()
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _is_head(content: str, seen: int, description: LogDescription) -> bool:
+    if isinstance(description.header, int):
+        return seen < description.header
+    if description.header == "none":
+        return False
+    # Titles and units are lines without a single number, before the first line that has one.
+    return not _any_number(split(content, _delimiter(content, description)))
+
+
+def _names(
+    heads: list[str], remark: str, delimiter: str, count: int, comment: tuple[str, ...]
+) -> tuple[str, ...] | None:
+    # The first title line that fits; "# t gx gy gz" counts as one where there is no other.
+    for mark in comment:
+        remark = remark.removeprefix(mark)
+    for line in [*heads, remark]:
+        cells = split(line, delimiter)
+        if len(cells) == count and not _any_number(cells):
+            return tuple(cells)
+    return None
+
+
+def _delimiter(content: str, description: LogDescription) -> str:
+    if description.delimiter != "auto":
+        spaces = ("space", "spaces", "whitespace", " ")
+        return SPACE if description.delimiter in spaces else description.delimiter
+    for candidate in (";", "\t", "|") if description.decimal == "," else (";", ",", "\t", "|"):
+        if candidate in content:
+            return candidate
+    return SPACE
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """Split one line at its delimiter; quotes around a cell are taken off."""
+    if delimiter == SPACE:
+        return line.split()
+    return [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(delimiter)]
+
+
+def _is_comment(text: str, comment: tuple[str, ...]) -> bool:
+    return any(text.startswith(mark) for mark in comment)
+
+
+def uncomment(line: str, comment: tuple[str, ...]) -> str:
+    """Return a line up to its first remark."""
+    for mark in comment:
+        line = line.partition(mark)[0]
+    return line
+
+
+def number_in(cell: str, decimal: str) -> float | None:
+    """Return the number in a cell, NaN for a missing one, None where it holds none."""
+    if cell in EMPTY:
+        return float("nan")
+    try:
+        return None if "_" in cell else float(cell.replace(decimal, "."))
+    except ValueError:
+        return None
+
+
+def _any_number(cells: list[str]) -> bool:
+    # A decimal comma counts, declared or not: such a line is data, not a title.
+    return any(cell and number_in(cell, ",") is not None for cell in cells)
+
+
+def text_lines(stream: IO[bytes]) -> Iterator[str]:
+    """Yield the lines of a text; what is no UTF-8 becomes a replacement character."""
+    for line in stream:
+        yield line.decode("utf-8", errors="replace").removeprefix("\ufeff")

@@ -1,0 +1,94 @@
+"""A log that nobody described is read where the titles of its columns say enough."""
+
+import numpy as np
+import pytest
+
+from foucault.errors import FoucaultError
+from foucault.logs import LogDescription, read, write
+from foucault.logs.titles import description_of
+
+G = 9.80665
+
+
+def save(folder, head):
+    rng = np.random.default_rng(4)
+    table = rng.normal(0.0, 0.01, (50, len(head.split(","))))
+    table[:, 0] = 10.0 * np.arange(50)
+    table[:, -1] += 1.0
+    np.savetxt(folder / "log.csv", table, delimiter=",", header=head, comments="", fmt="%.17g")
+    return table
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "t (ms),gyro_x (deg/s),gyro_y (deg/s),gyro_z (deg/s),acc_x [g],acc_y [g],acc_z [g]",
+        "time_ms,gyr_x_dps,gyr_y_dps,gyr_z_dps,acc_x_g,acc_y_g,acc_z_g",
+        "Time [ms],gx (°/s),gy (°/s),gz (°/s),ax (g),ay (g),az (g)",
+    ],
+)
+def test_units_in_titles_are_taken_and_told(tmp_path, head):
+    table = save(tmp_path, head)
+    description, (told,) = description_of(tmp_path / "log.csv")
+    log = read(description, tmp_path)
+    assert log.findings == ()
+    assert log.time == pytest.approx(table[:, 0] / 1000, rel=1e-15)
+    assert log.gyro == pytest.approx(np.radians(table[:, 1:4]), rel=1e-14)
+    assert log.accel == pytest.approx(table[:, 4:] * G, rel=1e-15)
+    assert told.code == "log.units_from_titles"
+    assert told.severity == "note"
+    assert "time in ms, gyro in " in told.message
+    assert told.message.endswith("accel in g.")
+
+
+@pytest.mark.parametrize(
+    ("head", "reason"),
+    [
+        ("t (s),gx,gy,gz,ax (g),ay (g),az (g)", "gx, gy, gz do not give one unit in brackets"),
+        ("t (s),gx (deg/s),gy (deg/s),gz (rad/s),ax (g),ay (g),az (g)", "do not give one unit"),
+        ("t,gx (deg/s),gy (deg/s),gz (deg/s),ax (g),ay (g),az (g)", "the titles t do not"),
+        ("n,gx (deg/s),gy (deg/s),gz (deg/s),ax (g),ay (g),az (g)", "a usual name of time"),
+        ("t (s),a1,a2,a3,a4,a5,a6", "no three columns have usual names"),
+        ("t (s),gx (furlong),gy (furlong),gz (furlong),ax (g),ay (g),az (g)", "'furlong'"),
+        ("t (s),gx (count),gy (count),gz (count),ax (g),ay (g),az (g)", "without a scale"),
+    ],
+)
+def test_titles_that_say_too_little_lead_to_init(tmp_path, head, reason):
+    save(tmp_path, head)
+    with pytest.raises(FoucaultError) as caught:
+        description_of(tmp_path / "log.csv")
+    assert caught.value.code == "log.bare"
+    assert reason in str(caught.value)
+    assert f"'log.csv' has the columns {head.replace(',', ', ')}" in caught.value.message
+    assert "foucault init hand_rotated -o campaign.toml" in caught.value.cure
+
+
+def test_a_file_without_titles_leads_to_init(tmp_path):
+    np.savetxt(tmp_path / "log.txt", np.ones((5, 7)))
+    with pytest.raises(FoucaultError, match=r"'log.txt' has 7 columns; .* no titles.*init hand"):
+        description_of(tmp_path / "log.txt")
+
+
+def test_our_own_log_needs_no_titles(tmp_path, log):
+    write(log, tmp_path / "log.csv")
+    description, told = description_of(tmp_path / "log.csv")
+    assert description == LogDescription(file="log.csv")
+    assert told == ()
+
+
+def test_a_column_is_found_without_its_unit(tmp_path):
+    table = save(tmp_path, "t (s),gx (deg/s),gy (deg/s),gz (deg/s),ax (g),ay (g),az (g)")
+    words = {"file": "log.csv", "time": {"column": "t", "unit": "ms"}}
+    words["accel"] = {"columns": ["-ax", "ay", "az (g)"], "unit": "g"}
+    log = read(LogDescription.model_validate(words), tmp_path)
+    assert log.accel == pytest.approx(table[:, 4:] * [-G, G, G], rel=1e-15)
+
+
+def test_a_name_that_two_columns_could_mean_is_not_guessed(tmp_path):
+    save(tmp_path, "t (s),t (ms),gy,gz,ax,ay,az")
+    words = {"file": "log.csv", "time": {"column": "t", "unit": "s"}, "accel": {"unit": "g"}}
+    with pytest.raises(
+        FoucaultError, match=r"has no column 't'. The columns are t \(s\)"
+    ) as caught:
+        read(LogDescription.model_validate(words), tmp_path)
+    assert caught.value.code == "log.unknown_column"
