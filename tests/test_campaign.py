@@ -407,3 +407,22 @@ def test_the_example_values_of_the_template_beside_a_real_log_are_noticed(tmp_pa
     (tmp_path / "truth.json").unlink()  # now it could be anybody's log
     (found,) = campaign.read_log(campaign.load(file)).findings
     assert found.code == "campaign.template"
+    assert found.message.endswith("only an example: [site] and the name in [instrument].")
+    text = file.read_text()
+    assert "# CHANGE THIS to your own place" in text
+    assert '# gravity_sd = "0.0004 m/s^2"' in text
+
+    def noticed(*changes: tuple[str, str]) -> list[str]:
+        changed = text
+        for old, new in changes:
+            assert old in changed
+            changed = changed.replace(old, new)
+        file.write_text(changed)
+        return [f.message for f in campaign.read_log(campaign.load(file)).findings]
+
+    named = ('"example IMU"', '"IMU 7"')
+    # A new name beside the old place is the dangerous one: g is silently wrong.
+    assert noticed(named) == ["Still as in the template, which is only an example: [site]."]
+    assert noticed(named, ("48.8462 deg", "48.8 deg")) == []
+    assert noticed(named, ('"60 m"', '"65 m"')) == []
+    assert noticed(named, ('# gravity = "9.81234', 'gravity = "9.80929')) == []

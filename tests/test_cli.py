@@ -186,6 +186,38 @@ def test_inspect_shows_rates_rests_and_findings(session: Path, tmp_path: Path) -
     assert not re.search(r"<(script|link|img)[^>]* (src|href)=", page)
 
 
+def test_inspect_reads_the_units_that_titles_give(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    n = 3000
+    time = 1717171717.25 + np.arange(n) / 100
+    table = np.column_stack([time, rng.normal(0, 0.1, (n, 3)), rng.normal(0, 0.002, (n, 3))])
+    table[:, 6] += 1.0
+    titles = "t (s),wx (deg/s),wy (deg/s),wz (deg/s),ax (g),ay (g),az (g)"
+    np.savetxt(tmp_path / "log.csv", np.delete(table, slice(1000, 1003), axis=0), "%.9f", ",",
+               header=titles, comments="")  # fmt: skip
+    out = run("inspect", tmp_path / "log.csv").stdout
+    assert "note: Nothing describes 'log.csv', so its units were taken from the titles" in out
+    assert "gyro in deg/s, accel in g." in out
+    assert "10 ms to 40 ms" in out
+    assert "The longest is 40 ms, 9.99 s from the start" in out
+    assert out.count("17171717") == 1, "the time of day is said once, and all else from there"
+    same = json.loads(run("inspect", tmp_path / "log.csv", "--json").stdout)
+    assert same["start"] == 1717171717.25
+    assert same["rests"]["start"][0] == pytest.approx(0.0, abs=1.0)
+
+
+def test_inspect_of_a_slow_log_writes_plain_numbers(tmp_path: Path) -> None:
+    n = 400
+    table = np.zeros((n, 4))
+    table[:, 0] = 10.0 * np.arange(n)  # ms, called s
+    table[:, 1:] = np.random.default_rng(3).normal([0, 0, 9.81], 0.01, (n, 3))
+    titles = "t (s),ax (m/s^2),ay (m/s^2),az (m/s^2)"
+    np.savetxt(tmp_path / "log.csv", table, "%.9f", ",", header=titles, comments="")
+    out = run("inspect", tmp_path / "log.csv").stdout
+    assert "10 s to 10 s" in out
+    assert 'write unit = "ms" in [log.time], which gives 100 Hz' in out
+
+
 def test_inspect_of_an_undescribed_log_says_what_to_do(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0,9.8\n")
     result = run("inspect", tmp_path / "log.csv")

@@ -272,7 +272,7 @@ def test_two_files_must_belong_together(tmp_path):
 def test_every_symptom_of_logs_is_complete():
     for code, row in SYMPTOMS.items():
         if code.startswith(("log.", "output.")):
-            assert row.severity in ("error", "warning")
+            assert row.severity in ("error", "warning", "note")
             assert row.symptom
             assert row.message.endswith((".", "{hint}"))
             assert row.cure.endswith(".")

@@ -44,9 +44,15 @@ def test_units_in_titles_are_taken_and_told(tmp_path, head):
 @pytest.mark.parametrize(
     ("head", "reason"),
     [
-        ("t (s),gx,gy,gz,ax (g),ay (g),az (g)", "gx, gy, gz do not give one unit in brackets"),
+        (
+            "t (s),gx,gy,gz,ax (g),ay (g),az (g)",
+            "the titles of gyro do not give one unit: gx, gy, gz",
+        ),
         ("t (s),gx (deg/s),gy (deg/s),gz (rad/s),ax (g),ay (g),az (g)", "do not give one unit"),
-        ("t,gx (deg/s),gy (deg/s),gz (deg/s),ax (g),ay (g),az (g)", "the titles t do not"),
+        (
+            "t,gx (deg/s),gy (deg/s),gz (deg/s),ax (g),ay (g),az (g)",
+            "the titles of time do not give one unit: t.",
+        ),
         ("n,gx (deg/s),gy (deg/s),gz (deg/s),ax (g),ay (g),az (g)", "a usual name of time"),
         ("t (s),a1,a2,a3,a4,a5,a6", "no three columns have usual names"),
         ("t (s),gx (furlong),gy (furlong),gz (furlong),ax (g),ay (g),az (g)", "'furlong'"),

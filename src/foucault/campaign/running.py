@@ -14,8 +14,8 @@ import numpy as np
 from foucault import logs, procedures
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign, load
-from foucault.campaign.tables import grade
-from foucault.campaign.writing import EXAMPLE, LOG_TABLE
+from foucault.campaign.tables import SiteTable, grade
+from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, LOG_TABLE
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error, finding
 from foucault.files import atomic, unwritable
@@ -39,10 +39,18 @@ def read_log(campaign: Campaign, progress: Progress = _silent) -> Log:
     """Read the log of a campaign; its findings follow those of the campaign file."""
     log = logs.read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
     found = campaign.findings
-    simulated = (campaign.folder / TRUTH_FILE).exists()
-    if campaign.instrument.get("name") == EXAMPLE and not simulated:
-        found = (*found, finding("campaign.template"))
+    unedited = _unedited(campaign)
+    if unedited and not (campaign.folder / TRUTH_FILE).exists():
+        found = (*found, finding("campaign.template", what=unedited))
     return replace(log, findings=found + log.findings)
+
+
+def _unedited(campaign: Campaign) -> str:
+    """Return what of the campaign is still as in the template; a wrong place is a wrong g."""
+    said, example = campaign.tables.site, SiteTable.model_validate(EXAMPLE_SITE)
+    place = (said.gravity, said.latitude, said.height) == (None, example.latitude, example.height)
+    name = campaign.instrument.get("name") == EXAMPLE
+    return " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
 
 
 def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> Result:

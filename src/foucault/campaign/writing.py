@@ -45,6 +45,9 @@ accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_res
 EXAMPLE = "example IMU"
 """Name of the instrument in the template; a real log under this name was not described."""
 
+EXAMPLE_SITE = {"latitude": "48.8462 deg", "longitude": "2.3464 deg", "height": "60 m"}
+"""Place in the template, where Foucault's pendulum hung: the Pantheon in Paris."""
+
 SITE_NOTE = (
     "# CHANGE THIS to your own place: a wrong latitude or height is a wrong g, and a wrong g is",
     "# a wrong scale of every accelerometer that no residual can show.",
@@ -81,13 +84,11 @@ def template(procedure: str) -> str:
     module = procedures.load(procedure)
     summary = (module.__doc__ or procedure).strip().splitlines()[0].rstrip(".")
     instrument = {"name": EXAMPLE, "serial": "0001", "operator": "", "note": ""}
-    # Where Foucault's pendulum hung: the Pantheon in Paris.
-    site = {"latitude": '"48.8462 deg"', "longitude": '"2.3464 deg"', "height": '"60 m"'}
     settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(module.Settings, {})]
     parts = [
         _HEAD.format(summary=summary),
         "\n".join(["[instrument]", *_commented(Instrument, _texts(instrument))]) + "\n",
-        "\n".join(["[site]", *SITE_NOTE, *_commented(SiteTable, site)]) + "\n",
+        "\n".join(["[site]", *SITE_NOTE, *_commented(SiteTable, _texts(EXAMPLE_SITE))]) + "\n",
         LOG_TABLE,
         "\n".join(settings) + "\n",
         _NOISE,

@@ -134,7 +134,7 @@ def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
         ("rests found", f"{len(seen.rests)} (level below {seen.rests.threshold:.3g} x the quiet)"),
     ]
     if start:
-        rows.insert(1, ("starts at", f"{start:.9g} s; times below count from there"))
+        rows.insert(1, ("starts at", f"{plain(start, 13)} s; times below count from there"))
     f = _means(seen, "accel")
     if f is not None and len(f):
         size = np.linalg.norm(f, axis=1)

@@ -78,7 +78,7 @@ def _blocks(raw: RawTable, path: Path) -> dict[str, dict[str, Any]]:
         else:
             given = {unit_in(name, endings) for name in names}
         if None in given or len(given) != 1:
-            raise ValueError(f"the titles {', '.join(names)} do not give one unit in brackets")
+            raise ValueError(f"the titles of {block} do not give one unit: {', '.join(names)}")
         key = {"column": numbers[0]} if len(numbers) == 1 else {"columns": numbers}
         found[block] = {**key, "unit": given.pop()}
     if "time" not in found:

@@ -19,10 +19,9 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "count, K and their products, quotients, powers and sqrt()."),
     ("campaign.template", "warning",
      "The example values of the template beside a real log",
-     "The instrument is still called 'example IMU': were [site] and [instrument] changed from the "
-     "template's example?",
+     "Still as in the template, which is only an example: {what}.",
      "Write your instrument into [instrument] and your place into [site]: its latitude and height "
-     "give g and the Earth's rotation."),
+     "give g and the Earth's rotation, and a wrong g is a wrong scale that no residual shows."),
     ("campaign.missing", "error",
      "The campaign file is not there",
      "Campaign file '{path}' does not exist.{hint}",
