@@ -11,6 +11,7 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.budget import session_budget
 from foucault.diagnose.information import information
 from foucault.estimate import session_likelihood as likelihood
+from foucault.estimate.session_start import first_guess
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel, gravity_slope
 from foucault.models.noise import ImuNoise, TriadNoise, grade
@@ -79,7 +80,7 @@ def test_budget_adds_up_to_the_covariance(latitude: float | None, noise: ImuNois
         accel_repeatability=1e-3,
         turn_repeatability=1e-3,
     )
-    start = likelihood.first_guess(data)
+    start = first_guess(data)
     assert start is not None
     sd = np.where([n.startswith("gyro.bias") for n in LINEAR_LOWER], 1e-2, np.inf)
     prior = CoefficientVector(
@@ -122,7 +123,7 @@ def test_a_wrong_gravity_changes_the_coefficients_as_the_slope_says() -> None:
     def fitted(gravity: float) -> CoefficientVector:
         where = replace(site, gravity=gravity)
         data = Session.reduce(simulation.log, simulation.first, simulation.last, where)
-        start = likelihood.first_guess(data)
+        start = first_guess(data)
         assert start is not None
         return likelihood.fit(data, LINEAR_LOWER, start, noise)[0].coefficients
 

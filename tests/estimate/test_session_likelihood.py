@@ -14,9 +14,9 @@ from foucault.estimate.session_likelihood import (
     KINDS,
     build,
     components,
-    first_guess,
     fit,
 )
+from foucault.estimate.session_start import first_guess
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
 from foucault.models.rotation import log

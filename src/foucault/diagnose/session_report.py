@@ -308,3 +308,26 @@ def noise_json(noise: SessionNoise, declared: bool) -> dict[str, Any]:
         "gyro_repeatability": noise.gyro_repeatability,
         "turn_repeatability": noise.turn_repeatability,
     }
+
+
+def validity(data: Session) -> dict[str, Any]:
+    """Return the ranges that the session covered: outside them the result is extrapolated.
+
+    Parameters
+    ----------
+    data : Session
+        What was observed [SI].
+    """
+    log = data.log
+    out: dict[str, Any] = {
+        "accel": [-data.site.gravity, data.site.gravity],
+        "rate": log.rate,
+        "sampled": log.sampled,
+    }
+    if log.gyro is not None:
+        # Not the single largest sample: a spike is not a range.
+        out["gyro"] = [float(v) for v in np.quantile(log.gyro, (0.001, 0.999))]
+    if log.temperature is not None:
+        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+        out["temperature_mean"] = float(log.temperature.mean())
+    return out

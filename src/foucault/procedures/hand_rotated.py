@@ -47,6 +47,7 @@ from foucault.diagnose.session_input import check_input, enough_rests
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate import session_likelihood as likelihood
+from foucault.estimate.session_start import first_guess
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
@@ -250,7 +251,7 @@ def complete(
             "gravity_source": site.gravity_source,
             "gravity_sd": site.gravity_sd,
         },
-        validity=_validity(data),
+        validity=session_report.validity(data),
         diagnostics=result.diagnostics
         | {
             "gravity": site.gravity,
@@ -323,7 +324,7 @@ def _likelihood(
     names = names_of(settings, data.gyro_mean is not None)
     prior = _prior(names, given)
     loss = gauss_newton.huber if settings.loss == "robust" else gauss_newton.least_squares
-    start = likelihood.first_guess(data)
+    start = first_guess(data)
     assert start is not None  # check_input has solved the same equations
     estimate, noise, before = likelihood.fit(
         data, names, start, _noise(data, rests, declared),
@@ -386,20 +387,3 @@ def _held_out(
     at = problem.linearise(estimate.state, estimate.weights)
     refit = partial(gauss_newton.leave_out, problem, estimate, at)
     return hold_out(data, noise, refit, folds, estimate.weights[:n] > 0.5)
-
-
-def _validity(data: SessionData) -> dict[str, Any]:
-    """Return the ranges that the session covered: outside them the result is extrapolated."""
-    log = data.log
-    out: dict[str, Any] = {
-        "accel": [-data.site.gravity, data.site.gravity],
-        "rate": log.rate,
-        "sampled": log.sampled,
-    }
-    if log.gyro is not None:
-        # Not the single largest sample: a spike is not a range.
-        out["gyro"] = [float(v) for v in np.quantile(log.gyro, (0.001, 0.999))]
-    if log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out
