@@ -72,6 +72,40 @@ TURNS = (
 )
 """One row per turn between two rests."""
 
+READINGS = (
+    Column("start", "s", "time at which the average starts"),
+    Column("end", "s", "time at which the average ends"),
+    Column("time", "s", "length of the average"),
+    Column("rate", "rad/s", "rate of the outer axis, counter-clockwise from above; 0 at rest"),
+    Column("turns", "1", "number of turns that were averaged"),
+    Column("outer", "rad", "outer angle at the start, as the table or the plan says"),
+    Column("middle", "rad", "middle angle"),
+    Column("inner", "rad", "inner angle"),
+    *_triad("accel", "m/s^2", "mean specific force as measured"),
+    *_triad("gyro", "rad/s", "mean angular rate as measured"),
+    *_triad("up", "1", "direction of up (at rest) or of the outer axis (in a spin), body axes"),
+    Column("norm_before", "m/s^2", "norm of the mean specific force as measured"),
+    Column("norm_after", "m/s^2", "norm of the mean specific force after compensation"),
+    Column("norm_sd", "m/s^2", "predicted standard deviation of norm_after minus its true value"),
+    Column("rate_before", "rad/s", "norm of the mean rate as measured"),
+    Column("rate_after", "rad/s", "norm of the mean rate after compensation"),
+    Column("rate_true", "rad/s", "norm of the true mean rate: that of the table and of the Earth"),
+    Column("residual", "1", "largest standardized residual of the reading"),
+    Column("weight", "1", "robust weight of the reading, 1 where it is used in full"),
+    Column("detectable", "m/s^2", "smallest error of this reading that would have been noticed"),
+)
+"""One row per position of a session on a table: rests, and spins about the outer axis."""
+
+RIG = (
+    Column("name", "", "dotted name"),
+    Column("meaning", "", "one sentence for people"),
+    Column("kind", "", "kind of quantity, which fixes the SI unit"),
+    Column("value", "SI", "estimate"),
+    Column("sd", "SI", "standard deviation of the estimate"),
+    Column("prior_sd", "SI", "what was known of it before, infinite where nothing"),
+)
+"""What a session found beside the coefficients: errors of the table, mounting, lever arm."""
+
 DETECTION = (
     Column("time", "s", "middle of the window"),
     Column("accel_level", "1", "moving sd of the accelerometers, relative to rest"),
@@ -79,6 +113,33 @@ DETECTION = (
     Column("level", "1", "the larger of the two, compared with the threshold"),
 )
 """How the rests were found, thinned out for a figure."""
+
+
+@dataclass(frozen=True)
+class TableColumns:
+    """What a log says about the table that the instrument stood on.
+
+    Attributes
+    ----------
+    angles : ndarray, shape (n, 3)
+        Outer, middle and inner angle as the table says [rad]; NaN where an axis is not logged.
+    rate : ndarray, shape (n,), or None
+        Rate of the outer axis, counter-clockwise seen from above, as the table says [rad/s].
+    position : ndarray of int, shape (n,), or None
+        Number of the position that each row belongs to, -1 between positions [1].
+    """
+
+    angles: FloatArray
+    rate: FloatArray | None = None
+    position: IntArray | None = None
+
+    def __getitem__(self, rows: slice) -> TableColumns:
+        """Return the samples of a slice."""
+        return TableColumns(
+            self.angles[rows],
+            None if self.rate is None else self.rate[rows],
+            None if self.position is None else self.position[rows],
+        )
 
 
 @dataclass(frozen=True)
@@ -98,6 +159,10 @@ class Log:
         mean over the interval that ends at its time (increments divided by the interval).
     temperature : ndarray, shape (n,), or None
         Temperature [K].
+    table : TableColumns or None
+        Angles of the table the instrument stood on, where logged.
+    averaged : ndarray, shape (n,), or None
+        Where every row is already the mean over a position: over how long [s]. None: samples.
     findings : tuple of Finding
         What the reader noticed and repaired or left as it was.
     source : dict
@@ -111,6 +176,8 @@ class Log:
     temperature: FloatArray | None = None
     findings: tuple[Finding, ...] = ()
     source: dict[str, Any] = field(default_factory=dict)
+    table: TableColumns | None = None
+    averaged: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -138,6 +205,8 @@ class Log:
             gyro=None if self.gyro is None else self.gyro[rows],
             accel=None if self.accel is None else self.accel[rows],
             temperature=None if self.temperature is None else self.temperature[rows],
+            table=None if self.table is None else self.table[rows],
+            averaged=None if self.averaged is None else self.averaged[rows],
         )
 
     def columns(self) -> dict[str, FloatArray]:

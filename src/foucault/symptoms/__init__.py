@@ -9,7 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from foucault.symptoms import allan, campaign, export, logs, results, session, study, watch
+from foucault.symptoms import (
+    allan,
+    campaign,
+    export,
+    logs,
+    results,
+    session,
+    study,
+    turntable,
+    watch,
+)
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,7 @@ SYMPTOMS: dict[str, Symptom] = {
             *logs.ROWS,
             *results.ROWS,
             *session.ROWS,
+            *turntable.ROWS,
             *watch.ROWS,
             *study.ROWS,
         )

@@ -1,0 +1,116 @@
+"""What an instrument said on a table: one mean per rest, and one per spin of the outer axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import Finding
+from foucault.models.noise import ImuNoise, TriadNoise, rounding_bias
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Means over the positions of a session on a table.
+
+    Attributes
+    ----------
+    angles : ndarray, shape (n, 3)
+        Outer, middle and inner angle at the start, as the table or the plan says; NaN where
+        unknown [rad].
+    rate : ndarray, shape (n,)
+        Rate of the outer axis, counter-clockwise seen from above; 0 at rest [rad/s].
+    turns : ndarray, shape (n,)
+        Turns that were averaged; whole for a spin, 0 at rest [1].
+    start, time : ndarray, shape (n,)
+        Beginning and length of each average [s].
+    accel : ndarray, shape (n, 3), or None
+        Mean specific force as measured, frame b [m/s^2].
+    gyro : ndarray, shape (n, 3), or None
+        Mean rate w_ib_b as measured [rad/s].
+    accel_cov, gyro_cov : ndarray, shape (n, 3, 3)
+        Covariance of the noise of these means [SI].
+    interval : float
+        Sample interval of the log, 0 where it held means [s].
+    declared : bool
+        Whether the noise was declared, not measured.
+    findings : tuple of Finding
+        What was noticed when they were made.
+    """
+
+    angles: FloatArray
+    rate: FloatArray
+    turns: FloatArray
+    start: FloatArray
+    time: FloatArray
+    accel: FloatArray | None
+    gyro: FloatArray | None
+    accel_cov: FloatArray
+    gyro_cov: FloatArray
+    interval: float = 0.0
+    declared: bool = False
+    findings: tuple[Finding, ...] = field(default=())
+
+    def __len__(self) -> int:
+        return len(self.rate)
+
+    @property
+    def spin(self) -> BoolArray:
+        """Which readings are spins, shape (n,)."""
+        return np.asarray(self.rate != 0.0)
+
+    def __getitem__(self, rows: BoolArray | npt.NDArray[np.intp]) -> Readings:
+        """Return some of the readings, by mask or by number."""
+        names = ("angles", "rate", "turns", "start", "time", "accel_cov", "gyro_cov")
+        some = {name: getattr(self, name)[rows] for name in names}
+        accel = None if self.accel is None else self.accel[rows]
+        gyro = None if self.gyro is None else self.gyro[rows]
+        return replace(self, accel=accel, gyro=gyro, **some)
+
+    def with_noise(self, noise: ImuNoise) -> Readings:
+        """Return the same readings with the covariance that declared `noise` [SI] gives them.
+
+        White noise and rounding average out; bias instability and random walk do so hardly, and
+        are taken as independent from one reading to the next.
+        """
+        accel = mean_variance(noise.accel, self.time, self.interval)
+        gyro = mean_variance(noise.gyro, self.time, self.interval)
+        return replace(
+            self,
+            accel_cov=accel[:, None, None] * np.eye(3),
+            gyro_cov=gyro[:, None, None] * np.eye(3),
+            declared=True,
+        )
+
+
+def mean_variance(noise: TriadNoise, time: FloatArray, interval: float) -> FloatArray:
+    """Return the variance of a mean, shape (n,) [unit^2].
+
+    ``white^2 / T + B^2 m(T / T_c) + K^2 T / 3 + q^2 dt / (12 T) + rounding^2`` with
+    ``m(x) = 2 (x - 1 + exp(-x)) / x^2``, the variance of the mean of a Markov process.
+
+    Parameters
+    ----------
+    noise : TriadNoise
+        Noise of the triad [SI].
+    time : ndarray, shape (n,)
+        Length of each mean [s].
+    interval : float
+        Sample interval, 0 where unknown [s].
+    """
+    x = np.maximum(time / noise.correlation_time, 1e-6)
+    markov = 2 * (x + np.expm1(-x)) / x**2
+    out = (
+        noise.white**2 / time
+        + noise.bias_instability**2 * markov
+        + noise.random_walk**2 * time / 3
+        + noise.quantisation**2 * interval / (12 * time)
+    )
+    if interval > 0 and noise.quantisation > 0:
+        out += rounding_bias(noise.quantisation, noise.white / np.sqrt(interval)) ** 2
+    return np.asarray(np.maximum(out, 1e-24))
