@@ -248,7 +248,7 @@ def earth_rate_t(latitude: float, heading: float) -> FloatArray:
 
 
 def mean_rate(rate: FloatArray, latitude: float) -> FloatArray:
-    """Return the norm of the mean rate over whole turns about the vertical, with the sign of `rate`.
+    """Return the norm of the mean rate over whole turns about up, with the sign of `rate`.
 
     ``h = rate + w_ie sin L``: the horizontal part of the Earth's rotation averages to zero.
 

@@ -1,0 +1,76 @@
+"""Frame unification: the rotation between two triads, from vectors that are parallel in truth.
+
+In a spin of the outer axis the whole-turn mean of the rate and that of the specific force both lie
+along that axis. With u the first in the gyros' frame d and v the second in the accelerometers'
+frame b, ``v = C_bd u``, up to the centripetal part of the specific force, which shows the lever
+arm r: ``f / g = o - (h^2 / g) (r - (r.o) o)``.
+
+References
+----------
+.. [1] G. Wahba, "A least squares estimate of satellite attitude", SIAM Review 7(3), 1965.
+.. [2] F. L. Markley, "Attitude determination using vector observations and the singular value
+   decomposition", J. Astronautical Sciences 36(3), 1988.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def wahba(v: FloatArray, u: FloatArray) -> FloatArray:
+    """Return the rotation C with ``v = C u`` in the least-squares sense, shape (3, 3) [1].
+
+    Parameters
+    ----------
+    v, u : ndarray, shape (n, 3)
+        Parallel vectors in the two frames [1].
+    """
+    U, _, Vt = np.linalg.svd(v.T @ u)
+    handed = np.array([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
+    return np.asarray((U * handed) @ Vt)
+
+
+def unify(
+    f_b: FloatArray, w_d: FloatArray, h: FloatArray, gravity: float, lever_arm: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rotation C_bd and the lever arm from the means of spins.
+
+    Parameters
+    ----------
+    f_b : ndarray, shape (n, 3)
+        Mean specific force of each spin, compensated, accelerometer frame b [m/s^2].
+    w_d : ndarray, shape (n, 3)
+        Mean rate of each spin, compensated, gyro frame d [rad/s].
+    h : ndarray, shape (n,)
+        Norm of the true mean rate, negative for a spin clockwise seen from above [rad/s].
+    gravity : float
+        Local gravity [m/s^2].
+    lever_arm : bool
+        False takes the lever arm as zero.
+
+    Returns
+    -------
+    C_bd : ndarray, shape (3, 3)
+        Rotation [1].
+    lever_arm : ndarray, shape (3,)
+        The accelerometers from the centre of the table, frame b [m].
+    """
+    # For a spin in the other sense the rate points down: without the sign C were a reflection.
+    u = np.sign(h)[:, None] * w_d / np.linalg.norm(w_d, axis=1, keepdims=True)
+    C, r = wahba(f_b, u), np.zeros(3)
+    if not lever_arm:
+        return C, r
+    for _ in range(20):  # at once for plans with antipodes, else the two are told apart slowly
+        o = u @ C.T
+        across = np.eye(3) - o[:, :, None] * o[:, None, :]
+        rows = -(h**2)[:, None, None] * across
+        miss = np.einsum("nij,nj->ni", across, f_b)
+        new = np.linalg.lstsq(rows.reshape(-1, 3), miss.reshape(-1), rcond=1e-12)[0]
+        change, r = float(np.abs(new - r).max()), new
+        C = wahba(f_b - np.einsum("nij,j->ni", rows, r), u)
+        if change <= 1e-13:
+            break
+    return C, r

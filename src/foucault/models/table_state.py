@@ -1,0 +1,414 @@
+"""What readings on a table must be, and how they change with everything unknown.
+
+Unknown are the coefficients of the instrument, the lever arm, and how the instrument was turned.
+Either nothing is believed of the table (`Free`: every reading has a direction of its own, two
+unknowns each), or its angles are believed with errors of known size (`Angles`: the mounting, six
+errors that all positions share, two more in every position, and the heading).
+
+With o the direction of up (rest) or of the outer axis (spin) in body axes::
+
+    f = g c o - h^2 (r - (r.o) o)       accel = M_a f + b_a + K q(f)
+    w = h o                             gyro  = M_g w + b_g + G f
+
+h is the norm of the mean rate (see `turntable.mean_rate`), r the lever arm. c is 1 at rest; in
+spins on a table of which nothing is believed it is unknown, because the outer axis may be off the
+vertical by an angle d and then c = cos d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models import turntable
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel, coefficient_slot, products, products_slope
+from foucault.models.readings import Readings
+from foucault.models.rotation import cross_matrix, exp
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Geometry(Protocol):
+    """How the instrument was turned: directions, rest rates, and their derivatives."""
+
+    def directions(self) -> FloatArray:
+        """Return up (rest) or the outer axis (spin) in body axes, shape (n, 3) [1]."""
+        ...
+
+    def directions_slope(self) -> FloatArray:
+        """Return the derivative of `directions` by the unknowns, shape (n, 3, u) [1 / rad]."""
+        ...
+
+    def earth(self) -> tuple[FloatArray, FloatArray]:
+        """Return the Earth's rate in body axes at rest and its derivative by the unknowns.
+
+        Shapes (n, 3) [rad/s] and (n, 3, u).
+        """
+        ...
+
+    def moved(self, step: FloatArray) -> Geometry:
+        """Return the geometry after a `step`, shape (u,) [rad]."""
+        ...
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """Return the unknowns that have a prior of mean zero, over their sd, and the sd.
+
+        Both shape (u,) [1] and [rad]; an infinite sd where there is none.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Free:
+    """Nothing is believed of the table: every reading has its own direction.
+
+    Attributes
+    ----------
+    o : ndarray, shape (n, 3)
+        Directions, body axes [1].
+    vertical : float
+        Vertical part of the Earth's rate, 0 where unknown [rad/s].
+    """
+
+    o: FloatArray
+    vertical: float = 0.0
+
+    def directions(self) -> FloatArray:
+        """Return `o`."""
+        return self.o
+
+    def directions_slope(self) -> FloatArray:
+        """Return two tangents per direction, each an unknown of its own."""
+        n = len(self.o)
+        out = np.zeros((n, 3, n, 2))
+        out[np.arange(n), :, np.arange(n), :] = tangents(self.o)
+        return out.reshape(n, 3, 2 * n)
+
+    def earth(self) -> tuple[FloatArray, FloatArray]:
+        """Return the vertical part; the horizontal part is in the covariance of the readings."""
+        return self.vertical * self.o, self.vertical * self.directions_slope()
+
+    def moved(self, step: FloatArray) -> Free:
+        """Return the directions moved along their tangents by `step`, shape (2 n,) [rad]."""
+        shift = np.einsum("nik,nk->ni", tangents(self.o), step.reshape(-1, 2))
+        size = np.linalg.norm(shift, axis=1, keepdims=True)
+        o = np.cos(size) * self.o + np.sinc(size / np.pi) * shift
+        return replace(self, o=o / np.linalg.norm(o, axis=1, keepdims=True))
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """Return that nothing is known."""
+        n = 2 * len(self.o)
+        return np.zeros(n), np.full(n, np.inf)
+
+
+def tangents(o: FloatArray) -> FloatArray:
+    """Return two unit vectors across each direction, shape (n, 3, 2) [1].
+
+    Parameters
+    ----------
+    o : ndarray, shape (n, 3)
+        Unit vectors [1].
+    """
+    least = np.eye(3)[np.argmin(np.abs(o), axis=1)]
+    first = np.cross(o, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(o, first)], axis=2)
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How far the angles of a table are believed.
+
+    Attributes
+    ----------
+    common_sd : ndarray, shape (6,)
+        Sd of the errors that all positions share, in the order of `turntable.COMMON`; 0 where an
+        error is excluded [rad].
+    position_sd : float
+        Sd of the errors that differ from one position to the next; 0 excludes them [rad].
+    latitude : float or None
+        Latitude, for the Earth's rate at rest [rad].
+    """
+
+    common_sd: FloatArray
+    position_sd: float
+    latitude: float | None
+
+
+@dataclass(frozen=True)
+class Angles:
+    """The angles of the table are believed, with errors of known size.
+
+    Attributes
+    ----------
+    readings_angles : ndarray, shape (n, 3)
+        Outer, middle and inner angle as the table says [rad].
+    spin : ndarray of bool, shape (n,)
+        Which readings are spins.
+    trust : Trust
+        Sizes of the errors.
+    C_bk : ndarray, shape (3, 3)
+        Mounting [1].
+    common : ndarray, shape (6,)
+        Errors that all positions share [rad].
+    position : ndarray, shape (n, 2)
+        Errors of the middle and inner angle in each position [rad].
+    heading : float or None
+        Azimuth of table y [rad]; None where no rest says anything of it.
+    """
+
+    readings_angles: FloatArray
+    spin: npt.NDArray[np.bool_]
+    trust: Trust
+    C_bk: FloatArray
+    common: FloatArray
+    position: FloatArray
+    heading: float | None
+
+    @property
+    def used(self) -> npt.NDArray[np.intp]:
+        """Which of the common errors are unknowns, shape (<= 6,)."""
+        return np.flatnonzero(self.trust.common_sd > 0)
+
+    def _chain(self) -> turntable.Chain:
+        errors = turntable.TableErrors.of(self.common)
+        return turntable.chain(self.readings_angles, errors, self.position)
+
+    def directions(self) -> FloatArray:
+        """Return up (rest) or the outer axis (spin)."""
+        at = self._chain()
+        return np.where(self.spin[:, None], at.outer_k, at.up_k) @ self.C_bk.T
+
+    def directions_slope(self) -> FloatArray:
+        """Return the derivative by mounting, common errors, position errors and heading."""
+        at = self._chain()
+        o = np.where(self.spin[:, None], at.outer_k, at.up_k) @ self.C_bk.T
+        axes = self.C_bk @ at.axes
+        # What comes before the outer axis does not move it.
+        axes[self.spin, :, : turntable.OUTER + 1] = 0.0
+        return self._slope(o, axes, np.zeros_like(o))
+
+    def _slope(self, v: FloatArray, axes: FloatArray, heading: FloatArray) -> FloatArray:
+        """Return how vectors v, shape (n, 3), turn: ``dv = v x a de`` for every axis a."""
+        n = len(v)
+        cross = cross_matrix(v)
+        turned = cross @ axes
+        columns = [cross, turned[:, :, [turntable.COMMON_AXES[k] for k in self.used]]]
+        if self.trust.position_sd > 0:
+            each = np.zeros((n, 3, n, 2))
+            each[np.arange(n), :, np.arange(n), :] = turned[
+                :, :, [turntable.MIDDLE, turntable.INNER]
+            ]
+            columns.append(each.reshape(n, 3, 2 * n))
+        if self.heading is not None:
+            columns.append(heading[:, :, None])
+        return np.concatenate(columns, axis=2)
+
+    def earth(self) -> tuple[FloatArray, FloatArray]:
+        """Return the Earth's rate at rest."""
+        at = self._chain()
+        n = len(self.spin)
+        if self.heading is None or self.trust.latitude is None:
+            zero = np.zeros((n, 3))
+            return zero, self._slope(zero, np.zeros((n, 3, 7)), zero)
+        C_bt = self.C_bk @ np.swapaxes(at.C_tk, 1, 2)
+        w_t = turntable.earth_rate_t(self.trust.latitude, self.heading)
+        w = C_bt @ w_t
+        quarter = turntable.earth_rate_t(self.trust.latitude, self.heading + np.pi / 2)
+        by_heading = C_bt @ np.array([quarter[0], quarter[1], 0.0])
+        return w, self._slope(w, self.C_bk @ at.axes, by_heading)
+
+    def moved(self, step: FloatArray) -> Angles:
+        """Return the geometry after a step, shape (u,) [rad]."""
+        used, n = self.used, len(self.spin)
+        common = self.common.copy()
+        common[used] += step[3 : 3 + len(used)]
+        at = 3 + len(used)
+        position = self.position
+        if self.trust.position_sd > 0:
+            position = position + step[at : at + 2 * n].reshape(n, 2)
+        heading = None if self.heading is None else self.heading + float(step[-1])
+        return replace(
+            self, C_bk=exp(-step[:3]) @ self.C_bk, common=common, position=position, heading=heading
+        )
+
+    def prior(self) -> tuple[FloatArray, FloatArray]:
+        """Return the errors of the table over their sds, and the sds."""
+        none, free = np.zeros(3), np.full(3, np.inf)
+        values, sds = [none, self.common[self.used]], [free, self.trust.common_sd[self.used]]
+        if self.trust.position_sd > 0:
+            values.append(self.position.reshape(-1))
+            sds.append(np.full(self.position.size, self.trust.position_sd))
+        if self.heading is not None:
+            values.append(np.zeros(1))
+            sds.append(np.full(1, np.inf))
+        sd = np.concatenate(sds)
+        return np.concatenate(values) / sd, sd
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything unknown.
+
+    Attributes
+    ----------
+    model : ImuModel
+        The instrument.
+    geometry : Geometry
+        How it was turned.
+    lever_arm : ndarray, shape (3,)
+        The accelerometers from the centre of the table, body axes [m].
+    level : float
+        ln of the norm of the mean specific force in spins over local gravity [1].
+    """
+
+    model: ImuModel
+    geometry: Geometry
+    lever_arm: FloatArray
+    level: float = 0.0
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Which unknowns a step has, in order: coefficients, lever arm, level, geometry.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Coefficients.
+    lever_arm, level : bool
+        Whether these are unknown.
+    """
+
+    names: tuple[str, ...]
+    lever_arm: bool
+    level: bool
+
+    @property
+    def before_geometry(self) -> int:
+        """Number of unknowns before those of the geometry [1]."""
+        return len(self.names) + 3 * self.lever_arm + self.level
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the readings should be, with derivatives.
+
+    Attributes
+    ----------
+    accel, gyro : ndarray, shape (n, 3)
+        Readings without noise [SI].
+    accel_slope, gyro_slope : ndarray, shape (n, 3, u)
+        Their derivatives by the unknowns.
+    f_b, w_b : ndarray, shape (n, 3)
+        True specific force and rate [SI].
+    """
+
+    accel: FloatArray
+    gyro: FloatArray
+    accel_slope: FloatArray
+    gyro_slope: FloatArray
+    f_b: FloatArray
+    w_b: FloatArray
+
+
+def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) -> Prediction:
+    """Predict readings and how they change with everything unknown.
+
+    Parameters
+    ----------
+    state : State
+        Values of the unknowns.
+    readings : Readings
+        Where the table stood and how it turned.
+    site : Site
+        Gravity and latitude.
+    unknowns : Unknowns
+        What the derivatives are by.
+    """
+    spin = readings.spin
+    o, o_slope = state.geometry.directions(), state.geometry.directions_slope()
+    w_earth, earth_slope = state.geometry.earth()
+    h = np.where(spin, turntable.mean_rate(readings.rate, site.latitude or 0.0), 0.0)
+    g = site.gravity * np.where(spin, np.exp(state.level), 1.0)
+    f = turntable.mean_force(o, h, 1.0, state.lever_arm) + (g - 1.0)[:, None] * o
+    w = np.where(spin[:, None], h[:, None] * o, w_earth)
+    r, along = state.lever_arm, o @ state.lever_arm
+    eye = np.eye(3)
+    f_by_o = (g + h**2 * along)[:, None, None] * eye
+    f_by_o = f_by_o + (h**2)[:, None, None] * (o[:, :, None] * r)
+    # Unknowns in order: what acts on f and on w.
+    parts_f, parts_w = [], []
+    if unknowns.lever_arm:
+        across = eye - o[:, :, None] * o[:, None, :]
+        parts_f.append(-(h**2)[:, None, None] * across)
+        parts_w.append(np.zeros((len(o), 3, 3)))
+    if unknowns.level:
+        parts_f.append((np.where(spin, g, 0.0)[:, None] * o)[:, :, None])
+        parts_w.append(np.zeros((len(o), 3, 1)))
+    parts_f.append(f_by_o @ o_slope)
+    parts_w.append(np.where(spin[:, None, None], h[:, None, None] * o_slope, earth_slope))
+    f_slope, w_slope = np.concatenate(parts_f, axis=2), np.concatenate(parts_w, axis=2)
+    accel, gyro = state.model.measure(f, w)
+    accel_by_f = state.model.accel_matrix + np.einsum(
+        "ik,nkj->nij", state.model.accel_quadratic, products_slope(f)
+    )
+    own_accel, own_gyro = _coefficient_slope(unknowns.names, f, w)
+    return Prediction(
+        accel,
+        gyro,
+        np.concatenate([own_accel, accel_by_f @ f_slope], axis=2),
+        np.concatenate(
+            [own_gyro, state.model.gyro_matrix @ w_slope + state.model.g_sensitivity @ f_slope],
+            axis=2,
+        ),
+        f,
+        w,
+    )
+
+
+def _coefficient_slope(
+    names: tuple[str, ...], f: FloatArray, w: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivatives of the readings by the coefficients, shape (n, 3, len(names))."""
+    accel, gyro = np.zeros((len(f), 3, len(names))), np.zeros((len(f), 3, len(names)))
+    inputs = {"accel_matrix": f, "accel_quadratic": products(f), "gyro_matrix": w}
+    inputs["g_sensitivity"] = f
+    for k, name in enumerate(names):
+        block, where = coefficient_slot(name)
+        side = accel if block.startswith("accel") else gyro
+        if block.endswith("bias"):
+            side[:, where, k] = 1.0
+        else:
+            side[:, where[0], k] = inputs[block][:, where[1]]
+    return accel, gyro
+
+
+def moved(state: State, step: FloatArray, unknowns: Unknowns) -> State:
+    """Return the state after a step.
+
+    Parameters
+    ----------
+    state : State
+        Values of the unknowns.
+    step : ndarray, shape (u,)
+        Change of each unknown [SI].
+    unknowns : Unknowns
+        What the entries of the step are.
+    """
+    n = len(unknowns.names)
+    coefficients = state.model.coefficients()
+    added = coefficients.values.copy()
+    for name, value in zip(unknowns.names, step[:n], strict=True):
+        added[coefficients.layout.index(name)] += value
+    model = ImuModel.from_coefficients(replace(coefficients, values=added))
+    lever_arm, at = state.lever_arm, n
+    if unknowns.lever_arm:
+        lever_arm, at = lever_arm + step[at : at + 3], at + 3
+    level = state.level + float(step[at]) if unknowns.level else state.level
+    at += unknowns.level
+    return State(model, state.geometry.moved(step[at:]), lever_arm, level)
