@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.coefficients import CoefficientVector
 from foucault.diagnose.coverage import Coverage
 from foucault.errors import ADVICE, Status
 from foucault.estimate import norm_observation
@@ -82,13 +83,15 @@ def checks(e: Evidence) -> tuple[Check, ...]:
         Data, estimate and diagnostics.
     """
     ended = status_checks(e.estimate.status, len(e.up_b), e.estimate.weakest)
-    out = [*ended, _half_space(e), _condition(e), *_plausible(e)]
+    out = [*ended, _half_space(e), _condition(e), *plausible_scales(e.estimate.coefficients)]
     out += [_explained(e, name, what) for name, what in _KINDS.items() if name in e.before]
     out += _unstill(e)
     out += _even(e)
     out.append(_still(e))
     if np.isfinite(e.estimate.coefficients.prior_sd).any():
-        out.append(_prior(e))
+        known = int(np.isfinite(e.estimate.coefficients.prior_sd).sum())
+        rows = e.estimate.residuals[-known:]  # the prior's rows come last
+        out.append(prior_check(e.estimate.coefficients, rows))
     if np.isfinite(e.held_out[0]).any():
         out.append(_held_out(e))
     return tuple(out)
@@ -113,10 +116,19 @@ def status_checks(status: Status, rests: int, weakest: tuple[str, ...] = ()) -> 
     weakest : tuple of str
         Combinations of coefficients that were not seen.
     """
-    return _converged(status, weakest), _rests(rests)
+    return status_check(status, weakest), _rests(rests)
 
 
-def _converged(status: Status, weakest: tuple[str, ...]) -> Check:
+def status_check(status: Status, weakest: tuple[str, ...]) -> Check:
+    """Return the check that the estimation converged and saw everything.
+
+    Parameters
+    ----------
+    status : Status
+        How the estimation ended.
+    weakest : tuple of str
+        Combinations of coefficients that were not seen.
+    """
     fine = status is Status.CONVERGED
     words = ADVICE[status]
     if weakest:
@@ -163,14 +175,20 @@ def _condition(e: Evidence) -> Check:
     return Check("condition", value, None, doubtful, fine, words, level)
 
 
-def _plausible(e: Evidence) -> list[Check]:
-    """A scale factor error of a third is a wrong unit, not an instrument."""
+def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
+    """Return the checks of size: a scale factor error of a third is a wrong unit.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate.
+    """
     out = []
     for triad, words in (("accel", "accelerometer"), ("gyro", "gyro")):
-        names = [n for n in e.estimate.coefficients.names if n.startswith(f"{triad}.scale.")]
+        names = [n for n in coefficients.names if n.startswith(f"{triad}.scale.")]
         if not names:
             continue
-        values = [e.estimate.coefficients.value(n) for n in names]
+        values = [coefficients.value(n) for n in names]
         value = float(max(values, key=abs))
         fine = abs(value) < 0.3
         sentence = (
@@ -235,14 +253,22 @@ def _unstill(e: Evidence) -> list[Check]:
     return out
 
 
-def _prior(e: Evidence) -> Check:
-    """Compare the estimate with what was said to be known beforehand."""
-    known = np.flatnonzero(np.isfinite(e.estimate.coefficients.prior_sd))
-    miss = np.abs(e.estimate.residuals[-len(known) :])  # the prior's rows come last
+def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check:
+    """Compare the estimate with what was said to be known beforehand.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate.
+    residuals : ndarray, shape (k,)
+        White residuals of the k priors, in order [1].
+    """
+    known = np.flatnonzero(np.isfinite(coefficients.prior_sd))
+    miss = np.abs(residuals)
     limit = float(np.sqrt(chi_square_limits(1, tests=len(known))[1]))
     worst = int(np.argmax(miss))
     fine = bool(miss[worst] <= limit)
-    name = e.estimate.coefficients.names[known[worst]]
+    name = coefficients.names[known[worst]]
     words = f"{name} is {miss[worst]:.1f} standard deviations of its prior from its prior" + (
         "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
     )

@@ -13,7 +13,7 @@ unknown, a vector of known size and unknown direction.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -50,17 +50,27 @@ class Observed:
         The readings [SI].
     site : Site
         Gravity and latitude.
-    accel_root, gyro_root : ndarray, shape (n, 3, 3)
-        Matrices that whiten the residuals [1 / SI].
+    accel_cov, gyro_cov : ndarray, shape (n, 3, 3)
+        Covariance of the means under the model [SI].
     gyro_used : ndarray of bool, shape (n,)
         Where the rate is looked at.
     """
 
     readings: Readings
     site: Site
-    accel_root: FloatArray
-    gyro_root: FloatArray
+    accel_cov: FloatArray
+    gyro_cov: FloatArray
     gyro_used: npt.NDArray[np.bool_]
+
+    @cached_property
+    def accel_root(self) -> FloatArray:
+        """Matrices that whiten the residuals of the specific forces, shape (n, 3, 3) [1 / SI]."""
+        return whitening(self.accel_cov)
+
+    @cached_property
+    def gyro_root(self) -> FloatArray:
+        """Matrices that whiten the residuals of the rates, shape (n, 3, 3) [1 / SI]."""
+        return whitening(self.gyro_cov)
 
     @classmethod
     def of(
@@ -100,7 +110,7 @@ class Observed:
                 # As the gyros see it: a percent of it is more than the noise of a good gyro.
                 gyro_cov[rest] += start.model.gyro_matrix @ earth @ start.model.gyro_matrix.T
         used = readings.spin | heading_known | gyro_at_rest
-        return cls(readings, site, _whitening(readings.accel_cov), _whitening(gyro_cov), used)
+        return cls(readings, site, readings.accel_cov, gyro_cov, used)
 
 
 def _unknown_earth(up: FloatArray, site: Site) -> FloatArray:
@@ -116,7 +126,14 @@ def _unknown_earth(up: FloatArray, site: Site) -> FloatArray:
     return np.asarray(size * (eye - up[:, :, None] * up[:, None, :]))
 
 
-def _whitening(cov: FloatArray) -> FloatArray:
+def whitening(cov: FloatArray) -> FloatArray:
+    """Return the inverse Cholesky factors of covariances, shape (n, 3, 3) [1 / SI].
+
+    Parameters
+    ----------
+    cov : ndarray, shape (n, 3, 3)
+        Covariances [SI].
+    """
     return np.asarray(np.linalg.inv(np.linalg.cholesky(cov)))
 
 

@@ -1,0 +1,238 @@
+"""Judge a calibration on a table: every check, with its limits and its sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.coverage import Coverage
+from foucault.diagnose.session import plausible_scales, prior_check, status_check
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.table_fit import KINDS, TableFit
+from foucault.models.earth import Site
+from foucault.models.readings import Readings
+from foucault.models.table_state import Angles
+from foucault.result import Check, Level
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+
+UNITS = {"accel": (1 / 9.80665e-6, "ug"), "gyro": (180 / np.pi * 3600, "deg/h")}
+"""How people read the two kinds of reading."""
+
+LARGE = {"accel": 0.05, "gyro": np.radians(0.1)}
+"""Scatter beyond the noise that is no longer a calibration: 5 mg [m/s^2], 0.1 deg/s [rad/s]."""
+
+
+@dataclass(frozen=True)
+class TableEvidence:
+    """Everything the checks look at.
+
+    Attributes
+    ----------
+    readings : Readings
+        What was observed [SI].
+    site : Site
+        Gravity and latitude.
+    fit : TableFit
+        The solution.
+    coverage : Coverage
+        Directions of up at the rests.
+    """
+
+    readings: Readings
+    site: Site
+    fit: TableFit
+    coverage: Coverage
+
+
+def checks(e: TableEvidence) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason.
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings, solution and diagnostics.
+    """
+    estimate = e.fit.estimate
+    out = [
+        status_check(estimate.status, estimate.weakest),
+        *plausible_scales(estimate.coefficients),
+    ]
+    out += [_explained(e, kind) for kind in KINDS if kind in e.fit.before]
+    out += _scatter(e)
+    out += [_outliers(e), _controlled(e)]
+    if isinstance(estimate.state.geometry, Angles):
+        out += _table(e)
+    if np.isfinite(estimate.coefficients.prior_sd).any():
+        known = np.isfinite(estimate.coefficients.prior_sd)
+        # The coefficients' prior rows follow those of the table.
+        out.append(prior_check(estimate.coefficients, estimate.residuals[-int(known.sum()) :]))
+    return tuple(out)
+
+
+_WHAT = {
+    "accel at rest": "specific force at rest",
+    "accel in spins": "specific force in spins",
+    "gyro at rest": "angular rate at rest",
+    "gyro in spins": "angular rate in spins",
+}
+
+
+def _explained(e: TableEvidence, kind: str) -> Check:
+    added = e.fit.scatter.get(kind.split()[0], 0.0) > 0
+    # Scatter of one kind shows in the others too until it is known.
+    c = e.fit.after[kind] if e.fit.scatter and not added else e.fit.before[kind]
+    what, name = _WHAT[kind], f"noise of {_WHAT[kind]}"
+    if c.redundancy < 0.5:
+        words = f"Nothing tests the noise of the {what}: no reading is redundant."
+        return Check(name, float("nan"), None, None, True, words)
+    ratio, inside = np.sqrt(c.ratio), c.low <= c.chi_square <= c.high
+    dof = f"{plain(c.redundancy, 2)} redundant"
+    declared = e.readings.declared
+    if inside:
+        words = f"The residuals of {what} are {ratio:.2f} times what the noise says ({dof})."
+    elif c.chi_square < c.low:
+        words = (
+            f"The residuals of {what} are only {ratio:.2f} times what the noise says ({dof}): the "
+            f"noise is overstated and so are the uncertainties."
+        )
+    elif added:
+        words = f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof})"
+        words += (
+            ": the declared noise is too small. The uncertainties include the scatter."
+            if declared
+            else "; the scatter was estimated and is part of the uncertainties."
+        )
+    else:
+        words = (
+            f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof}), and "
+            f"the uncertainties do not know it."
+        )
+    fine = inside or (not declared and (added or c.chi_square < c.low))
+    return Check(name, c.chi_square, c.low, c.high, fine, words)
+
+
+def _scatter(e: TableEvidence) -> list[Check]:
+    out = []
+    for triad, sd in e.fit.scatter.items():
+        scale, unit = UNITS[triad]
+        limit, size = LARGE[triad], f"{plain(sd * scale, 3)} {unit}"
+        what = {"accel": "specific force", "gyro": "rate"}[triad]
+        fine = sd <= limit
+        words = f"The {what} scatters by {size} from one reading to the next beyond the noise" + (
+            "."
+            if fine
+            else f", more than {plain(limit * scale, 3)} {unit}: the table moved, or the readings "
+            f"do not belong together."
+        )
+        out.append(Check(f"scatter of {what}", sd, None, limit, fine, words, Level.UNUSABLE))
+    return out
+
+
+def name_of(readings: Readings, block: int) -> str:
+    """Return what reading a number of an observation means, in words.
+
+    Parameters
+    ----------
+    readings : Readings
+        The readings.
+    block : int, shape ()
+        Number of the observation, see `estimate.turntable_likelihood.build` [1].
+    """
+    n = len(readings)
+    j = block % n
+    kind = "spin" if readings.spin[j] else "rest"
+    number = int(np.sum(readings.spin[: j + 1] == readings.spin[j]))
+    what = "specific force" if block < n else "rate"
+    return f"{what} of {kind} {number} ({readings.start[j]:.0f} s)"
+
+
+def _outliers(e: TableEvidence) -> Check:
+    f = e.fit
+    suspects = [name_of(e.readings, b) for b in f.suspects]
+    fine = not suspects
+    left = ", ".join(name_of(e.readings, b) for b in f.outliers)
+    if suspects:
+        words = (
+            f"One of these readings is wrong, and with this plan they look alike: "
+            f"{', '.join(suspects)}. None was left out: measure them again, or use a plan in "
+            f"which a bad position can be named, such as dodecahedron 20 or 26."
+        )
+    elif left:
+        words = f"Left out as wrong: {left}."
+    else:
+        words = "No reading differs from the others by more than chance."
+    return Check("outliers", float(len(suspects)), None, 0.0, fine, words)
+
+
+def _controlled(e: TableEvidence) -> Check:
+    """Say whether one wrong reading could have been seen and named; it never fails a result."""
+    s, n = e.fit.snooping, len(e.readings)
+    rests = np.flatnonzero((s.blocks < n) & ~e.readings.spin[s.blocks % n])
+    name = "control of the rests"
+    if not len(rests):
+        return Check(name, float("nan"), None, None, True, "There are no rests.")
+    share = float(np.mean(s.redundancy[rests]))
+    blind = rests[s.dof[rests] == 0]
+    # A table that is believed makes every position redundant, but names it just as well.
+    alike = [j for j in rests if len(s.alike(int(j)))]
+    worst = float(np.max(detectable(e)[rests])) * UNITS["accel"][0]
+    if len(blind):
+        words = (
+            f"A wrong rest could not have been seen in {len(blind)} of {len(rests)} positions: "
+            f"no other reading controls them."
+        )
+    elif alike:
+        words = (
+            f"One wrong rest would have been noticed from {worst:.0f} ug on, but could not have "
+            f"been named: {len(alike)} of {len(rests)} positions look like another. Smaller "
+            f"errors could not have been seen."
+        )
+    else:
+        words = (
+            f"One wrong rest would have been noticed and named from {worst:.0f} ug on; smaller "
+            f"errors could not have been seen."
+        )
+    return Check(name, share, None, None, True, words)
+
+
+def detectable(e: TableEvidence) -> FloatArray:
+    """Return the smallest error of each observation that would be noticed, shape (k,) [SI].
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings and solution.
+    """
+    s, n, o = e.fit.snooping, len(e.readings), e.fit.observed
+    cov = np.concatenate([o.accel_cov, o.gyro_cov])[s.blocks]
+    root = np.linalg.cholesky(cov)
+    size = np.linalg.norm(np.einsum("kij,kj->ki", root, s.direction), axis=1)
+    assert n > 0
+    return np.asarray(s.detectable * size)
+
+
+def _table(e: TableEvidence) -> list[Check]:
+    """Compare the errors of the table that were found with what was believed of it."""
+    estimate = e.fit.estimate
+    prior = estimate.blocks < 0
+    known = int(np.isfinite(estimate.coefficients.prior_sd).sum())
+    rows = np.flatnonzero(prior)[: int(prior.sum()) - known]
+    if not len(rows):
+        return []
+    value = float(np.sum(estimate.residuals[rows] ** 2))
+    dof = float(np.sum(1 - estimate.leverage[rows]))
+    high = chi_square_limits(max(dof, 1e-3))[1]
+    if dof < 0.5:
+        return []
+    ratio, fine = np.sqrt(value / dof), value <= high
+    words = f"The errors of the table are {ratio:.2f} times what was declared" + (
+        "."
+        if fine
+        else ": the table is worse than it was said to be. Declare larger errors of the table, or "
+        "use norm_observation, which believes nothing of it."
+    )
+    return [Check("errors of the table", value, None, high, fine, words)]

@@ -1,0 +1,430 @@
+"""The likelihood of gyro readings on a rate table: several constant rates about each axis.
+
+In step k the table turns at the rate W_k about the vertical, and the placement of the instrument
+says which of its axes is there: ``u`` in fixture axes, tilted by what the fixture is out of square.
+Over whole turns the mean rate is that of table and Earth along u; with ``r = (I + S + M) w``::
+
+    w = (W (1 + e) + v) u        gyro = r + A |r| + C r^3 + b + G f        f = g u + (centripetal)
+
+e is the error that all rates of the table share, v the Earth's rate along the vertical. Neither is
+seen by the gyros alone, nor are the tilts: they enter with a prior, and so the covariance. The
+horizontal part of the Earth's rotation turns with the table: what a part of a turn leaves of it,
+``w_ie cos(L) |sinc(turns)|``, and the jitter of the table from one step to the next are added to
+the covariance of each reading.
+
+References
+----------
+.. [1] IEEE Std 647-2006, annex A, and IEEE Std 952-1997, section 12 (rate table tests).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.estimate import gauss_newton
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.gyro_scale import readout_slope
+from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
+from foucault.result import Estimate, Linearised, Problem
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+ANY_LATITUDE = 1 / np.sqrt(3)
+"""Sd of the sine of a latitude of which nothing is known, all places being alike [1]."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What the gyros said at constant rates of the table.
+
+    Attributes
+    ----------
+    up : ndarray, shape (n, 3)
+        Axis that is along the vertical, with its sense; fixture axes [1].
+    placement : ndarray of int, shape (n,)
+        Number of the placement; up is the same in all steps of one [1].
+    rate : ndarray, shape (n,)
+        Rate of the table, counter-clockwise seen from above [rad/s].
+    time : ndarray, shape (n,)
+        How long was averaged [s].
+    gyro : ndarray, shape (n, 3)
+        Mean rate as measured [rad/s].
+    cov : ndarray, shape (n, 3, 3)
+        Covariance of the noise of these means [(rad/s)^2].
+    force : ndarray, shape (n, 3)
+        True mean specific force, fixture axes, for the g-sensitivity [m/s^2].
+    """
+
+    up: FloatArray
+    placement: IntArray
+    rate: FloatArray
+    time: FloatArray
+    gyro: FloatArray
+    cov: FloatArray
+    force: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rate)
+
+    @property
+    def axis(self) -> IntArray:
+        """Which axis is along the vertical, 0, 1 or 2, shape (n,)."""
+        return np.abs(self.up).argmax(axis=1)
+
+    @property
+    def sense(self) -> FloatArray:
+        """1 where that axis points up, -1 where it points down, shape (n,)."""
+        return np.asarray(np.sign(np.take_along_axis(self.up, self.axis[:, None], 1)[:, 0]))
+
+    @property
+    def turns(self) -> FloatArray:
+        """Turns averaged, shape (n,) [1]."""
+        return np.asarray(np.abs(self.rate) * self.time / (2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What is believed of table, fixture and place.
+
+    Attributes
+    ----------
+    rate_sd : float
+        Sd of the relative error that all rates share; 0: none [1].
+    rate_jitter : float
+        Sd of another relative error of each step [1].
+    fixture_sd : float
+        Sd of the tilt of each placement about either level axis; 0: none [rad].
+    latitude : float or None
+        Geodetic latitude, positive north; None where unknown [rad].
+    """
+
+    rate_sd: float = 0.0
+    rate_jitter: float = 0.0
+    fixture_sd: float = 0.0
+    latitude: float | None = None
+
+    @property
+    def vertical(self) -> float:
+        """The Earth's rate along up, 0 where unknown [rad/s]."""
+        return 0.0 if self.latitude is None else float(EARTH_RATE * np.sin(self.latitude))
+
+    @property
+    def vertical_sd(self) -> float:
+        """Its sd, 0 where known [rad/s]."""
+        return EARTH_RATE * ANY_LATITUDE if self.latitude is None else 0.0
+
+    @property
+    def horizontal(self) -> float:
+        """The Earth's rate across up, or what it can be at most [rad/s]."""
+        return EARTH_RATE * (1.0 if self.latitude is None else abs(np.cos(self.latitude)))
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the fit is.
+
+    Attributes
+    ----------
+    model : ImuModel
+        Errors of the instrument.
+    rate_error : float
+        Relative error that all rates share, true over said minus 1 [1].
+    vertical : float
+        The Earth's rate along up, beyond what is known of it [rad/s].
+    tilt : ndarray, shape (p, 2)
+        Tilt of the spin axis in each placement, towards the next two axes of the fixture [rad].
+    """
+
+    model: ImuModel
+    rate_error: float
+    vertical: float
+    tilt: FloatArray
+
+
+def tilts(steps: Steps) -> FloatArray:
+    """Return the directions that the tilts of each step move up in, shape (n, 3, 2) [1]."""
+    eye, axis = np.eye(3), steps.axis
+    return np.stack([eye[(axis + 1) % 3], eye[(axis + 2) % 3]], axis=2)
+
+
+def true_rate(steps: Steps, trust: Trust, state: State) -> tuple[FloatArray, FloatArray]:
+    """Return the rate along the spin axis, shape (n,), and that axis, shape (n, 3) [rad/s], [1].
+
+    Parameters
+    ----------
+    steps : Steps
+        The steps [SI].
+    trust : Trust
+        What is believed of table and place.
+    state : State
+        Rate error, Earth's rate and tilts.
+    """
+    h = steps.rate * (1.0 + state.rate_error) + trust.vertical + state.vertical
+    u = steps.up + np.einsum("nij,nj->ni", tilts(steps), state.tilt[steps.placement])
+    return h, u / np.linalg.norm(u, axis=1, keepdims=True)
+
+
+def covariance(steps: Steps, trust: Trust) -> dict[str, FloatArray]:
+    """Return the covariance of the readings by source, shape (n, 3, 3) each [(rad/s)^2].
+
+    Parameters
+    ----------
+    steps : Steps
+        The steps [SI].
+    trust : Trust
+        What is believed of table and place.
+    """
+    # A part of a turn begins at any azimuth; rests may all have the same one.
+    left = trust.horizontal * np.abs(np.sinc(steps.turns))
+    left = np.where(steps.rate == 0.0, 1.0, np.sqrt(0.5)) * left
+    across = np.eye(3) - steps.up[:, :, None] * steps.up[:, None, :]
+    turning = np.where((steps.rate != 0.0)[:, None], steps.gyro, 0.0)
+    return {
+        "gyro noise": steps.cov,
+        "rate jitter": trust.rate_jitter**2 * turning[:, :, None] * turning[:, None, :],
+        "parts of turns": (left**2)[:, None, None] * across,
+    }
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Which parameters there are, in the order of a step.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Coefficients.
+    prior_sd : ndarray, shape (m,)
+        Sd of what follows them: rate error, Earth's rate, tilts [SI].
+    sources : tuple of str
+        Source of uncertainty that each of these m is.
+    """
+
+    names: tuple[str, ...]
+    prior_sd: FloatArray
+    sources: tuple[str, ...]
+
+    @classmethod
+    def of(cls, names: tuple[str, ...], steps: Steps, trust: Trust) -> Unknowns:
+        """Take what `trust` leaves open of `steps`."""
+        rows = [("rate of the table", trust.rate_sd), ("unknown Earth rate", trust.vertical_sd)]
+        if trust.fixture_sd > 0:
+            rows += [("fixture", trust.fixture_sd)] * (2 * _placements(steps))
+        rows = [row for row in rows if row[1] > 0]
+        return cls(names, np.array([sd for _, sd in rows]), tuple(name for name, _ in rows))
+
+    def columns(self, source: str) -> slice:
+        """Return the columns of one source of uncertainty."""
+        n = len(self.names)
+        first = n + (self.sources.index(source) if source in self.sources else 0)
+        return slice(first, first + self.sources.count(source))
+
+
+def _placements(steps: Steps) -> int:
+    return int(steps.placement.max()) + 1
+
+
+def build(
+    steps: Steps,
+    names: tuple[str, ...],
+    trust: Trust,
+    prior: CoefficientVector | None = None,
+    start: State | None = None,
+) -> Problem:
+    """Build the least-squares problem; block j is step j.
+
+    Parameters
+    ----------
+    steps : Steps
+        What was measured [SI].
+    names : tuple of str
+        Coefficients to estimate.
+    trust : Trust
+        What is believed of table, fixture and place.
+    prior : CoefficientVector or None
+        Gaussian prior on the coefficients.
+    start : State or None
+        Where to start; None starts with the straight lines through the readings.
+    """
+    unknowns = Unknowns.of(names, steps, trust)
+    total = np.sum(list(covariance(steps, trust).values()), axis=0)
+    root = np.asarray(np.linalg.inv(np.linalg.cholesky(total)))
+    return Problem(
+        layout=LAYOUT.subset(names),
+        start=start or _start(steps, trust),
+        linearise=partial(_linearise, steps, trust, unknowns, root),
+        retract=partial(_moved, unknowns),
+        values=lambda state: state.model.coefficients(names).values,
+        n_blocks=len(steps),
+        prior=prior,
+    )
+
+
+def fit(
+    steps: Steps,
+    names: tuple[str, ...],
+    trust: Trust,
+    prior: CoefficientVector | None = None,
+    loss: gauss_newton.Loss = gauss_newton.huber,
+) -> tuple[Problem, Estimate]:
+    """Maximise the likelihood.
+
+    Parameters
+    ----------
+    steps : Steps
+        What was measured [SI].
+    names : tuple of str
+        Coefficients to estimate.
+    trust : Trust
+        What is believed of table, fixture and place.
+    prior : CoefficientVector or None
+        Gaussian prior on the coefficients.
+    loss : callable
+        ``norms -> weights``, see `gauss_newton.solve`.
+    """
+    problem = build(steps, names, trust, prior)
+    return problem, gauss_newton.solve(problem, loss=loss)
+
+
+def _start(steps: Steps, trust: Trust) -> State:
+    """Take the straight lines through all readings, where there are enough to have them."""
+    state = State(ImuModel(), 0.0, 0.0, np.zeros((_placements(steps), 2)))
+    h, u = true_rate(steps, trust, state)
+    size = float(np.abs(h).max()) or 1.0
+    rows = np.column_stack([h[:, None] * u / size, np.ones(len(h))])
+    solved, _, rank, _ = np.linalg.lstsq(rows, steps.gyro, rcond=1e-9)
+    if rank < 4:
+        return state
+    return replace(state, model=ImuModel(gyro_matrix=solved[:3].T / size, gyro_bias=solved[3]))
+
+
+def _linearise(
+    steps: Steps, trust: Trust, unknowns: Unknowns, root: FloatArray, state: State,
+    weights: FloatArray,
+) -> Linearised:  # fmt: skip
+    model, n = state.model, len(steps)
+    h, u = true_rate(steps, trust, state)
+    w = h[:, None] * u
+    r = w @ model.gyro_matrix.T
+    slope = readout_slope(r, model.gyro_asymmetry, model.gyro_cubic)
+    parts = [_coefficient_slope(unknowns.names, r, slope, w, steps.force)]
+    by_rate = (slope[:, :, None] * model.gyro_matrix) @ u[:, :, None]  # by h, shape (n, 3, 1)
+    if trust.rate_sd > 0:
+        parts.append(by_rate * steps.rate[:, None, None])
+    if trust.vertical_sd > 0:
+        parts.append(by_rate)
+    if trust.fixture_sd > 0:
+        across = (np.eye(3) - u[:, :, None] * u[:, None, :]) @ tilts(steps)
+        mine = (slope[:, :, None] * model.gyro_matrix) @ (h[:, None, None] * across)
+        mine += model.g_sensitivity @ (np.linalg.norm(steps.force, axis=1)[:, None, None] * across)
+        wide = np.zeros((n, 3, _placements(steps), 2))
+        wide[np.arange(n), :, steps.placement] = mine
+        parts.append(wide.reshape(n, 3, -1))
+    force = steps.force + np.linalg.norm(steps.force, axis=1)[:, None] * (u - steps.up)
+    miss = steps.gyro - model.measure(force, w)[1]
+    weighted = root * np.sqrt(weights)[:, None, None]
+    # The priors of what is not known of table, fixture and place come last.
+    m = len(unknowns.prior_sd)
+    prior = np.zeros((m, len(unknowns.names) + m))
+    prior[:, len(unknowns.names) :] = np.diag(1.0 / unknowns.prior_sd)
+    return Linearised(
+        np.concatenate([
+            np.einsum("nij,nj->ni", weighted, miss).ravel(), -_nuisance(state, trust, unknowns)
+        ]),
+        np.concatenate([(weighted @ np.concatenate(parts, axis=2)).reshape(3 * n, -1), prior]),
+        np.concatenate([np.repeat(np.arange(n), 3), np.full(m, -1)]),
+    )  # fmt: skip
+
+
+def _nuisance(state: State, trust: Trust, unknowns: Unknowns) -> FloatArray:
+    """Return rate error, Earth's rate and tilts in units of their sd."""
+    values = [state.rate_error] if trust.rate_sd > 0 else []
+    values += [state.vertical] if trust.vertical_sd > 0 else []
+    values += state.tilt.ravel().tolist() if trust.fixture_sd > 0 else []
+    return np.array(values) / unknowns.prior_sd
+
+
+def _coefficient_slope(
+    names: tuple[str, ...], r: FloatArray, slope: FloatArray, w: FloatArray, force: FloatArray
+) -> FloatArray:
+    """Return the derivatives of the readings by the coefficients, shape (n, 3, len(names))."""
+    out = np.zeros((len(w), 3, len(names)))
+    for k, name in enumerate(names):
+        block, where = coefficient_slot(name)
+        if block == "gyro_bias":
+            out[:, where, k] = 1.0
+        elif block == "gyro_asymmetry":
+            out[:, where, k] = np.abs(r[:, where])
+        elif block == "gyro_cubic":
+            out[:, where, k] = r[:, where] ** 3
+        elif block == "g_sensitivity":
+            out[:, where[0], k] = force[:, where[1]]
+        else:
+            out[:, where[0], k] = slope[:, where[0]] * w[:, where[1]]
+    return out
+
+
+def _moved(unknowns: Unknowns, state: State, step: FloatArray) -> State:
+    model = state.model
+    blocks = {
+        name: getattr(model, name).copy()
+        for name in ("gyro_matrix", "gyro_bias", "g_sensitivity", "gyro_asymmetry", "gyro_cubic")
+    }
+    for name, value in zip(unknowns.names, step, strict=False):
+        block, where = coefficient_slot(name)
+        blocks[block][where] += value
+    rate, earth, tilt = (
+        step[unknowns.columns(source)]
+        for source in ("rate of the table", "unknown Earth rate", "fixture")
+    )
+    return State(
+        replace(model, **blocks),
+        state.rate_error + float(rate.sum()),
+        state.vertical + float(earth.sum()),
+        state.tilt + (tilt.reshape(-1, 2) if len(tilt) else 0.0),
+    )
+
+
+def steps_force(
+    up: FloatArray,
+    placement: IntArray,
+    rate: FloatArray,
+    accel: FloatArray | None,
+    site: Site,
+) -> FloatArray:
+    """Return the true specific force of each step, fixture axes, shape (n, 3) [m/s^2].
+
+    Gravity along up, and what grows with the square of the rate across it: the accelerometers see
+    the centripetal acceleration of their place, and the gyros are taken to be there too.
+
+    Parameters
+    ----------
+    up : ndarray, shape (n, 3)
+        Axis that is along the vertical, with its sense [1].
+    placement : ndarray of int, shape (n,)
+        Number of the placement [1].
+    rate : ndarray, shape (n,)
+        Rate of the table [rad/s].
+    accel : ndarray, shape (n, 3), or None
+        Mean specific force as measured [m/s^2].
+    site : Site
+        Gravity.
+    """
+    force = site.gravity * up
+    if accel is None:
+        return force
+    for p in np.unique(placement):
+        mine = placement == p
+        square = rate[mine] ** 2
+        spread = square - square.mean()
+        if spread @ spread > 0:
+            slope = spread @ (accel[mine] - accel[mine].mean(axis=0)) / (spread @ spread)
+            slope -= (slope @ up[mine][0]) * up[mine][0]
+            force[mine] += square[:, None] * slope
+    return np.asarray(force)

@@ -1,0 +1,113 @@
+"""Which observation is wrong, and could it have been seen: data snooping and reliability.
+
+With white residuals r = R e, ``R = I - J P J'`` the redundancy matrix and e the errors, an error
+of observation j alone is tested by ``T_j = r_j' R_jj^-1 r_j``, chi-square with the rank of R_jj
+degrees of freedom. What it must be to be noticed, and whether two observations would show the
+same residuals, follow from R before anything has gone wrong.
+
+References
+----------
+.. [1] W. Baarda, "A testing procedure for use in geodetic networks", Netherlands Geodetic
+   Commission, Publications on Geodesy 2(5), 1968.
+.. [2] W. Förstner, "Reliability and discernability of extended Gauss-Markov models", Deutsche
+   Geodätische Kommission A98, 1983.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.result import Linearised
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+SEEN = 0.01
+"""An observation of which a smaller share than this is redundant is not controlled at all [1]."""
+
+POWER = 4.13
+"""An error of this many sd, over the root of its redundancy, is found in 80 % of all cases by a
+test that is wrong in 0.1 % [1]; ref. [1]."""
+
+ALIKE = 0.95
+"""Two observations whose tests are correlated more than this cannot be told apart [1]."""
+
+
+@dataclass(frozen=True)
+class Snooping:
+    """The tests of all observations, k of them.
+
+    Attributes
+    ----------
+    blocks : ndarray of int, shape (k,)
+        Number of each observation.
+    test : ndarray, shape (k,)
+        T_j [1].
+    dof : ndarray, shape (k,)
+        Its degrees of freedom; 0 where nothing controls the observation [1].
+    redundancy : ndarray, shape (k,)
+        Share of the best controlled direction of the observation that is redundant, 0 to 1 [1].
+    direction : ndarray, shape (k, 3)
+        That direction, in white residuals [1].
+    correlation : ndarray, shape (k, k)
+        Correlation of the tests, without sign: 1 for observations that look alike [1].
+    """
+
+    blocks: IntArray
+    test: FloatArray
+    dof: FloatArray
+    redundancy: FloatArray
+    direction: FloatArray
+    correlation: FloatArray
+
+    @property
+    def detectable(self) -> FloatArray:
+        """Smallest error that would be noticed, shape (k,) [sd of the observation]."""
+        with np.errstate(divide="ignore"):
+            return np.where(self.dof > 0, POWER / np.sqrt(self.redundancy), np.inf)
+
+    def alike(self, j: int) -> IntArray:
+        """Return the numbers of the observations that would show the same residuals as j.
+
+        Parameters
+        ----------
+        j : int, shape ()
+            Row of the observation in these arrays [1].
+        """
+        same = np.flatnonzero(self.correlation[j] > ALIKE)
+        return np.asarray(self.blocks[same[same != j]])
+
+
+def snoop(at: Linearised, state_cov: FloatArray) -> Snooping:
+    """Test every observation of a problem at its solution.
+
+    Parameters
+    ----------
+    at : Linearised
+        The problem linearised at the solution, three rows per observation.
+    state_cov : ndarray, shape (n, n)
+        Covariance of everything estimated there.
+    """
+    used = at.blocks >= 0
+    J, r = at.jacobian[used], at.residuals[used].reshape(-1, 3)
+    R = np.eye(len(J)) - J @ state_cov @ J.T
+    k = len(r)
+    own = R.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :]
+    values, vectors = np.linalg.eigh((own + np.swapaxes(own, 1, 2)) / 2)
+    seen = values > SEEN
+    along = np.einsum("kij,ki->kj", vectors, r)
+    test = np.sum(np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0), axis=1)
+    direction = vectors[:, :, 2]
+    cross = np.einsum("ki,kilj,lj->kl", direction, R.reshape(k, 3, k, 3), direction)
+    size = np.sqrt(np.maximum(np.diag(cross), SEEN))
+    return Snooping(
+        blocks=at.blocks[used].reshape(-1, 3)[:, 0],
+        test=test,
+        dof=seen.sum(axis=1).astype(float),
+        redundancy=np.clip(values[:, 2], 0.0, 1.0),
+        direction=direction,
+        correlation=np.abs(cross / np.outer(size, size)),
+    )

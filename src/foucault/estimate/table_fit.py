@@ -1,0 +1,310 @@
+"""Fit readings on a table: outliers left out, unexplained scatter estimated.
+
+A wrong reading is looked for by data snooping, because with few redundant readings it spreads over
+the residuals of all. Where several readings would look alike none is left out, and the result
+says so. Scatter beyond the noise is one more variance for each triad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.estimate import gauss_newton
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.session_likelihood import Component
+from foucault.estimate.snooping import Snooping, snoop
+from foucault.estimate.turntable_likelihood import Observed, build
+from foucault.models.earth import Site
+from foucault.models.readings import Readings
+from foucault.models.table_state import State
+from foucault.result import Estimate, Linearised, Problem
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+KINDS = ("accel at rest", "accel in spins", "gyro at rest", "gyro in spins")
+"""The kinds of reading."""
+
+ENOUGH = 8.0
+"""With fewer degrees of freedom scatter is added only where it is significant [1]."""
+
+
+@dataclass(frozen=True)
+class TableFit:
+    """A solution and how well it fits.
+
+    Attributes
+    ----------
+    observed : Observed
+        Readings with the covariance that was used, scatter included [SI].
+    problem : Problem
+        The problem that was solved.
+    estimate : Estimate
+        Its solution.
+    at : Linearised
+        The problem linearised there, with full weights.
+    before, after : dict of str to Component
+        Fit of each kind of reading by the noise alone, and with the scatter.
+    scatter : dict of str to float
+        Sd that was added to each triad, per axis [SI].
+    snooping : Snooping
+        Tests of the readings at the solution, outliers left out.
+    outliers : tuple of int
+        Readings that were left out: j for the specific force of reading j, n + j for its rate.
+    suspects : tuple of int
+        Readings of which one is wrong, but it cannot be told which.
+    """
+
+    observed: Observed
+    problem: Problem
+    estimate: Estimate
+    at: Linearised
+    before: dict[str, Component]
+    after: dict[str, Component]
+    scatter: dict[str, float] = field(default_factory=dict)
+    snooping: Snooping = field(default=None)  # type: ignore[assignment]
+    outliers: tuple[int, ...] = ()
+    suspects: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to fit.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Coefficients to estimate.
+    lever_arm, level : bool
+        Whether these are unknown, see `table_state.State`.
+    prior : CoefficientVector or None
+        Gaussian prior on the coefficients.
+    rate_sd : float
+        Relative sd of the rate from one spin to the next [1].
+    robust : bool
+        Leave outliers out.
+    repeatability : bool
+        Estimate scatter that the noise does not explain.
+    gyro_at_rest : bool
+        Look at the rates at rest even where the heading is unknown.
+    """
+
+    names: tuple[str, ...]
+    lever_arm: bool
+    level: bool
+    prior: CoefficientVector | None = None
+    rate_sd: float = 0.0
+    robust: bool = True
+    repeatability: bool = True
+    gyro_at_rest: bool = False
+
+
+def kinds_of(readings: Readings, blocks: IntArray) -> IntArray:
+    """Return the index in `KINDS` of each observation, shape (k,); -1 for a prior.
+
+    Parameters
+    ----------
+    readings : Readings
+        The readings.
+    blocks : ndarray of int, shape (k,)
+        Numbers of observations, see `turntable_likelihood.build`.
+    """
+    n = len(readings)
+    spin = readings.spin[blocks % n].astype(int)
+    return np.where(blocks < 0, -1, 2 * (blocks >= n) + spin)
+
+
+def fit(readings: Readings, site: Site, start: State, options: Options) -> TableFit:
+    """Estimate the coefficients, the outliers, and the scatter that the noise leaves unexplained.
+
+    Parameters
+    ----------
+    readings : Readings
+        Means with the covariance of their noise [SI].
+    site : Site
+        Gravity and latitude.
+    start : State
+        Where to start; its geometry says what is believed of the table.
+    options : Options
+        How to fit.
+    """
+    observed = Observed.of(
+        readings, site, start, rate_sd=options.rate_sd, gyro_at_rest=options.gyro_at_rest
+    )
+    weights = np.ones(2 * len(readings))
+    found = _solve(observed, start, options, weights)
+    before = found.after
+    suspects: tuple[int, ...] = ()
+    for _ in range(2):  # outliers make scatter, and scatter makes outliers: look twice for each
+        if options.robust:
+            found, alike = _without_outliers(found, options, weights)
+            suspects = suspects or alike
+            before = before if found.scatter else found.after
+        grown = _with_scatter(found, options, weights) if options.repeatability else found
+        if grown is found:
+            break
+        found = grown
+    left = np.flatnonzero(weights < 0.5)
+    return replace(found, before=before, outliers=tuple(int(b) for b in left), suspects=suspects)
+
+
+def _without_outliers(
+    found: TableFit, options: Options, weights: FloatArray
+) -> tuple[TableFit, tuple[int, ...]]:
+    """Take the worst readings out one by one; `weights` remembers them."""
+    scatter = found.scatter
+    for _ in range(1 + len(found.observed.readings) // 5):
+        worst = _worst(found, found.observed.readings)
+        if worst is None:
+            break
+        alike = found.snooping.alike(worst)
+        block = int(found.snooping.blocks[worst])
+        if len(alike):
+            return found, tuple(sorted((block, *(int(b) for b in alike))))
+        weights[block] = gauss_newton.LEFT_OUT
+        found = _solve(found.observed, found.estimate.state, options, weights)
+        found = replace(found, scatter=scatter)
+    return found, ()
+
+
+def _solve(observed: Observed, start: State, options: Options, weights: FloatArray) -> TableFit:
+    problem = build(
+        observed, options.names, start, lever_arm=options.lever_arm, level=options.level,
+        prior=options.prior,
+    )  # fmt: skip
+    estimate = gauss_newton.solve(problem, loss=partial(_held, weights), weights=weights)
+    # The test of a reading that was left out is that of a prediction: it keeps its tiny weight.
+    at = problem.linearise(estimate.state, estimate.weights)
+    components = _components(estimate, observed.readings)
+    return TableFit(
+        observed, problem, estimate, at, components, components,
+        snooping=snoop(at, estimate.state_cov),
+    )  # fmt: skip
+
+
+def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
+    """A loss whose weights are settled."""
+    return weights
+
+
+def _components(estimate: Estimate, readings: Readings) -> dict[str, Component]:
+    """Split the sum of squares by kind of reading, readings left out not counted."""
+    kind = kinds_of(readings, estimate.blocks)
+    kept = estimate.weights[estimate.blocks] > 0.5
+    present = [k for k in range(4) if np.any((kind == k) & kept)]
+    out = {}
+    for k in present:
+        mine = (kind == k) & kept
+        redundancy = float(np.sum(1 - estimate.leverage[mine]))
+        low, high = chi_square_limits(max(redundancy, 1e-3), tests=len(present))
+        out[KINDS[k]] = Component(
+            float(np.sum(estimate.residuals[mine] ** 2)), redundancy, low, high
+        )
+    return out
+
+
+def _worst(found: TableFit, readings: Readings) -> int | None:
+    """Return the row of the reading that is significantly worse than the others of its kind.
+
+    Where one kind fits badly as a whole, only it is looked at: it shows in the others too.
+    """
+    from scipy.special import fdtri
+
+    s = found.snooping
+    kind = kinds_of(readings, s.blocks)
+    kept = found.estimate.weights[s.blocks] > 0.5
+    score = np.zeros(len(s.blocks))
+    bad = [name for name, c in found.after.items() if c.chi_square > c.high]
+    if bad:
+        bad = [max(bad, key=lambda name: found.after[name].ratio)]
+    for k, name in enumerate(KINDS):
+        mine = np.flatnonzero((kind == k) & kept & (s.dof > 0))
+        if not len(mine) or (bad and name not in bad):
+            continue
+        c = found.after[name]
+        left = np.maximum(c.redundancy - s.dof[mine], 0.0)
+        others = np.where(left > 0.5, (c.chi_square - s.test[mine]) / np.maximum(left, 0.5), 1.0)
+        # Noise that was measured may be too small for all; one reading must stand out from it.
+        common = np.maximum(others, 1.0)
+        alpha = FALSE_ALARM / len(s.blocks)
+        known = np.array([chi_square_limits(d, 2 * alpha)[1] for d in s.dof[mine]])
+        fitted = np.array(
+            [
+                d * float(fdtri(d, max(n, 1.0), 1 - alpha))
+                for d, n in zip(s.dof[mine], left, strict=True)
+            ]
+        )
+        limit = np.where(others > 1.0, fitted, known)
+        score[mine] = s.test[mine] / common / limit
+    worst = int(np.argmax(score))
+    return worst if score[worst] > 1.0 else None
+
+
+def _with_scatter(found: TableFit, options: Options, weights: FloatArray) -> TableFit:
+    """Add variance to accelerometers and gyros until their residuals fit.
+
+    One variance for rests and spins together: with one each, that of the kind with less
+    redundancy can shrink to nothing and take the solution with it.
+    """
+    r, now = found.observed.readings, _triads(found.after)
+    growing = [
+        triad
+        for triad, c in now.items()
+        if c.chi_square > c.high or (not r.declared and c.redundancy >= ENOUGH and c.ratio > 1)
+    ]
+    if not growing:
+        return found
+    # Later rounds add to what is there already.
+    base = inflated(found.observed, found.scatter, sign=-1.0)
+    scatter = dict.fromkeys(growing, 0.0) | found.scatter
+    for _ in range(20):
+        scatter = {k: _grown(base, k, v, now[k]) for k, v in sorted(scatter.items())}
+        found = _solve(inflated(base, scatter), found.estimate.state, options, weights)
+        now = _triads(found.after)
+        if all(abs(now[k].ratio - 1) < 0.03 or v == 0 for k, v in scatter.items()):
+            break
+    return replace(found, scatter={k: v for k, v in scatter.items() if v > 0})
+
+
+def _triads(kinds: dict[str, Component]) -> dict[str, Component]:
+    """Join the kinds of reading of each triad."""
+    out = {}
+    for triad in dict.fromkeys(kind.split()[0] for kind in kinds):
+        mine = [c for kind, c in kinds.items() if kind.startswith(triad)]
+        redundancy = sum(c.redundancy for c in mine)
+        low, high = chi_square_limits(max(redundancy, 1e-3), tests=2)
+        out[triad] = Component(sum(c.chi_square for c in mine), redundancy, low, high)
+    return out
+
+
+def _grown(base: Observed, triad: str, scatter: float, c: Component) -> float:
+    """Scale the total variance by its ratio and give the increase to the scatter."""
+    cov, used = base.accel_cov, np.ones(len(base.readings), bool)
+    if triad == "gyro":
+        cov, used = base.gyro_cov, base.gyro_used
+    white = float(np.median(np.trace(cov[used], axis1=1, axis2=2)) / 3)
+    return float(np.sqrt(max((scatter**2 + white) * c.ratio - white, 0.0)))
+
+
+def inflated(observed: Observed, scatter: dict[str, float], sign: float = 1.0) -> Observed:
+    """Return the same readings with more variance.
+
+    Parameters
+    ----------
+    observed : Observed
+        Readings and their covariance [SI].
+    scatter : dict of str to float
+        Triad -> sd to add, per axis [SI].
+    sign : float
+        -1 takes it away again [1].
+    """
+    accel, gyro = observed.accel_cov.copy(), observed.gyro_cov.copy()
+    for triad, sd in scatter.items():
+        cov = accel if triad == "accel" else gyro
+        cov += sign * sd**2 * np.eye(3)
+    return replace(observed, accel_cov=accel, gyro_cov=gyro)
