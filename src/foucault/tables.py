@@ -43,6 +43,16 @@ IMU_LOG = (
 )
 """The log every reader returns and every simulator writes."""
 
+TABLE_LOG = (
+    Column("outer", "rad", "outer angle of the table, as the table says"),
+    Column("middle", "rad", "middle angle of the table, as the table says"),
+    Column("inner", "rad", "inner angle of the table, as the table says"),
+    Column("table_rate", "rad/s", "rate of the outer axis, counter-clockwise from above"),
+    Column("position", "1", "number of the position, -1 in between"),
+    Column("averaged", "s", "where every row is already a mean: over how long"),
+)
+"""What a log taken on a table has besides."""
+
 RESTS = (
     Column("first", "1", "index of the first sample of the rest"),
     Column("last", "1", "index after the last sample of the rest"),
@@ -105,6 +115,25 @@ RIG = (
     Column("prior_sd", "SI", "what was known of it before, infinite where nothing"),
 )
 """What a session found beside the coefficients: errors of the table, mounting, lever arm."""
+
+RATE_STEPS = (
+    Column("start", "s", "time at which the average starts"),
+    Column("end", "s", "time at which the average ends"),
+    Column("placement", "1", "number of the placement of the instrument, from 0"),
+    Column("axis", "", "axis along the vertical: x, y or z"),
+    Column("up", "1", "1 where that axis points up, -1 where it points down"),
+    Column("rate", "rad/s", "rate of the table, counter-clockwise from above"),
+    Column("rate_true", "rad/s", "true rate about the axis: that of table and Earth"),
+    Column("gyro", "rad/s", "mean of the gyro along the axis as measured"),
+    Column("turns", "1", "turns averaged"),
+    Column("before", "rad/s", "gyro minus rate_true"),
+    Column("line", "rad/s", "gyro minus the straight line fitted to all steps about this axis"),
+    Column("after", "rad/s", "rate after compensation minus rate_true"),
+    Column("after_sd", "rad/s", "standard deviation that noise and jitter give it"),
+    Column("residual", "1", "largest standardized residual of the step, all three gyros"),
+    Column("weight", "1", "robust weight of the step, 1 where it is used in full"),
+)
+"""One row per constant rate on a rate table."""
 
 DETECTION = (
     Column("time", "s", "middle of the window"),

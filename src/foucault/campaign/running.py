@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from foucault.errors import error, finding
 from foucault.files import atomic, unwritable
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.result import Result
-from foucault.simulate.hand_rotated import Simulation, draw_errors
+from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import Log
 
 Progress = Callable[[float, str], None]
@@ -85,6 +85,24 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> 
 # -- simulation ----------------------------------------------------------------------------
 
 
+class Simulation(Protocol):
+    """What a procedure's `simulate` returns."""
+
+    @property
+    def log(self) -> Log:
+        """What the instrument said [SI]."""
+        ...
+
+    @property
+    def model(self) -> ImuModel:
+        """The errors it had."""
+        ...
+
+    def truth_json(self) -> dict[str, Any]:
+        """Return the truth beside the coefficients."""
+        ...
+
+
 @dataclass(frozen=True)
 class Session:
     """A simulated session: its log, and the truth behind it.
@@ -94,7 +112,7 @@ class Session:
     campaign : Campaign
         What was simulated.
     simulation : Simulation
-        Log, true errors and true attitudes [SI].
+        Log, true errors and whatever else is known to be true [SI].
     seed : int, shape ()
         Seed of all random numbers [1].
     """
@@ -127,6 +145,7 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
     simulation = procedures.load(campaign.procedure).simulate(
         campaign.session,
+        settings=campaign.settings,
         model=_instrument(campaign, seed),
         noise=campaign.noise or typical.noise,
         site=replace(campaign.site, gravity=campaign.site.gravity + float(offset)),
@@ -184,11 +203,7 @@ def _truth(session: Session) -> dict[str, Any]:
         "grade": session.campaign.simulate.grade,
         "gauge": Gauge.LOWER.value,
         "coefficients": [{k: row[k] for k in keep} for row in rows],
-        "rests": {
-            "first": session.simulation.first.tolist(),
-            "last": session.simulation.last.tolist(),
-            "C_nb": session.simulation.C_nb.tolist(),
-        },
+        **session.simulation.truth_json(),
     }
 
 

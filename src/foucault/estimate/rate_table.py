@@ -27,65 +27,16 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
-from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.earth import EARTH_RATE
 from foucault.models.gyro_scale import readout_slope
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
+from foucault.models.rate_steps import Steps
 from foucault.result import Estimate, Linearised, Problem
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 ANY_LATITUDE = 1 / np.sqrt(3)
 """Sd of the sine of a latitude of which nothing is known, all places being alike [1]."""
-
-
-@dataclass(frozen=True)
-class Steps:
-    """What the gyros said at constant rates of the table.
-
-    Attributes
-    ----------
-    up : ndarray, shape (n, 3)
-        Axis that is along the vertical, with its sense; fixture axes [1].
-    placement : ndarray of int, shape (n,)
-        Number of the placement; up is the same in all steps of one [1].
-    rate : ndarray, shape (n,)
-        Rate of the table, counter-clockwise seen from above [rad/s].
-    time : ndarray, shape (n,)
-        How long was averaged [s].
-    gyro : ndarray, shape (n, 3)
-        Mean rate as measured [rad/s].
-    cov : ndarray, shape (n, 3, 3)
-        Covariance of the noise of these means [(rad/s)^2].
-    force : ndarray, shape (n, 3)
-        True mean specific force, fixture axes, for the g-sensitivity [m/s^2].
-    """
-
-    up: FloatArray
-    placement: IntArray
-    rate: FloatArray
-    time: FloatArray
-    gyro: FloatArray
-    cov: FloatArray
-    force: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.rate)
-
-    @property
-    def axis(self) -> IntArray:
-        """Which axis is along the vertical, 0, 1 or 2, shape (n,)."""
-        return np.abs(self.up).argmax(axis=1)
-
-    @property
-    def sense(self) -> FloatArray:
-        """1 where that axis points up, -1 where it points down, shape (n,)."""
-        return np.asarray(np.sign(np.take_along_axis(self.up, self.axis[:, None], 1)[:, 0]))
-
-    @property
-    def turns(self) -> FloatArray:
-        """Turns averaged, shape (n,) [1]."""
-        return np.asarray(np.abs(self.rate) * self.time / (2 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -292,6 +243,61 @@ def fit(
     return problem, gauss_newton.solve(problem, loss=loss)
 
 
+def fit_scatter(
+    steps: Steps,
+    names: tuple[str, ...],
+    trust: Trust,
+    prior: CoefficientVector | None = None,
+    loss: gauss_newton.Loss = gauss_newton.huber,
+) -> Trust:
+    """Return `trust` with the jitter that makes the residuals as large as they should be.
+
+    Parameters
+    ----------
+    steps : Steps
+        What was measured [SI].
+    names : tuple of str
+        Coefficients to estimate.
+    trust : Trust
+        What is believed; the residuals are larger than its jitter and the noise explain.
+    prior : CoefficientVector or None
+        Gaussian prior on the coefficients.
+    loss : callable
+        ``norms -> weights``, see `gauss_newton.solve`.
+    """
+    low, high = np.log(1e-9), np.log(1e-1)
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        jitter = float(np.hypot(trust.rate_jitter, np.exp(middle)))
+        _, found = fit(steps, names, replace(trust, rate_jitter=jitter), prior, loss)
+        low, high = (middle, high) if found.chi_square > found.dof else (low, middle)
+    return replace(trust, rate_jitter=float(np.hypot(trust.rate_jitter, np.exp(high))))
+
+
+def scaled_noise(
+    steps: Steps, names: tuple[str, ...], trust: Trust, prior: CoefficientVector | None = None
+) -> Steps:
+    """Return the steps with noise as large as the residuals say, where nobody knows it.
+
+    Parameters
+    ----------
+    steps : Steps
+        What was measured; the noise of its means is right but for a common factor [SI].
+    names : tuple of str
+        Coefficients to estimate.
+    trust : Trust
+        What is believed of table, fixture and place.
+    prior : CoefficientVector or None
+        Gaussian prior on the coefficients.
+    """
+    for loss in (gauss_newton.least_squares, gauss_newton.huber):
+        _, found = fit(steps, names, trust, prior, loss)
+        if found.dof < 1:
+            return steps
+        steps = replace(steps, cov=steps.cov * max(found.chi_square / found.dof, 1e-12))
+    return steps
+
+
 def _start(steps: Steps, trust: Trust) -> State:
     """Take the straight lines through all readings, where there are enough to have them."""
     state = State(ImuModel(), 0.0, 0.0, np.zeros((_placements(steps), 2)))
@@ -301,7 +307,8 @@ def _start(steps: Steps, trust: Trust) -> State:
     solved, _, rank, _ = np.linalg.lstsq(rows, steps.gyro, rcond=1e-9)
     if rank < 4:
         return state
-    return replace(state, model=ImuModel(gyro_matrix=solved[:3].T / size, gyro_bias=solved[3]))
+    matrix, bias = np.asarray(solved[:3].T / size), np.asarray(solved[3])
+    return replace(state, model=ImuModel(gyro_matrix=matrix, gyro_bias=bias))
 
 
 def _linearise(
@@ -389,42 +396,3 @@ def _moved(unknowns: Unknowns, state: State, step: FloatArray) -> State:
         state.vertical + float(earth.sum()),
         state.tilt + (tilt.reshape(-1, 2) if len(tilt) else 0.0),
     )
-
-
-def steps_force(
-    up: FloatArray,
-    placement: IntArray,
-    rate: FloatArray,
-    accel: FloatArray | None,
-    site: Site,
-) -> FloatArray:
-    """Return the true specific force of each step, fixture axes, shape (n, 3) [m/s^2].
-
-    Gravity along up, and what grows with the square of the rate across it: the accelerometers see
-    the centripetal acceleration of their place, and the gyros are taken to be there too.
-
-    Parameters
-    ----------
-    up : ndarray, shape (n, 3)
-        Axis that is along the vertical, with its sense [1].
-    placement : ndarray of int, shape (n,)
-        Number of the placement [1].
-    rate : ndarray, shape (n,)
-        Rate of the table [rad/s].
-    accel : ndarray, shape (n, 3), or None
-        Mean specific force as measured [m/s^2].
-    site : Site
-        Gravity.
-    """
-    force = site.gravity * up
-    if accel is None:
-        return force
-    for p in np.unique(placement):
-        mine = placement == p
-        square = rate[mine] ** 2
-        spread = square - square.mean()
-        if spread @ spread > 0:
-            slope = spread @ (accel[mine] - accel[mine].mean(axis=0)) / (spread @ spread)
-            slope -= (slope @ up[mine][0]) * up[mine][0]
-            force[mine] += square[:, None] * slope
-    return np.asarray(force)

@@ -247,9 +247,7 @@ def free_start(readings: Readings, site: Site, lever_arm: bool) -> State | None:
     return State(model, Free(o, vertical), arm)
 
 
-def angle_start(
-    readings: Readings, site: Site, trust: Trust, names: tuple[str, ...]
-) -> State | None:
+def angle_start(readings: Readings, site: Site, trust: Trust) -> State | None:
     """Solve as if the table were perfect; None where that is singular.
 
     Parameters
@@ -260,8 +258,6 @@ def angle_start(
         Gravity and latitude.
     trust : Trust
         What is believed of the table.
-    names : tuple of str
-        Coefficients to estimate.
     """
     spin = readings.spin
     up = turntable.up_k(readings.angles)

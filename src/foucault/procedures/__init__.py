@@ -14,6 +14,9 @@ from foucault.errors import error, suggestion
 PROCEDURES = {
     "hand_rotated": "foucault.procedures.hand_rotated",
     "hand_rotated_published": "foucault.procedures.hand_rotated_published",
+    "norm_observation": "foucault.procedures.norm_observation",
+    "multi_position": "foucault.procedures.multi_position",
+    "turntable": "foucault.procedures.turntable",
 }
 """Name in a campaign file -> module."""
 

@@ -122,7 +122,13 @@ class Session(BaseModel):
 
 
 def simulate(
-    session: Session, *, model: ImuModel, noise: ImuNoise, site: Site, seed: int
+    session: Session,
+    *,
+    model: ImuModel,
+    noise: ImuNoise,
+    site: Site,
+    seed: int,
+    settings: BaseModel | None = None,
 ) -> Simulation:
     """Simulate a session.
 
@@ -138,6 +144,8 @@ def simulate(
         Gravity and latitude.
     seed : int, shape ()
         Seed of plan and noise [1].
+    settings : Settings or None
+        Of the calibration to follow; a hand-rotated session does not depend on them.
     """
     plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
     plan = hand_plan(

@@ -9,7 +9,7 @@ s from 0 to 1 and a smooth bump b, so that the true rate is known in closed form
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +50,16 @@ class Simulation:
     first: npt.NDArray[np.int64]
     last: npt.NDArray[np.int64]
     C_nb: FloatArray
+
+    def truth_json(self) -> dict[str, Any]:
+        """Return the truth beside the coefficients."""
+        return {
+            "rests": {
+                "first": self.first.tolist(),
+                "last": self.last.tolist(),
+                "C_nb": self.C_nb.tolist(),
+            }
+        }
 
 
 def draw_errors(grade_name: str, seed: int) -> ImuModel:

@@ -1,0 +1,293 @@
+"""Which stretches of a log become readings, and over which time each is averaged.
+
+Where the log numbers its positions there is one reading per number, from the longest time without
+change inside it. Otherwise every rest that is long enough is a reading, and every spin of at least
+one turn; a table that goes to its next position at a constant rate turns by less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.position_cells import CELL, Reduced, Source
+from foucault.diagnose.position_stretches import Stretch, mean, steadiness, stretches
+from foucault.diagnose.position_turns import TURN, Window, cells_of, reaches, whole_turns
+from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.tables import FloatArray
+from foucault.units import plain
+
+BoolArray = npt.NDArray[np.bool_]
+
+OTHER_RATE = 1.2
+"""Rates that differ by more than this factor are not the same rate [1]."""
+
+MOST_MOVING = 0.25
+"""A numbered position that moves for longer than this part of its time is told [1]."""
+
+SAME = np.radians(2.0)
+"""Directions of up in one position differ by less [rad]."""
+
+ATTEMPT = 0.55
+"""A spin of so much of a turn was meant to be one: moves to other positions are shorter [1]."""
+
+PAUSE = 0.3
+"""A rest next to a spin, shorter than this part of the longest rest, is only a pause [1]."""
+
+LEFT_OVER = 0.02
+"""Parts of a turn smaller than this are no parts [1]."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The readings of a log before they are averaged.
+
+    Attributes
+    ----------
+    runs : list of Stretch
+        The time without change that each reading is taken from.
+    windows : list of Window
+        The time over which each is averaged.
+    pauses : ndarray of bool, shape (n,)
+        Which are rests next to a spin in the same position: they may be no more than pauses.
+    findings : tuple of Finding
+        What was left out.
+    """
+
+    runs: list[Stretch]
+    windows: list[Window]
+    pauses: BoolArray
+    findings: tuple[Finding, ...]
+
+
+def choose(source: Source, data: Reduced, commanded: FloatArray, shortest: float) -> Choice:
+    """Choose the rests and spins of a log.
+
+    Parameters
+    ----------
+    source : callable
+        Gives the blocks of the log [SI].
+    data : Reduced
+        The same log.
+    commanded : ndarray, shape (k,)
+        Sizes of the rates that the table was told; empty where unknown [rad/s].
+    shortest : float
+        Shortest rest [s].
+    """
+    if "accel" not in data.has and "gyro" not in data.has:
+        raise error("session.no_accel")
+    how = steadiness(data)
+    runs = stretches(data, how, float(commanded.min()) if len(commanded) else None)
+    _same_rate(data, runs)
+    labelled = "label" in data.has
+    findings: list[Finding] = []
+    if labelled:
+        runs, findings = _by_label(data, runs, shortest)
+    else:
+        runs = [r for r in runs if r.rate != 0 or _time(data, r) >= shortest]
+    spins = [run for run in runs if run.rate != 0]
+    windows = dict(zip(spins, _windows(source, data, spins, commanded), strict=True))
+    short = [run for run in spins if not windows[run].turns]
+    good = [run for run in runs if run.rate == 0 or windows[run].turns]
+    meant = [r for r in short if labelled or windows[r].whole >= ATTEMPT]
+    if meant and (labelled or len(good) == sum(r.rate == 0 for r in good)):
+        raise _short(data, meant[0], windows[meant[0]])
+    pauses = np.zeros(len(good), bool)
+    if not labelled:
+        good, pauses = _without_pauses(data, good)
+    _rates_as_told(data, [run for run in good if run.rate != 0], commanded)
+    chosen = [windows.get(run) or _rest(data, run) for run in good]
+    if labelled:
+        findings += _cut(data, good, chosen)
+    return Choice(good, chosen, pauses, tuple(findings))
+
+
+def _without_pauses(data: Reduced, runs: list[Stretch]) -> tuple[list[Stretch], BoolArray]:
+    """Leave out the short rests before and after a spin; tell the longer ones."""
+    pauses = np.zeros(len(runs), bool)
+    for k, (a, b) in enumerate(pairwise(runs)):
+        if (a.rate == 0) != (b.rate == 0) and _same_position(data, a, b):
+            pauses[k if a.rate == 0 else k + 1] = True
+    longest = max((_time(data, run) for run in runs if run.rate == 0), default=0.0)
+    keep = [not (p and _time(data, r) < PAUSE * longest)
+            for r, p in zip(runs, pauses, strict=True)]  # fmt: skip
+    return [run for run, k in zip(runs, keep, strict=True) if k], pauses[keep]
+
+
+def _same_position(data: Reduced, a: Stretch, b: Stretch) -> bool:
+    """Tell whether the outer axis alone, or nothing, has turned between two stretches."""
+    cells = data.cells
+    if "accel" not in data.has:
+        return False
+    between = cells.accel[a.last : b.first]
+    means = [mean(cells, cells.accel, run) for run in (a, b)]
+    if len(between):
+        means.append(between.mean(axis=0))
+    up = [x / np.linalg.norm(x) for x in means]
+    return all(float(np.linalg.norm(x - up[0])) < SAME for x in up)
+
+
+def _time(data: Reduced, run: Stretch) -> float:
+    reach = cells_of(data, run)
+    return reach.end - reach.start
+
+
+def _rest(data: Reduced, run: Stretch) -> Window:
+    reach = cells_of(data, run)
+    return Window(reach.start, reach.end)
+
+
+def _words(data: Reduced, run: Stretch) -> dict[str, str]:
+    cells = data.cells
+    label = int(cells.label[run.first])
+    zero = float(cells.first[0])
+    reach = cells_of(data, run)
+    start, end = (f"{t - zero:.1f}" for t in (reach.start, reach.end))
+    name = f"Position {label}" if label >= 0 else "The position"
+    return {"position": name, "start": start, "end": end}
+
+
+def _windows(
+    source: Source, data: Reduced, spins: list[Stretch], commanded: FloatArray
+) -> list[Window]:
+    if not spins:
+        return []
+    inner = [cells_of(data, run) for run in spins]
+    rates = [nearest(run.rate, commanded) for run in spins]
+    windows = [whole_turns(data, *each) for each in zip(spins, rates, inner, strict=True)]
+    # Another turn may be there if the spin goes on for a part of the cells at its ends.
+    more = any(
+        np.floor(w.whole + 4 * CELL * abs(run.rate) / TURN) > w.turns
+        for run, w in zip(spins, windows, strict=True)
+    )
+    if not more:
+        return windows
+    outer = reaches(source, data, spins)
+    return [whole_turns(data, *each) for each in zip(spins, rates, outer, strict=True)]
+
+
+def nearest(rate: float, commanded: FloatArray) -> float | None:
+    """Return the commanded rate nearest to a measured one, None where none is like it [rad/s].
+
+    Parameters
+    ----------
+    rate : float
+        Rate as measured [rad/s].
+    commanded : ndarray, shape (k,)
+        Sizes of the rates that the table was told [rad/s].
+    """
+    if not len(commanded):
+        return None
+    ratio = np.abs(np.log(abs(rate) / commanded))
+    best = int(np.argmin(ratio))
+    return float(commanded[best]) if ratio[best] <= np.log(OTHER_RATE) else None
+
+
+def _same_rate(data: Reduced, runs: list[Stretch]) -> None:
+    """Refuse angles of the table that turn at another rate than the gyros say."""
+    spins = [run for run in runs if run.rate != 0]
+    if not spins or "outer" not in data.has or "gyro" not in data.has:
+        return
+    rests = [run for run in runs if run.rate == 0]
+    cells = data.cells
+    bias = np.mean([mean(cells, cells.gyro, r) for r in rests], axis=0) if rests else np.zeros(3)
+    time = np.array([_time(data, run) for run in spins])
+    size = np.array([np.linalg.norm(mean(cells, cells.gyro, r) - bias) for r in spins])
+    ratio = np.array([abs(run.rate) for run in spins]) / np.maximum(size, 1e-12)
+    order = np.argsort(ratio)
+    middle = order[np.searchsorted(np.cumsum(time[order]), 0.5 * time.sum())]
+    problem = rate_problem(
+        "table.rate_differs", float(ratio[middle]), abs(spins[middle].rate), float(size[middle])
+    )
+    if problem is not None:
+        raise problem
+
+
+def rate_problem(code: str, ratio: float, told: float, measured: float) -> FoucaultError | None:
+    """Name a rate of the table that is not that of the gyros, or return None.
+
+    Parameters
+    ----------
+    code : str
+        What it is where no unit explains it.
+    ratio : float
+        Rate of the table over rate of the gyros [1].
+    told, measured : float
+        Both rates, for the text [rad/s].
+    """
+    if 1 / OTHER_RATE < ratio < OTHER_RATE:
+        return None
+    words = {"told": plain(np.degrees(told), 4), "measured": plain(np.degrees(measured), 4)}
+    one = np.degrees(1.0)
+    for factor, is_unit, says in ((one, "deg", "rad"), (1 / one, "rad", "deg")):
+        if 1 / OTHER_RATE < ratio / factor < OTHER_RATE:
+            return error("table.rate_unit", likely=is_unit, given=says, **words)
+    return error(code, **words)
+
+
+def _rates_as_told(data: Reduced, spins: list[Stretch], commanded: FloatArray) -> None:
+    """Refuse spins at another rate than commanded, where only the command tells the turns."""
+    if "outer" in data.has or not len(commanded):
+        return
+    for run in spins:
+        if nearest(run.rate, commanded) is None:
+            told = commanded[np.argmin(np.abs(np.log(abs(run.rate) / commanded)))]
+            problem = rate_problem(
+                "spin.rate", float(told / abs(run.rate)), float(told), abs(run.rate)
+            )
+            if problem is not None:
+                raise problem
+
+
+def _short(data: Reduced, run: Stretch, window: Window) -> FoucaultError:
+    return error("spin.short", turns=f"{window.whole:.2f}", **_words(data, run))
+
+
+def _by_label(
+    data: Reduced, runs: list[Stretch], shortest: float
+) -> tuple[list[Stretch], list[Finding]]:
+    """Choose one stretch for each time that a number is given."""
+    label = data.cells.label
+    edges = np.flatnonzero(np.diff(label, prepend=label[0] - 1, append=label[-1] + 1))
+    chosen, findings = [], []
+    for a, b in pairwise(edges.tolist()):
+        if label[a] < 0:
+            continue
+        whole = Stretch(a, b, 0.0)
+        inside = [run for run in runs if a <= run.first < b]
+        spins = [r for r in inside if r.rate != 0 and abs(r.rate) * _time(data, r) > 0.1 * TURN]
+        if spins:
+            _one_sense(data, whole, spins)
+        rests = [r for r in inside if r.rate == 0 and _time(data, r) >= shortest]
+        best = max(spins or rests, key=lambda r: _time(data, r), default=None)
+        if best is None:
+            words = _words(data, whole)
+            findings.append(finding("position.moving", used="none of it", **words))
+            continue
+        chosen.append(best)
+        moving = _time(data, whole) - _time(data, best)
+        if best.rate == 0 and moving > max(MOST_MOVING * _time(data, whole), 2 * CELL):
+            used = "only {start}-{end} s".format(**_words(data, best))
+            findings.append(finding("position.moving", used=used, **_words(data, whole)))
+    return chosen, findings
+
+
+def _one_sense(data: Reduced, whole: Stretch, spins: list[Stretch]) -> None:
+    ways = {bool(run.rate > 0) for run in spins}
+    if len(ways) > 1:
+        first = next(r for r in spins if (r.rate > 0) != (spins[0].rate > 0))
+        at = _words(data, first)["start"]
+        raise error("spin.both_senses", at=at, **_words(data, whole))
+
+
+def _cut(data: Reduced, runs: list[Stretch], windows: list[Window]) -> list[Finding]:
+    """Tell which numbered spins had a part of a turn more than was used."""
+    some = [
+        f"{int(data.cells.label[run.first])} ({w.whole:.2f} turns, {w.turns:g} used)"
+        for run, w in zip(runs, windows, strict=True)
+        if w.turns and w.whole - w.turns > LEFT_OVER
+    ]
+    return [finding("spin.cut", positions=", ".join(some))] if some else []

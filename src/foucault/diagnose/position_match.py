@@ -1,0 +1,201 @@
+"""Which position of the plan each reading was taken in, told by the direction of up.
+
+Readings are aligned with the plan in the order in which they were taken, as one aligns two texts:
+a position that is left out, repeated or added costs as much as two directions 25 deg apart. Where
+that leaves positions and readings without a partner, the order is given up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models import turntable
+from foucault.models.readings import Readings
+from foucault.tables import IntArray
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+FAR = np.radians(25.0)
+"""Directions further apart than this are different positions [rad]."""
+
+SMALL = np.radians(30.0)
+"""An instrument is mounted as the plan says when it is turned by less [rad]."""
+
+LATE = 1e-4
+"""What a place further on in the plan costs where the order is given up [1]."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """Readings and positions that belong together.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (n,)
+        Position of the plan for each reading, -1 for none [1].
+    ordered : bool
+        Whether they follow each other as in the plan.
+    rotation : ndarray, shape (3, 3)
+        From case to body axes, as the directions tell [1].
+    """
+
+    row: IntArray
+    ordered: bool
+    rotation: FloatArray
+
+    def unused(self, positions: int) -> IntArray:
+        """Return the positions of a plan that no reading was taken in.
+
+        Parameters
+        ----------
+        positions : int, shape ()
+            Length of the plan [1].
+        """
+        return np.setdiff1d(np.arange(positions), self.row)
+
+
+def directions(readings: Readings) -> FloatArray:
+    """Return the direction of up in each reading, shape (n, 3) [1]; NaN where it is unknown.
+
+    Parameters
+    ----------
+    readings : Readings
+        Means of accelerometers, or of gyros in spins [SI].
+    """
+    if readings.accel is not None:
+        return _unit(readings.accel)
+    out = np.full((len(readings), 3), np.nan)
+    if readings.gyro is not None:
+        spin = readings.spin
+        out[spin] = _unit(readings.gyro[spin]) * np.sign(readings.rate[spin])[:, None]
+    return out
+
+
+def _unit(x: FloatArray) -> FloatArray:
+    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None])
+
+
+def rotation(up: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Return the rotation that takes `nominal` nearest to `up`, shape (3, 3) [1].
+
+    Parameters
+    ----------
+    up, nominal : ndarray, shape (n, 3)
+        Directions that belong together; with fewer than two it is the identity [1].
+    """
+    if len(up) == 0:
+        return np.eye(3)
+    U, s, Vt = np.linalg.svd(up.T @ nominal)
+    if s[1] < 0.05 * len(up):
+        return np.eye(3)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt)
+
+
+def turned(C: FloatArray) -> float:
+    """Return the angle of a rotation [rad].
+
+    Parameters
+    ----------
+    C : ndarray, shape (3, 3)
+        Rotation matrix [1].
+    """
+    return float(np.arccos(np.clip((np.trace(C) - 1) / 2, -1.0, 1.0)))
+
+
+def match(
+    up: FloatArray, spin: BoolArray | None, nominal: FloatArray, nominal_spin: BoolArray
+) -> Match:
+    """Find the position of each reading.
+
+    Parameters
+    ----------
+    up : ndarray, shape (n, 3)
+        Direction of up in each reading, body axes [1].
+    spin : ndarray of bool, shape (n,), or None
+        Which are spins, where the log can tell.
+    nominal : ndarray, shape (m, 3)
+        Direction of up in each position of the plan, case axes [1].
+    nominal_spin : ndarray of bool, shape (m,)
+        Which of them are spins.
+    """
+    C = np.eye(3)
+    found = Match(np.full(len(up), -1), True, C)
+    for _ in range(3):
+        cost = _cost(up, spin, nominal @ C.T, nominal_spin)
+        row, ordered = _aligned(cost), True
+        if (row < 0).any() and len(np.unique(row[row >= 0])) < len(nominal):
+            free = _assigned(cost)
+            if (free >= 0).sum() > (row >= 0).sum():
+                row, ordered = free, False
+        found = Match(row, ordered, C)
+        some = (row >= 0) & np.isfinite(up).all(axis=1)
+        again = rotation(up[some], nominal[row[some]])
+        if turned(again) > SMALL:
+            break
+        C = again
+    return found
+
+
+def _cost(
+    up: FloatArray, spin: BoolArray | None, nominal: FloatArray, nominal_spin: BoolArray
+) -> FloatArray:
+    angle = np.arccos(np.clip(np.nan_to_num(up @ nominal.T, nan=1.0), -1.0, 1.0))
+    cost = np.where(angle < FAR, (angle / FAR) ** 2, np.inf)
+    if spin is not None:
+        cost[spin[:, None] != nominal_spin[None, :]] = np.inf
+    return np.asarray(cost)
+
+
+def _aligned(cost: FloatArray) -> IntArray:
+    """Align in order; a reading or a position without partner costs 1."""
+    n, m = cost.shape
+    best = np.zeros((n + 1, m + 1))
+    best[:, 0], best[0, :] = np.arange(n + 1), np.arange(m + 1)
+    for i in range(n):
+        for j in range(m):
+            apart = min(best[i, j + 1], best[i + 1, j]) + 1.0
+            best[i + 1, j + 1] = min(best[i, j] + cost[i, j], apart)
+    row = np.full(n, -1)
+    i, j = n, m
+    while i and j:
+        if best[i, j] == best[i - 1, j - 1] + cost[i - 1, j - 1]:
+            i, j = i - 1, j - 1
+            row[i] = j
+        elif best[i, j] == best[i - 1, j] + 1.0:
+            i -= 1
+        else:
+            j -= 1
+    return row
+
+
+def _assigned(cost: FloatArray) -> IntArray:
+    from scipy.optimize import linear_sum_assignment
+
+    n, m = cost.shape
+    late = LATE * np.abs(np.arange(n)[:, None] - np.arange(m)[None, :])
+    finite = np.where(np.isfinite(cost), cost + late, 1e3)
+    i, j = linear_sum_assignment(finite)
+    row = np.full(n, -1)
+    good = np.isfinite(cost[i, j])
+    row[i[good]] = j[good]
+    return row
+
+
+def with_plan(readings: Readings, plan: turntable.TablePlan, spins_known: bool) -> Match:
+    """Match readings with a plan.
+
+    Parameters
+    ----------
+    readings : Readings
+        What was read [SI].
+    plan : TablePlan
+        What was planned [SI].
+    spins_known : bool
+        Whether the readings tell spins from rests.
+    """
+    spin = readings.spin if spins_known else None
+    return match(directions(readings), spin, turntable.up_k(plan.angles), plan.rate != 0)

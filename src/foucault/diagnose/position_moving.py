@@ -1,0 +1,81 @@
+"""Rests that were not quite rests: the instrument was still settling or turning.
+
+A rest is compared with the other rests of the log, so that what all of them share, such as a bias
+that drifts, is no motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from foucault.diagnose.position_cells import Reduced
+from foucault.errors import Finding, finding
+from foucault.models.readings import Readings
+from foucault.tables import FloatArray
+from foucault.units import plain
+
+BEYOND_NOISE = 6.0
+"""A difference of this many standard deviations is not noise [1]."""
+
+BEYOND_OTHERS = 8.0
+"""Nor is it like the other rests where it is so many times theirs [1]."""
+
+LEAST_TURN = np.radians(0.02)
+"""Least rate that is called motion; the Earth turns at 0.004 deg/s [rad/s]."""
+
+LEAST_TILT = 2e-5
+"""Least change of the direction of gravity over a rest that is called motion [rad]."""
+
+
+def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> list[Finding]:
+    """Name the rests in which the instrument moved.
+
+    Parameters
+    ----------
+    readings : Readings
+        Means [SI].
+    change : dict of str to ndarray, each shape (n, 3)
+        Mean of the second half of each reading less that of the first, accel and gyro [SI].
+    data : Reduced
+        The log.
+    """
+    rest = np.flatnonzero(~readings.spin)
+    if len(rest) < 2:
+        return []
+    why: dict[int, str] = {}
+    if "accel" in change and readings.accel is not None:
+        size = float(np.median(np.linalg.norm(readings.accel, axis=1)))
+        tilt = np.linalg.norm(change["accel"][rest], axis=1) / size
+        # Each half has twice the variance of the whole, their difference four times.
+        sd = 2 * np.sqrt(np.trace(readings.accel_cov[rest], axis1=1, axis2=2)) / size
+        for k in _odd(tilt, sd, LEAST_TILT):
+            why[int(rest[k])] = f"tilts by {plain(np.degrees(tilt[k]) * 3600, 3)} arcsec"
+    if readings.gyro is not None:
+        off = np.linalg.norm(readings.gyro[rest] - np.median(readings.gyro[rest], axis=0), axis=1)
+        sd = np.sqrt(np.trace(readings.gyro_cov[rest], axis1=1, axis2=2))
+        for k in _odd(off, sd, LEAST_TURN):
+            why[int(rest[k])] = f"turns at {plain(np.degrees(off[k]), 3)} deg/s"
+    zero = float(data.cells.first[0])
+    out = []
+    for k, words in sorted(why.items()):
+        start, end = readings.start[k] - zero, readings.start[k] + readings.time[k] - zero
+        label = _label(data, readings.start[k])
+        name = f"Position {label}" if label >= 0 else f"Reading {k + 1}"
+        out.append(
+            finding(
+                "position.not_still", position=name, start=f"{start:.1f}", end=f"{end:.1f}",
+                how=words,
+            )
+        )  # fmt: skip
+    return out
+
+
+def _odd(size: FloatArray, sd: FloatArray, least: float) -> FloatArray:
+    limit = np.maximum(BEYOND_NOISE * sd, max(least, BEYOND_OTHERS * float(np.median(size))))
+    return np.asarray(np.flatnonzero(size > limit))
+
+
+def _label(data: Reduced, start: float) -> int:
+    cells = data.cells
+    k = int(np.searchsorted(cells.start, start + 1e-9, side="right")) - 1
+    return int(cells.label[max(k, 0)])

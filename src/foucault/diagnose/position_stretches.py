@@ -1,0 +1,379 @@
+"""Where the rests and the spins of a session on a table are.
+
+A stretch is a run of cells that do not change: the instrument turns at a constant rate about the
+vertical, or not at all. Moves from one position to the next and the ramps at both ends of a spin
+change from cell to cell. What is called constant is learned from the log: a step between the
+means of neighbouring cells counts when it is five times the usual one.
+
+The rate of a rest is the bias of the gyros, that of a spin has a part along up besides. Across up
+both show the bias only, so that the bias is found from all stretches together, and what is left
+along up tells spins from rests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.position_cells import CELL, Cells, Reduced
+from foucault.diagnose.rests import EDGE, quiet_sd, split
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+STEP = 5.0
+"""Cells belong together when their means differ by less than this many usual steps [1]."""
+
+STEADY = 0.02
+"""A rate is constant when it changes by less than this part of itself per cell [1]."""
+
+LEAN = 0.1
+"""A spin whose axis leans by less than this is a spin about the vertical [rad]."""
+
+LEAST_GYRO = (2e-5, 1e-5)
+"""Least scatter of samples and least step between cells that are looked at [rad/s]."""
+
+LEAST_ACCEL = (1e-4, 2e-4)
+"""The same for the accelerometers [m/s^2]."""
+
+LEAST_TABLE = 1e-4
+"""Least step of the rate that the table tells [rad/s]."""
+
+HELD = 3e-4
+"""Middle and inner angle stand still when they change by less per cell [rad]."""
+
+PAUSE = 2.0
+"""Two stretches in the same position are one, if no more than this lies in between [s]."""
+
+SLOWEST = np.radians(0.01)
+"""No spin is slower, unless it is told so; the Earth turns at 0.004 deg/s [rad/s]."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A time without change.
+
+    Attributes
+    ----------
+    first, last : int, shape ()
+        First cell and the cell after the last [1].
+    rate : float
+        Rate of the outer axis, counter-clockwise from above; 0 at rest, NaN where the log cannot
+        tell [rad/s].
+    """
+
+    first: int
+    last: int
+    rate: float
+
+
+@dataclass(frozen=True)
+class Steadiness:
+    """How steady each cell is, and which neighbours belong together.
+
+    Attributes
+    ----------
+    level : ndarray, shape (m,)
+        Scatter of the samples, relative to the quiet cells [1].
+    quiet : ndarray of bool, shape (m,)
+        Whether the cell is quiet, or turns so that its scatter is small against its rate.
+    linked : ndarray of bool, shape (m - 1,)
+        Whether the cell and the next one belong together.
+    table_rate : ndarray, shape (m,)
+        Rate of the outer axis as the table tells it, NaN where it does not [rad/s].
+    gyro_step, table_step : float
+        Largest step of means that counts as no change [rad/s].
+    """
+
+    level: FloatArray
+    quiet: BoolArray
+    linked: BoolArray
+    table_rate: FloatArray
+    gyro_step: float
+    table_step: float
+
+
+def steadiness(data: Reduced) -> Steadiness:
+    """Judge how steady the cells are.
+
+    Parameters
+    ----------
+    data : Reduced
+        The log.
+    """
+    cells = data.cells
+    levels = [_level(cells.accel_var, LEAST_ACCEL[0]) if "accel" in data.has else None,
+              _level(cells.gyro_var, LEAST_GYRO[0]) if "gyro" in data.has else None]  # fmt: skip
+    level = np.maximum.reduce([x for x in levels if x is not None])
+    limit = max(split(level), 2.0)
+    calm = level < limit
+    table_rate = _table_rate(cells)
+    turn = np.nan_to_num(np.abs(table_rate))
+    if "gyro" in data.has:
+        turn = np.linalg.norm(cells.gyro, axis=1)
+    pair = np.maximum(turn[1:], turn[:-1])
+    both = calm[1:] & calm[:-1]
+    linked = (cells.broken[1:] == 0) & (cells.label[1:] == cells.label[:-1])
+    coarse = _coarse(cells)
+    gyro_step, quiet = np.inf, calm
+    if "gyro" in data.has:
+        step = np.linalg.norm(np.diff(cells.gyro, axis=0), axis=1)
+        gyro_step = STEP * _usual(step, both, LEAST_GYRO[1])
+        linked &= step <= np.maximum(gyro_step * coarse, STEADY * pair)
+        turning = np.sqrt(cells.gyro_var.sum(axis=1)) < 0.05 * turn
+        quiet = quiet | turning
+    if "accel" in data.has:
+        step = np.linalg.norm(np.diff(cells.accel, axis=0), axis=1)
+        allowed = STEP * _usual(step, both, LEAST_ACCEL[1])
+        size = float(np.median(np.linalg.norm(cells.accel, axis=1)))
+        linked &= step <= np.maximum(allowed * coarse, LEAN * size * pair * CELL)
+    table_step = _table_step(table_rate)
+    if "outer" in data.has:
+        slow = np.minimum(np.abs(table_rate[1:]), np.abs(table_rate[:-1]))
+        linked &= np.abs(np.diff(table_rate)) <= np.maximum(table_step, STEADY * slow)
+    linked &= _held(cells)
+    return Steadiness(level, quiet, linked, table_rate, gyro_step, table_step)
+
+
+def _level(variance: FloatArray, least: float) -> FloatArray:
+    sd = np.sqrt(variance.sum(axis=1))
+    return np.asarray(sd / max(quiet_sd(sd), least))
+
+
+def _coarse(cells: Cells) -> FloatArray:
+    """Return how much noisier a step is than between full cells, shape (m - 1,)."""
+    full = float(np.median(cells.count))
+    return np.asarray(np.sqrt(0.5 * full * (1 / cells.count[1:] + 1 / cells.count[:-1])))
+
+
+def _usual(step: FloatArray, both: BoolArray, least: float) -> float:
+    chosen = step[both] if both.any() else step
+    return max(float(np.median(chosen)) if len(chosen) else 0.0, least)
+
+
+def _table_rate(cells: Cells) -> FloatArray:
+    span = cells.last - cells.first
+    turned = cells.to_angles[:, 0] - cells.from_angles[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = np.where(span > 0, turned / span, np.nan)
+    if len(cells) > 1:  # cells of one sample: the next one tells
+        ahead = np.diff(cells.from_angles[:, 0]) / np.diff(cells.first)
+        rate = np.where(np.isnan(rate), np.append(ahead, ahead[-1]), rate)
+    return np.asarray(rate)
+
+
+def _table_step(rate: FloatArray) -> float:
+    step = np.abs(np.diff(rate))
+    step = step[np.isfinite(step)]
+    return STEP * max(float(np.median(step)) if len(step) else 0.0, LEAST_TABLE)
+
+
+def _held(cells: Cells) -> BoolArray:
+    """Tell where middle and inner angle do not change from a cell to the next."""
+    out = np.ones(max(len(cells) - 1, 0), bool)
+    for k in (1, 2):
+        step = np.abs(np.diff(cells.from_angles[:, k]))
+        within = np.abs(cells.to_angles[:, k] - cells.from_angles[:, k])
+        worst = np.maximum(step, np.maximum(within[1:], within[:-1]))
+        if np.isfinite(worst).all() and len(worst):
+            out &= worst <= max(HELD, STEP * float(np.median(worst)))
+    return out
+
+
+def stretches(data: Reduced, how: Steadiness, slowest: float | None) -> list[Stretch]:
+    """Find the rests and spins.
+
+    Parameters
+    ----------
+    data : Reduced
+        The log.
+    how : Steadiness
+        How steady its cells are.
+    slowest : float or None
+        Slowest rate that was commanded, where known [rad/s].
+    """
+    cells = data.cells
+    good = how.quiet[1:] & how.quiet[:-1] & how.linked
+    edge = np.diff(np.concatenate([[0], good.astype(np.int8), [0]]))
+    first, last = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1) + 1
+    runs = [Stretch(int(a), int(b), np.nan) for a, b in zip(first, last, strict=True)]
+    if not runs:
+        return []
+    rates = _rates(data, how, runs, slowest)
+    runs = [replace(run, rate=float(rate)) for run, rate in zip(runs, rates, strict=True)]
+    runs = [_trimmed(run, data, how) for run in runs]
+    return _merged(cells, data, runs)
+
+
+def mean(cells: Cells, x: FloatArray, run: Stretch) -> FloatArray:
+    """Return the mean of `x` over a stretch.
+
+    Parameters
+    ----------
+    cells : Cells
+        The log.
+    x : ndarray, shape (m,) or (m, 3)
+        Means of the cells [unit].
+    run : Stretch
+        The stretch.
+    """
+    part = slice(run.first, run.last)
+    return np.asarray(np.average(x[part], axis=0, weights=cells.count[part]))
+
+
+def _rates(
+    data: Reduced, how: Steadiness, runs: list[Stretch], slowest: float | None
+) -> FloatArray:
+    """Return the rate of each run, 0 where it is a rest."""
+    cells = data.cells
+    time = np.array([cells.end[r.last - 1] - cells.start[r.first] for r in runs])
+    if "outer" in data.has:
+        rate = np.array([_slope(cells, r) for r in runs])
+        limit = max(SLOWEST, how.table_step / 5) if slowest is None else 0.3 * slowest
+        return np.where(np.abs(rate) > limit, rate, 0.0)
+    if "gyro" not in data.has:
+        return np.zeros(len(runs))
+    w = np.array([mean(cells, cells.gyro, r) for r in runs])
+    f = np.array([mean(cells, cells.accel, r) for r in runs]) if "accel" in data.has else None
+    return spin_rates(w, f, time, slowest)
+
+
+def spin_rates(
+    w: FloatArray, f: FloatArray | None, time: FloatArray, slowest: float | None
+) -> FloatArray:
+    """Return the rate of each spin, without bias, shape (n,) [rad/s]; 0 at rest.
+
+    Parameters
+    ----------
+    w : ndarray, shape (n, 3)
+        Mean rates [rad/s].
+    f : ndarray, shape (n, 3), or None
+        Mean specific forces; without them the rate of a spin has no sign [m/s^2].
+    time : ndarray, shape (n,)
+        Length of each mean [s].
+    slowest : float or None
+        Slowest rate that was commanded, where known [rad/s].
+    """
+    if f is None:
+        rate = np.linalg.norm(w, axis=1)
+    else:
+        up = f / np.maximum(np.linalg.norm(f, axis=1), 1e-300)[:, None]
+        rate = ((w - bias_across(w, up, time)) * up).sum(axis=1)
+    rate = np.where(np.abs(rate) > _threshold(rate, time, slowest), rate, 0.0)
+    if f is not None and (rate == 0).any() and rate.any():
+        # Rests tell the bias better, and the size does not depend on where up is.
+        rest = np.average(w[rate == 0], axis=0, weights=time[rate == 0])
+        rate = np.sign(rate) * np.linalg.norm(w - rest, axis=1)
+    return np.asarray(rate)
+
+
+def _slope(cells: Cells, run: Stretch) -> float:
+    a, b = run.first, run.last - 1
+    turned = cells.to_angles[b, 0] - cells.from_angles[a, 0]
+    return float(turned / (cells.last[b] - cells.first[a]))
+
+
+def bias_across(w: FloatArray, up: FloatArray, time: FloatArray) -> FloatArray:
+    """Fit the bias to the rates across up, which no spin about the vertical has.
+
+    Parameters
+    ----------
+    w : ndarray, shape (n, 3)
+        Mean rates at rest and in spins [rad/s].
+    up : ndarray, shape (n, 3)
+        Directions of up [1].
+    time : ndarray, shape (n,)
+        Length of each mean [s].
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Bias; its part along up is zero where up has but one direction [rad/s].
+    """
+    across = np.eye(3) - up[:, :, None] * up[:, None, :]
+    weight = np.minimum(time, 30.0)
+    for _ in range(10):
+        N = np.einsum("n,nij->ij", weight, across)
+        b = np.linalg.pinv(N, rcond=1e-3) @ np.einsum("n,nij,nj->i", weight, across, w)
+        off = np.linalg.norm(np.einsum("nij,nj->ni", across, w - b), axis=1)
+        # A turn that is no spin counts less.
+        weight = np.minimum(time, 30.0) / (1 + (off / max(3 * np.median(off), 1e-6)) ** 2)
+    return np.asarray(b)
+
+
+def _threshold(rate: FloatArray, time: FloatArray, slowest: float | None) -> float:
+    if slowest is not None:
+        return 0.4 * slowest
+    size = np.maximum(np.abs(rate), SLOWEST / 10)
+    if size.max() < 3 * size.min():  # all rests or all spins
+        return 0.0 if float(np.median(size)) > np.radians(0.5) else np.inf
+    # Each second counts alike, not each run: moves leave many short ones.
+    seconds = np.repeat(size, np.maximum(1, np.round(time).astype(int)))
+    return float(max(split(seconds / SLOWEST) * SLOWEST, SLOWEST))
+
+
+def _trimmed(run: Stretch, data: Reduced, how: Steadiness) -> Stretch:
+    """Cut off what belongs to the move or ramp before and after."""
+    cells, part = data.cells, slice(run.first, run.last)
+    calm = np.ones(run.last - run.first, bool)
+    if run.rate == 0.0:
+        calm = how.level[part] <= EDGE * np.median(how.level[part])
+    else:
+        # A cell that holds the end of a ramp is off by little, but by more than the others.
+        noise = np.sqrt(np.median(cells.count) / cells.count[part])
+        if "gyro" in data.has:
+            off = np.linalg.norm(cells.gyro[part] - np.median(cells.gyro[part], axis=0), axis=1)
+            calm &= off <= max(STEP * float(np.median(off)), LEAST_GYRO[1]) * noise
+        if "outer" in data.has:
+            off = np.abs(how.table_rate[part] - np.median(how.table_rate[part]))
+            calm &= off <= max(STEP * float(np.median(off)), LEAST_TABLE) * noise
+    where = np.flatnonzero(calm)
+    if not len(where):
+        return run
+    cut = replace(run, first=run.first + int(where[0]), last=run.first + int(where[-1]) + 1)
+    if (
+        run.rate != 0.0
+        and "outer" in data.has
+        and cells.last[cut.last - 1] > cells.first[cut.first]
+    ):
+        cut = replace(cut, rate=_slope(cells, cut))
+    return cut
+
+
+def _merged(cells: Cells, data: Reduced, runs: list[Stretch]) -> list[Stretch]:
+    """Join runs that a bump has parted: nothing has turned in between."""
+    out: list[Stretch] = []
+    for run in runs:
+        if out and _same(cells, data, out[-1], run):
+            out[-1] = replace(out[-1], last=run.last)
+        else:
+            out.append(run)
+    return out
+
+
+def _same(cells: Cells, data: Reduced, a: Stretch, b: Stretch) -> bool:
+    gap = slice(a.last, b.first)
+    pause = cells.start[b.first] - cells.end[a.last - 1]
+    if pause > PAUSE or cells.label[a.first] != cells.label[b.first]:
+        return False
+    if cells.broken[a.last : b.first + 1].any():
+        return False
+    if (a.rate == 0) != (b.rate == 0) or abs(a.rate - b.rate) > STEADY * abs(a.rate):
+        return False
+    if "accel" in data.has:
+        up = [x / np.linalg.norm(x) for x in (mean(cells, cells.accel, r) for r in (a, b))]
+        if np.linalg.norm(up[1] - up[0]) > np.radians(0.3):
+            return False
+    time = (cells.end - cells.start)[gap]
+    expected = a.rate * float(time.sum())
+    if "outer" in data.has:
+        turned = cells.from_angles[b.first, 0] - cells.to_angles[a.last - 1, 0]
+        between = cells.first[b.first] - cells.last[a.last - 1]
+        return bool(abs(turned - a.rate * between) < np.radians(0.3))
+    if "gyro" in data.has:
+        w = mean(cells, cells.gyro, a)
+        turned = np.linalg.norm(((cells.gyro[gap] - w) * time[:, None]).sum(axis=0))
+        return bool(turned < max(np.radians(0.5), STEADY * abs(expected)))
+    return True

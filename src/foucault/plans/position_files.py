@@ -1,0 +1,68 @@
+"""Lists of positions as files: one line per position with three angles in degrees."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import error
+from foucault.files import atomic
+
+FloatArray = npt.NDArray[np.float64]
+
+HEADINGS = ("outer", "middle", "inner")
+"""The first line of a file."""
+
+
+def write_positions(angles: FloatArray, path: str | Path) -> None:
+    """Write positions as CSV in degrees, whole or not at all.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, 3)
+        Outer, middle and inner angle of each position [rad].
+    path : str or Path
+        File to write.
+    """
+    lines = [",".join(HEADINGS), *(",".join(f"{a:.9f}" for a in row) for row in np.degrees(angles))]
+    with atomic(path) as temporary:
+        temporary.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def read_positions(path: str | Path) -> FloatArray:
+    """Read positions from CSV in degrees, shape (n, 3) [rad].
+
+    Parameters
+    ----------
+    path : str or Path
+        File as `write_positions` writes it.
+
+    Raises
+    ------
+    FoucaultError
+        ``plan.file``.
+    """
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
+            rows = [[cell.strip() for cell in row] for row in csv.reader(stream) if row]
+    except (OSError, UnicodeDecodeError) as problem:
+        why = getattr(problem, "strerror", None) or "it is not text"
+        raise error("plan.file", path=path, why=why) from None
+    if not rows or tuple(cell.lower() for cell in rows[0]) != HEADINGS:
+        raise error("plan.file", path=path, why="its first line is not `outer,middle,inner`")
+    if len(rows) == 1:
+        raise error("plan.file", path=path, why="it holds no position")
+    return np.radians([_angles(row, path, k) for k, row in enumerate(rows[1:], 2)])
+
+
+def _angles(row: list[str], path: str | Path, line: int) -> list[float]:
+    try:
+        angles = [float(cell) for cell in row]
+    except ValueError:
+        angles = []
+    if len(angles) != 3 or not np.isfinite(angles).all():
+        raise error("plan.file", path=path, why=f"line {line} is not three angles")
+    return angles

@@ -1,0 +1,212 @@
+"""Calibrate an IMU on a table whose angles need not be known: norm observation.
+
+Rest the instrument in a dozen positions and spin the outer axis by whole turns in each. At rest
+the specific force must have the size of gravity; over whole turns the mean rate must have that of
+the table and of the Earth's vertical part. Both mean vectors of a spin lie along the outer axis,
+which ties the frames of accelerometers and gyros together.
+
+The published method solves linear equations and recovers the coefficients to first order; here the
+recovery is exact, and the default is the likelihood of all readings together.
+
+References
+----------
+.. [1] Dong, Ren, Chen, Wang, "Calibration method for the laser gyro strapdown inertial navigation
+   system based on norm-observation", Infrared and Laser Engineering 47(9), 2018.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from foucault.coefficients import CoefficientVector
+from foucault.estimate import four_positions, norm_observation, parallel_vectors
+from foucault.estimate.table_fit import TableFit
+from foucault.models import turntable
+from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.models.readings import Readings
+from foucault.models.table_state import State
+from foucault.procedures import on_table
+from foucault.procedures.on_table import Progress, Task, silent
+from foucault.procedures.turntable_session import TableSession, TableSettings
+from foucault.procedures.turntable_session import simulate as simulate
+from foucault.result import Result
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Settings(TableSettings):
+    """What can be chosen; the defaults suit most tables."""
+
+    solution: Literal["likelihood", "linear", "published"] = Field(
+        default="likelihood",
+        description="likelihood: all readings together; linear: the linear equations with the "
+        "exact recovery; published: with the published recovery, to first order.",
+    )
+    unification: Literal["parallel vectors", "four positions"] = Field(
+        default="parallel vectors",
+        description="How the frames of the linear solutions are tied together; four positions: as "
+        "published, needs four_positions = true and believes the angles of the table.",
+    )
+    repeatability: bool = Field(
+        default=True,
+        description="Estimate the scatter between readings that the noise does not explain.",
+    )
+
+
+class Session(TableSession):
+    """The session that `simulate` makes."""
+
+
+names_of = on_table.names_of
+
+
+def calibrate(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate an IMU by the norms of what it measures.
+
+    Parameters
+    ----------
+    log : Log
+        Samples, or means over positions [SI].
+    site : Site
+        Local gravity, and the latitude where there are gyros.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with covariance, checks and a verdict [SI].
+
+    Raises
+    ------
+    FoucaultError
+        Too few positions, singular plans, spins of less than a turn: see `foucault.symptoms`.
+    """
+    return on_table.calibrate(
+        log, task_of(settings or Settings()), site=site, noise=noise, prior=prior,
+        instrument=instrument, progress=progress,
+    )  # fmt: skip
+
+
+def task_of(settings: Settings) -> Task:
+    """Return the task that `settings` describe."""
+    variant = None if settings.solution == "likelihood" else partial(linear, settings)
+    return Task("norm_observation", settings, None, variant, settings.repeatability)
+
+
+def linear(
+    settings: Settings, readings: Readings, site: Site, fit: TableFit
+) -> tuple[CoefficientVector, State]:
+    """Solve by linear equations, with the covariance that first-order propagation gives.
+
+    Parameters
+    ----------
+    settings : Settings
+        Which recovery and which unification.
+    readings : Readings
+        What was observed; readings that the fit left out are left out here too [SI].
+    site : Site
+        Gravity and latitude.
+    fit : TableFit
+        The likelihood's solution: its covariance of the readings, scatter included, and outliers.
+    """
+    n = len(readings)
+    kept = np.ones(n, bool)
+    kept[[b % n for b in fit.outliers]] = False
+    some = readings[kept]
+    state = solve(settings, some, site)
+    names = tuple(n for n in LINEAR_LOWER if readings.gyro is not None or n.startswith("accel."))
+    values = state.model.coefficients(names).values
+    cov = np.zeros((len(names), len(names)))
+    blocks = [
+        ("accel", fit.observed.accel_cov[kept], 1e-4),
+        ("gyro", fit.observed.gyro_cov[kept], 1e-6),
+    ]
+    for triad, covs, step in blocks:
+        means = getattr(some, triad)
+        if means is None:
+            continue
+        for j in range(len(some)):
+            slope = np.empty((len(names), 3))
+            for i in range(3):
+                moved = []
+                for sign in (1.0, -1.0):
+                    other = means.copy()
+                    other[j, i] += sign * step
+                    at = solve(settings, replace(some, **{triad: other}), site)
+                    moved.append(at.model.coefficients(names).values)
+                slope[:, i] = (moved[0] - moved[1]) / (2 * step)
+            cov += slope @ covs[j] @ slope.T
+    geometry = replace(fit.estimate.state.geometry)
+    vector = CoefficientVector(LAYOUT.subset(names), values, cov)
+    return vector, State(state.model, geometry, state.lever_arm, fit.estimate.state.level)
+
+
+def solve(settings: Settings, readings: Readings, site: Site) -> State:
+    """Solve the linear equations of both triads and tie their frames together.
+
+    Parameters
+    ----------
+    settings : Settings
+        Which recovery and which unification.
+    readings : Readings
+        What was observed [SI].
+    site : Site
+        Gravity and latitude.
+    """
+    spin, arm = readings.spin, np.zeros(3)
+    assert readings.accel is not None
+    rest = readings.accel[~spin]
+    triad = _published if settings.solution == "published" else norm_observation.solve
+    M, b = _solved(
+        triad(rest if len(rest) >= on_table.NORM_NEEDS else readings.accel, site.gravity)
+    )
+    model = ImuModel(accel_matrix=M, accel_bias=b)
+    if readings.gyro is not None:
+        h = turntable.mean_rate(readings.rate, site.latitude or 0.0)
+        L, bias = _solved(triad(readings.gyro[spin], h[spin]))
+        w_d = (readings.gyro[spin] - bias) @ np.linalg.inv(L).T
+        f_b = (readings.accel[spin] - b) @ np.linalg.inv(M).T
+        if settings.unification == "four positions":
+            C_bd = four_positions.unify(readings, b, bias, h, site.gravity)
+        else:
+            C_bd, arm = parallel_vectors.unify(f_b, w_d, h[spin], site.gravity, settings.lever_arm)
+        model = replace(model, gyro_matrix=L @ C_bd.T, gyro_bias=bias)
+    return State(model, None, arm)  # type: ignore[arg-type]
+
+
+def _published(readings: FloatArray, norm: float | FloatArray) -> tuple[FloatArray, FloatArray]:
+    sizes = np.abs(np.broadcast_to(norm, len(readings)))
+    return norm_observation.published_recovery(readings / sizes[:, None] * sizes[0], sizes[0])
+
+
+def _solved(pair: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, FloatArray]:
+    assert pair is not None  # the start of the likelihood has solved the same equations
+    return pair

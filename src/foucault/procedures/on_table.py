@@ -1,0 +1,370 @@
+"""What the procedures on a table have in common: from a log to a result.
+
+They differ in what they believe of the table: nothing (`norm_observation`), everything
+(`multi_position`), or its angles with errors of known size (`turntable`).
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose import table_checks, table_report
+from foucault.diagnose.coverage import Coverage, coverage
+from foucault.diagnose.positions import find_readings
+from foucault.diagnose.session_report import coverage_json
+from foucault.diagnose.table_checks import TableEvidence
+from foucault.diagnose.table_input import check_readings, enough_readings
+from foucault.errors import Finding, error, finding
+from foucault.estimate import turntable_likelihood
+from foucault.estimate.table_fit import Options, TableFit, fit
+from foucault.models.earth import Site
+from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
+from foucault.models.noise import ImuNoise
+from foucault.models.readings import Readings
+from foucault.models.table_state import State, Trust
+from foucault.models.turntable import up_k
+from foucault.plans.efficiency import refuse_singular
+from foucault.plans.turntable import table_plan
+from foucault.procedures.turntable_session import TableSettings
+from foucault.result import Result, Verdict, provenance
+from foucault.tables import AXES, Log
+
+FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[float, str], None]
+Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
+
+FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
+
+
+def silent(fraction: float, words: str) -> None:
+    """Tell nobody of `fraction` [1] and `words`."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a procedure on a table is, and what it was given.
+
+    Attributes
+    ----------
+    procedure : str
+        Its name, shape ().
+    settings : TableSettings
+        What was chosen.
+    trust : Trust or None
+        What is believed of the table; None for nothing.
+    variant : callable or None
+        Another way to the coefficients than the likelihood, which then only judges them.
+    repeatability : bool
+        Estimate scatter that the noise does not explain.
+    """
+
+    procedure: str
+    settings: TableSettings
+    trust: Trust | None
+    variant: Variant | None = None
+    repeatability: bool = True
+
+
+def names_of(settings: TableSettings, gyro: bool = True) -> tuple[str, ...]:
+    """Return the coefficients that are estimated.
+
+    Parameters
+    ----------
+    settings : TableSettings
+        What was chosen.
+    gyro : bool
+        Whether there are gyros, and spins for them.
+    """
+    names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
+    if settings.accel_quadratic:
+        names += [f"accel.quadratic.{a}" for a in AXES]
+    if settings.g_sensitivity and gyro:
+        names += [n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")]
+    return tuple(n for n in LAYOUT.names if n in names)
+
+
+def calibrate(
+    log: Log,
+    task: Task,
+    *,
+    site: Site,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate an IMU from a log taken on a table.
+
+    Parameters
+    ----------
+    log : Log
+        Samples, or means over positions [SI].
+    task : Task
+        Which procedure, with its settings.
+    site : Site
+        Gravity and latitude.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+    """
+    started = clock.monotonic()
+    if log.accel is None:
+        raise error("session.no_accel")
+    if not task.settings.earth_rate:
+        site = replace(site, latitude=None)
+    progress(0.05, "finding rests and spins")
+    readings = read_positions(log, task, noise)
+    progress(0.4, "calibrating")
+    result = from_readings(readings, task, site=site, prior=prior)
+    seconds = clock.monotonic() - started
+    progress(1.0, "done")
+    return replace(
+        result,
+        findings=(*log.findings, *result.findings),
+        instrument=dict(instrument or {}),
+        validity=table_report.validity(readings, log, site),
+        provenance=provenance(log, seconds),
+    )
+
+
+def read_positions(log: Log, task: Task, noise: ImuNoise | None) -> Readings:
+    """Find the rests and spins of a log, and check that they can be right.
+
+    Parameters
+    ----------
+    log : Log
+        Samples, or means over positions [SI].
+    task : Task
+        Which procedure, with its settings.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it.
+    """
+    s = task.settings
+    plan = table_plan(
+        s.chosen, spin_rate=s.spin_rate, rest_time=max(s.shortest, 1e-3), turns=1,
+        spins=log.gyro is not None, both_senses=s.both_senses, four_positions=s.four_positions,
+    )  # fmt: skip
+    found = find_readings(log, plan=plan, noise=noise, shortest=s.shortest)
+    return check_readings(
+        found, plan, log, angles_matter=task.trust is not None, shortest=s.shortest
+    )
+
+
+def from_readings(
+    readings: Readings,
+    task: Task,
+    *,
+    site: Site,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> Result:
+    """Calibrate from readings that were made before.
+
+    Parameters
+    ----------
+    readings : Readings
+        One mean per rest and per spin [SI].
+    task : Task
+        Which procedure, with its settings.
+    site : Site
+        Gravity and latitude.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    readings, found = _usable(readings, task, site)
+    names = names_of(task.settings, readings.gyro is not None)
+    spins = bool(readings.spin.any())
+    rests = int(np.sum(~readings.spin))
+    free = task.trust is None
+    options = Options(
+        names,
+        lever_arm=task.settings.lever_arm and spins,
+        level=free and spins and rests >= NORM_NEEDS,
+        prior=_prior(names, prior or {}),
+        rate_sd=task.settings.rate_sd,
+        robust=task.settings.loss == "robust",
+        repeatability=task.repeatability,
+        gyro_at_rest=task.settings.g_sensitivity or not free,
+    )
+    start = _start(readings, task, site, options)
+    solution = fit(readings, site, start, options)
+    if task.variant is not None:
+        coefficients, state = task.variant(readings, site, solution)
+        estimate = replace(solution.estimate, coefficients=coefficients, state=state)
+        solution = replace(solution, estimate=estimate)
+    return _result(readings, task, site, options, solution, found)
+
+
+NORM_NEEDS = 9
+"""Directions that the norm of one triad needs [1]."""
+
+
+def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[Finding]]:
+    """Leave out gyros that nothing calibrates; refuse what cannot work."""
+    found: list[Finding] = []
+    if readings.gyro is None:
+        found.append(finding("session.no_gyro"))
+    elif not readings.spin.any():
+        found.append(finding("readings.no_spins"))
+        readings = replace(readings, gyro=None)
+    elif site.latitude is None:
+        raise error("readings.no_latitude")
+    if task.trust is not None and not np.isfinite(readings.angles).all():
+        raise error("readings.no_angles", procedure=task.procedure)
+    needed = NORM_NEEDS + 3 * task.settings.accel_quadratic if task.trust is None else 4
+    spins = 0 if readings.gyro is None else (NORM_NEEDS if task.trust is None else 4)
+    enough_readings(readings, needed, spins)
+    return readings, found
+
+
+def _start(readings: Readings, task: Task, site: Site, options: Options) -> State:
+    if task.trust is None:
+        start = turntable_likelihood.free_start(readings, site, options.lever_arm)
+    else:
+        start = turntable_likelihood.angle_start(readings, site, task.trust)
+    if start is None:
+        up = _rough_up(readings)
+        model = "accel table" if task.trust is not None else "accel"
+        name = task.settings.plan
+        if task.settings.accel_quadratic and task.trust is None:
+            model = "accel quadratic"
+        refuse_singular(name, up[~readings.spin] if (~readings.spin).any() else up, model)
+        refuse_singular(name, up, model)
+        raise error("readings.no_solution")
+    return start
+
+
+def _rough_up(readings: Readings) -> FloatArray:
+    """Directions of up, from the angles of the table, else from the specific forces."""
+    if np.isfinite(readings.angles[:, 1:]).all():
+        return up_k(readings.angles)
+    assert readings.accel is not None
+    return np.asarray(readings.accel / np.linalg.norm(readings.accel, axis=1, keepdims=True))
+
+
+def _prior(
+    names: tuple[str, ...], given: Mapping[str, tuple[float, float]]
+) -> CoefficientVector | None:
+    if not given:
+        return None
+    layout = LAYOUT.subset(names)
+    mean, sd = np.zeros(len(names)), np.full(len(names), np.inf)
+    for name, (value, spread) in given.items():
+        for i in layout.group(name):
+            mean[i], sd[i] = value, spread
+    return CoefficientVector(layout, mean, prior_sd=sd)
+
+
+def _result(
+    readings: Readings,
+    task: Task,
+    site: Site,
+    options: Options,
+    solution: TableFit,
+    found: list[Finding],
+) -> Result:
+    estimate = solution.estimate
+    up = estimate.state.geometry.directions()[~readings.spin]
+    covered = coverage(up if len(up) else estimate.state.geometry.directions())
+    evidence = TableEvidence(readings, site, solution, covered)
+    checks = table_checks.checks(evidence)
+    rate_sd = task.settings.table_rate_sd
+    return Result(
+        procedure=task.procedure,
+        coefficients=table_report.with_references(estimate.coefficients, site, rate_sd),
+        equation=EQUATION,
+        frame=FRAME,
+        gauge=Gauge.LOWER.value,
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=(*readings.findings, *found, *table_report.hints(evidence)),
+        status=estimate.status,
+        site={
+            "gravity": site.gravity,
+            "latitude": site.latitude,
+            "height": site.height,
+            "gravity_source": site.gravity_source,
+            "gravity_sd": site.gravity_sd,
+        },
+        diagnostics=_diagnostics(evidence, task, options, covered),
+        tables={
+            "readings": table_report.readings_table(evidence),
+            "rig": table_report.rig_table(solution),
+        },
+    )
+
+
+def _diagnostics(
+    e: TableEvidence, task: Task, options: Options, covered: Coverage
+) -> dict[str, Any]:
+    solution, site = e.fit, e.site
+    estimate = solution.estimate
+
+    def squares(parts: Mapping[str, Any]) -> dict[str, list[float]]:
+        return {k: [c.chi_square, c.low, c.high, c.redundancy] for k, c in parts.items()}
+
+    return {
+        "gravity": site.gravity,
+        "iterations": estimate.iterations,
+        "plan": task.settings.plan if task.settings.positions is None else "own positions",
+        "noise": {
+            "source": "declared" if e.readings.declared else "measured in the readings",
+            "scatter": dict(solution.scatter),
+        },
+        "chi_square": squares(solution.after),
+        "chi_square_of_noise_alone": squares(solution.before),
+        "coverage": coverage_json(covered, int(np.sum(~e.readings.spin))),
+        "budget": table_report.budget(solution, site, task.settings.table_rate_sd),
+        "unseen": unseen(e.readings, task, site),
+        **table_report.bound(e.readings, site, estimate.state, options),
+    }
+
+
+def unseen(readings: Readings, task: Task, site: Site) -> list[str]:
+    """Say what a procedure on a table cannot see in principle, for result.json.
+
+    Parameters
+    ----------
+    readings : Readings
+        What was observed [SI].
+    task : Task
+        Which procedure, with its settings.
+    site : Site
+        Gravity and its uncertainty.
+    """
+    g = (
+        f"its standard uncertainty, {site.gravity_sd / 1e-5:.3g} mGal, is part of every uncertainty"
+        if site.gravity_sd
+        else "it was taken as exact"
+    )
+    out = [
+        f"A wrong local gravity: 1 ppm of g is 1 ppm in all accelerometer scale factors; {g}.",
+        "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
+        "Specific force beyond 1 g: there the result is extrapolated.",
+        "Other temperatures than that of the session.",
+    ]
+    if readings.gyro is not None:
+        sd = task.settings.table_rate_sd
+        rate = (
+            f"its standard uncertainty, {sd * 1e6:.3g} ppm, is part of every uncertainty"
+            if sd
+            else "it was taken as exact"
+        )
+        out.insert(1, f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scales; {rate}.")
+        rates = np.unique(np.round(np.abs(readings.rate[readings.spin]), 6))
+        if len(rates) == 1:
+            out.append("Gyro scale factors that change with the rate: all spins had the same.")
+    if not task.settings.accel_quadratic:
+        out.append("Quadratic terms of the accelerometers: about 0.6 of each goes into the bias.")
+    return out

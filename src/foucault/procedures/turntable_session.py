@@ -1,0 +1,279 @@
+"""What sessions on a table have in common: what can be chosen, and how one is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+
+from foucault.errors import FoucaultError
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.models.turntable import TablePlan, up_k
+from foucault.plans.directions import Positions, canonical
+from foucault.plans.directions import positions as angles_of_positions
+from foucault.plans.efficiency import refuse_singular
+from foucault.plans.turntable import table_plan
+from foucault.simulate.turntable import Rig
+from foucault.simulate.turntable_log import Simulation, simulate_means
+from foucault.simulate.turntable_log import simulate as simulate_log
+from foucault.units import Quantity
+
+Angle = Annotated[float, Quantity("angle")]
+Ratio = Annotated[float, Quantity("scale factor error")]
+Seconds = Annotated[float, Quantity("time")]
+
+
+class TableSettings(BaseModel):
+    """What can be chosen of a session on a table; procedures add their own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    plan: str = Field(
+        default="icosahedron 12",
+        description="Set of positions, as `foucault plans` lists them.",
+    )
+    positions: list[list[str]] | None = Field(
+        default=None,
+        examples=[[["30 deg", "0 deg", "-31.7 deg"], ["60 deg", "0 deg", "211.7 deg"]]],
+        description="Positions of your own instead of a plan: outer, middle and inner angle each.",
+    )
+    spin_rate: Annotated[float, Quantity("angular rate")] = Field(
+        default=float(np.radians(10.0)),
+        description="Rate of the outer axis in spins, counter-clockwise seen from above.",
+    )
+    both_senses: bool = Field(
+        default=False, description="Each spin is followed by one the other way."
+    )
+    four_positions: bool = Field(
+        default=False,
+        description="With the rests that the published unification of the frames needs.",
+    )
+    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
+    rate_sd: Ratio = Field(
+        default=0.0, ge=0, description="Relative sd of the rate from one spin to the next."
+    )
+    table_rate_sd: Ratio = Field(
+        default=0.0, ge=0, description="Relative sd of an error that all spin rates share."
+    )
+    lever_arm: bool = Field(
+        default=True,
+        description="Estimate how far the accelerometers are from the centre of the table.",
+    )
+    accel_quadratic: bool = Field(
+        default=False, description="Estimate the accelerometers' quadratic terms too."
+    )
+    g_sensitivity: bool = Field(
+        default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
+    )
+    earth_rate: bool = Field(
+        default=True, description="Model the Earth's rotation where the latitude is given."
+    )
+    loss: Literal["robust", "squares"] = Field(
+        default="robust",
+        description="robust: a position beyond 3 sd is left out; squares: all count in full.",
+    )
+
+    @field_validator("plan", mode="after")
+    @classmethod
+    def _known(cls, name: str, info: ValidationInfo) -> str:
+        _check(lambda: canonical(name), info)
+        return name
+
+    @field_validator("positions", mode="after")
+    @classmethod
+    def _angles(cls, rows: list[list[str]] | None, info: ValidationInfo) -> list[list[str]] | None:
+        if rows is not None:
+            _check(lambda: angles_of_positions(rows), info)
+        return rows
+
+    @field_validator("spin_rate", mode="after")
+    @classmethod
+    def _spins(cls, rate: float) -> float:
+        if rate == 0.0:
+            raise ValueError("it should not be zero")
+        return rate
+
+    @property
+    def chosen(self) -> Positions:
+        """The positions: those listed, else those of the plan."""
+        return self.plan if self.positions is None else self.positions
+
+
+def _check(check: Callable[[], object], info: ValidationInfo) -> None:
+    """Let a mistake in a campaign file be reported with its place."""
+    try:
+        check()
+    except FoucaultError as problem:
+        if "locate" in (info.context or ()):
+            raise ValueError(problem) from None
+        raise
+
+
+class TableSession(BaseModel):
+    """The session on a table that `simulate` makes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rest_time: Seconds = Field(default=60.0, gt=0, description="Length of each rest.")
+    turns: int = Field(default=4, ge=1, description="Whole turns of each spin.")
+    rate: Annotated[float, Quantity("frequency")] = Field(
+        default=20.0, gt=0, description="Sample rate."
+    )
+    kind: Literal["rate", "increment"] = Field(
+        default="rate", description="Instantaneous rates, or means over each interval."
+    )
+    rows: Literal["samples", "means"] = Field(
+        default="samples", description="A row per sample, or one mean per position."
+    )
+    plumb_sd: Angle = Field(
+        default=float(np.radians(5 / 3600)), ge=0, description="Sd of the tilt of the outer axis."
+    )
+    orthogonality_sd: Angle = Field(
+        default=float(np.radians(5 / 3600)),
+        ge=0,
+        description="Sd of the angles between the table's axes.",
+    )
+    zero_sd: Angle = Field(
+        default=float(np.radians(5 / 3600)),
+        ge=0,
+        description="Sd of the zero errors of the middle and inner angle.",
+    )
+    position_sd: Angle = Field(
+        default=float(np.radians(1 / 60)),
+        ge=0,
+        description="Sd of the middle and inner angle from one position to the next.",
+    )
+    rate_error_sd: Ratio = Field(
+        default=0.0, ge=0, description="Relative sd of an error that all spin rates share."
+    )
+    rate_jitter: Ratio = Field(
+        default=0.0, ge=0, description="Relative sd of the rate from one spin to the next."
+    )
+    mounting_sd: Angle = Field(
+        default=float(np.radians(10 / 60)),
+        ge=0,
+        description="Sd of the rotation of the instrument on the table, about each axis.",
+    )
+    lever_arm_sd: Annotated[float, Quantity("length")] = Field(
+        default=0.02,
+        ge=0,
+        description="Sd of each coordinate of the accelerometers from the centre of the table.",
+    )
+    heading: Angle = Field(
+        default=float(np.radians(30.0)),
+        description="Azimuth of table y at outer angle zero, clockwise from North.",
+    )
+
+
+def plan_of(
+    settings: TableSettings,
+    session: TableSession,
+    *,
+    spins: bool = True,
+    judged: str | None = "accel",
+) -> TablePlan:
+    """Plan what the table does in the session to simulate.
+
+    Parameters
+    ----------
+    settings : TableSettings
+        Positions and spins.
+    session : TableSession
+        How long they last.
+    spins : bool
+        Whether there are spins at all.
+    judged : str or None
+        What the positions must determine, a key of `plans.efficiency.MODELS`; with
+        `accel_quadratic` "accel" becomes "accel quadratic". None does not judge them.
+
+    Raises
+    ------
+    FoucaultError
+        ``plan.singular`` and ``plan.too_few``.
+    """
+    plan = table_plan(
+        settings.chosen,
+        spin_rate=settings.spin_rate,
+        rest_time=session.rest_time,
+        turns=session.turns,
+        spins=spins,
+        both_senses=settings.both_senses,
+        four_positions=settings.four_positions,
+    )
+    if judged is not None:
+        model = "accel quadratic" if judged == "accel" and settings.accel_quadratic else judged
+        refuse_singular(plan.name, up_k(plan.angles[plan.rate == 0.0]), model)
+    return plan
+
+
+def draw_rig(session: TableSession, seed: int) -> Rig:
+    """Draw the errors of a table, and how the instrument sits on it.
+
+    Parameters
+    ----------
+    session : TableSession
+        Their standard deviations.
+    seed : int, shape ()
+        Seed [1].
+    """
+    rng = np.random.default_rng(seed)
+    common_sd = np.repeat([session.plumb_sd, session.orthogonality_sd, session.zero_sd], 2)
+    return Rig(
+        common=common_sd * rng.standard_normal(6),
+        position_sd=session.position_sd,
+        rate_error=session.rate_error_sd * float(rng.standard_normal()),
+        rate_jitter=session.rate_jitter,
+        mounting=session.mounting_sd * rng.standard_normal(3),
+        lever_arm=session.lever_arm_sd * rng.standard_normal(3),
+        heading=session.heading,
+    )
+
+
+def simulate(
+    session: TableSession,
+    *,
+    settings: TableSettings | None = None,
+    model: ImuModel,
+    noise: ImuNoise,
+    site: Site,
+    seed: int,
+    spins: bool = True,
+    judged: str | None = "accel",
+) -> Simulation:
+    """Simulate a session on a table.
+
+    Parameters
+    ----------
+    session : TableSession
+        Its length and rate, and the errors of the table.
+    settings : TableSettings or None
+        Positions and spins; None takes the defaults.
+    model : ImuModel
+        Errors of the instrument.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity and latitude.
+    seed : int, shape ()
+        Seed of table and noise [1].
+    spins : bool
+        Whether there are spins at all.
+    judged : str or None
+        What the positions must determine; see `plan_of`.
+    """
+    settings = settings or TableSettings()
+    rig_seed, noise_seed = (int(s) for s in np.random.SeedSequence(seed).generate_state(2))
+    plan = plan_of(settings, session, spins=spins, judged=judged)
+    rig = draw_rig(session, rig_seed)
+    if session.rows == "means":
+        return simulate_means(
+            plan, model=model, noise=noise, site=site, rig=rig, rate=session.rate, seed=noise_seed
+        )
+    return simulate_log(
+        plan, model=model, noise=noise, site=site, rig=rig, rate=session.rate,
+        sampled=session.kind, seed=noise_seed,
+    )  # fmt: skip
