@@ -15,7 +15,7 @@ from foucault import logs, procedures
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign, load
 from foucault.campaign.tables import SiteTable, grade
-from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, LOG_TABLE
+from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error, finding
 from foucault.files import atomic, unwritable
@@ -187,7 +187,9 @@ def save_session(session: Session, folder: str | Path) -> Path:
     logs.write(session.simulation.log, folder / SESSION_LOG)
     with atomic(folder / TRUTH_FILE) as temporary:
         temporary.write_text(json.dumps(_truth(session), indent=1) + "\n", encoding="utf-8")
-    text = _with_own_log(session.campaign.text)
+    averaged = session.simulation.log.averaged is not None
+    own = log_table(session.campaign.procedure, averaged=averaged)
+    text = _with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = _with_seed(text, session.seed)
     with atomic(folder / SESSION_CAMPAIGN) as temporary:
@@ -210,7 +212,7 @@ def _truth(session: Session) -> dict[str, Any]:
 _HEADER = re.compile(r"^[ \t]*\[+[ \t]*([A-Za-z_]+)", re.MULTILINE)
 
 
-def _with_own_log(text: str) -> str:
+def _with_own_log(text: str, own: str) -> str:
     """Let [log] describe the log as it is written here; everything else stays as it is."""
     starts = [m.start() for m in _HEADER.finditer(text)]
     names = [m.group(1) for m in _HEADER.finditer(text)]
@@ -221,8 +223,8 @@ def _with_own_log(text: str) -> str:
     for name, start, end in zip(names, starts, edges[1:], strict=True):
         if name != "log":
             pieces.append(text[start:end])
-        elif LOG_TABLE not in pieces:
-            pieces.append(LOG_TABLE + "\n")
+        elif own + "\n" not in pieces:
+            pieces.append(own + "\n")
     return "".join(pieces)
 
 

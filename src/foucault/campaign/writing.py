@@ -42,6 +42,24 @@ accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_res
 # A file that says -1 g along up at rest:  accel = { ..., reads = "gravity" }
 """
 
+AVERAGED = 'averaged = { column = "averaged", unit = "s" }   # every row is a mean over that long\n'
+"""Line of a log that holds means."""
+
+
+def log_table(procedure: str, *, averaged: bool = False) -> str:
+    """Write the table [log] for a log as `foucault simulate` writes it.
+
+    Parameters
+    ----------
+    procedure : str
+        A key of `procedures.PROCEDURES`; one that uses a table says what its log has more.
+    averaged : bool
+        Whether the log holds means.
+    """
+    more: str = getattr(procedures.load(procedure), "LOG_LINES", "")
+    return LOG_TABLE + more + AVERAGED * averaged
+
+
 EXAMPLE = "example IMU"
 """Name of the instrument in the template; a real log under this name was not described."""
 
@@ -89,7 +107,7 @@ def template(procedure: str) -> str:
         _HEAD.format(summary=summary),
         "\n".join(["[instrument]", *_commented(Instrument, _texts(instrument))]) + "\n",
         "\n".join(["[site]", *SITE_NOTE, *_commented(SiteTable, _texts(EXAMPLE_SITE))]) + "\n",
-        LOG_TABLE,
+        log_table(procedure),
         "\n".join(settings) + "\n",
         _NOISE,
         _PRIOR,

@@ -36,6 +36,7 @@ from foucault.models.readings import Readings
 from foucault.models.table_state import State
 from foucault.procedures import on_table
 from foucault.procedures.on_table import Progress, Task, silent
+from foucault.procedures.turntable_session import LOG_LINES as LOG_LINES
 from foucault.procedures.turntable_session import TableSession, TableSettings
 from foucault.procedures.turntable_session import simulate as simulate
 from foucault.result import Result

@@ -22,6 +22,14 @@ from foucault.simulate.turntable_log import Simulation, simulate_means
 from foucault.simulate.turntable_log import simulate as simulate_log
 from foucault.units import Quantity
 
+LOG_LINES = """\
+# The table; leave out what is not logged ("" in place of an angle). Norm observation needs none.
+table = { columns = ["outer", "middle", "inner"], unit = "rad", rate = "table_rate", \
+rate_unit = "rad/s", position = "position" }
+# A spreadsheet of means, a row per position:  averaged = { column = "averaged", unit = "s" }
+"""
+"""What the log of a session on a table has beside the instrument's columns."""
+
 Angle = Annotated[float, Quantity("angle")]
 Ratio = Annotated[float, Quantity("scale factor error")]
 Seconds = Annotated[float, Quantity("time")]
@@ -74,7 +82,7 @@ class TableSettings(BaseModel):
     )
     loss: Literal["robust", "squares"] = Field(
         default="robust",
-        description="robust: a position beyond 3 sd is left out; squares: all count in full.",
+        description="robust: a reading that cannot be right is left out; squares: all count in full.",
     )
 
     @field_validator("plan", mode="after")
