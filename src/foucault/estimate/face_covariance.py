@@ -8,8 +8,7 @@ not what it was meant to be::
     accel   a_j = L C_bk g (up_k + d)          gyro   w_j = ... + G C_bk g d
     turn    W_t = A_g C_bk angle (axis_k +- d + d_level) + A_g C_bk axis_k d_angle
 
-How large d is can be read from the residuals: the readings across the vertical of opposite faces
-must have the bias that the faces of that axis have.
+How large d is can be read from the residuals (see `face_scatter`).
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from foucault.estimate.six_position import Scene, State, predict
+from foucault.estimate.six_position import Scene, State
 from foucault.models.earth import EARTH_RATE
 from foucault.models.faces import FaceReadings, TurnReadings
 from foucault.models.noise import ImuNoise
@@ -107,7 +106,7 @@ class Belief:
         Standard deviations about each axis: of up against the case axis, of the axis of a turn
         against up, of the angle of a turn [rad].
     accel, gyro : float
-        Scatter where the noise is unknown [m/s^2], [rad/s].
+        Scatter of the rests beyond the noise, or where the noise is unknown [m/s^2], [rad/s].
     """
 
     placement: float = 0.0
@@ -168,24 +167,28 @@ def _slow_gyro(scene: Scene, noise: FaceNoise) -> FloatArray:
         effect = np.concatenate([effect, scene.turns.time])  # an integral, not a mean
         time = np.concatenate([time, scene.turns.time])
     cov = window_covariance(start, start + time, noise.session.slow.gyro)
-    return np.kron(cov * np.outer(effect, effect), np.eye(3))
+    return np.asarray(np.kron(cov * np.outer(effect, effect), np.eye(3)))
 
 
 def _earth(scene: Scene, state: State) -> FloatArray:
-    """Covariance of the part of the Earth's rotation whose direction is unknown."""
+    """Covariance of the part of the Earth's rotation whose direction is unknown.
+
+    It is one vector for all of a placement: whole turns lead back to the same heading.
+    """
     n, rated, m = scene.sizes
-    out = np.zeros((3 * (n + rated + m),) * 2)
-    seen = state.model.gyro_matrix @ state.C_bk
-    up = [scene.rests.up_k] if scene.turns is None else [scene.rests.up_k, scene.turns.up_k]
+    up, group = scene.rests.up_k, scene.rests.group
+    if scene.turns is not None:
+        up = np.concatenate([up, scene.turns.up_k])
+        group = np.concatenate([group, scene.turns.group])
+    if scene.site.latitude is None:
+        root = EARTH_RATE / np.sqrt(3) * np.broadcast_to(np.eye(3), (n + m, 3, 3))
+    else:
+        root = EARTH_RATE * np.cos(scene.site.latitude) / np.sqrt(2) * _across(up)
     spread = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), scene.spread])
-    for j, (u, D) in enumerate(zip(np.concatenate(up), spread, strict=True)):
-        if scene.site.latitude is None:
-            vector = EARTH_RATE**2 / 3 * np.eye(3)
-        else:
-            vector = (EARTH_RATE * np.cos(scene.site.latitude)) ** 2 / 2 * _across(u)
-        part = slice(3 * (n + j), 3 * (n + j) + 3)
-        out[part, part] = seen @ D @ vector @ D.T @ seen.T
-    return out
+    B = np.zeros((n + rated + m, 3, int(group.max(initial=0)) + 1, 3))
+    B[n + np.arange(n + m), :, group] = state.model.gyro_matrix @ state.C_bk @ spread @ root
+    rows = B.reshape(3 * len(B), -1)
+    return np.asarray(rows @ rows.T)
 
 
 def _across(u: FloatArray) -> FloatArray:
@@ -205,10 +208,12 @@ def placement_parts(scene: Scene, state: State) -> tuple[FloatArray, FloatArray,
     """
     n, rated, m = scene.sizes
     rests, turns, model = scene.rests, scene.turns, state.model
-    groups = int(rests.group.max(initial=0)) + 1
+    placed = rests.group
     if turns is not None:
-        groups = max(groups, int(turns.group.max(initial=0)) + 1)
-    B = np.zeros((n + rated + m, 3, groups, 3))
+        # An axis that is level is off by itself; a vertical one by as much as up is.
+        own = np.arange(m) + max(rests.group.max(initial=0), turns.group.max(initial=0)) + 1
+        placed = np.concatenate([placed, np.where(turns.about_up == 0, own, turns.group)])
+    B = np.zeros((n + rated + m, 3, int(placed.max(initial=0)) + 1, 3))
     g = scene.site.gravity * state.C_bk @ _across(rests.up_k)
     row = np.arange(n)
     B[row, :, rests.group] = model.accel_matrix @ g
@@ -222,17 +227,18 @@ def placement_parts(scene: Scene, state: State) -> tuple[FloatArray, FloatArray,
         off = turns.angle[:, None, None] * (seen @ _across(turns.axis_k))
         level[2 * n + row, :, row] = off
         angle[2 * n + row, :, row] = turns.axis_k @ seen.T
-        # An axis that is level is off by itself; a vertical one by as much as up is.
         sign = np.where(turns.about_up == 0, 1.0, turns.about_up)
-        B[2 * n + row, :, turns.group] = sign[:, None, None] * off
+        B[2 * n + row, :, placed[n:]] = sign[:, None, None] * off
     rows = 3 * (n + rated + m)
-    b, l, a = (x.reshape(rows, -1) for x in (B, level, angle))
-    # Second order: the cosine of the tilt scatters about its mean, see `Scene.tilted`.
-    return b @ b.T, l @ l.T, a @ a.T
+    roots = [x.reshape(rows, -1) for x in (B, level, angle)]
+    return roots[0] @ roots[0].T, roots[1] @ roots[1].T, roots[2] @ roots[2].T
 
 
 def second_order(scene: Scene, state: State, belief: Belief) -> FloatArray:
-    """Return the covariance of what a tilt does along the vertical, shape (3 k, 3 k) [SI].
+    """Return the covariance of what the squares of the tilts do, shape (3 k, 3 k) [SI].
+
+    Along the vertical the cosine of the tilt scatters about its mean (see `Scene.tilted`) by the
+    square of its sd, and so does its product with the misalignments, of which as much is unknown.
 
     Parameters
     ----------
@@ -244,15 +250,19 @@ def second_order(scene: Scene, state: State, belief: Belief) -> FloatArray:
         Standard deviations of the tilts [rad].
     """
     n, rated, m = scene.sizes
-    along = np.zeros((n + rated + m, 3))
-    along[:n] = scene.force_k @ (state.model.accel_matrix @ state.C_bk).T * belief.placement**2
+    group = scene.rests.group
+    if scene.turns is not None:
+        group = np.concatenate([group, scene.turns.group])
+    first = int(group.max(initial=0)) + 1
+    B = np.zeros((n + rated + m, 3, first + m))
+    size, C_bk, model = np.sqrt(2) * belief.placement**2, state.C_bk, state.model
+    B[np.arange(n), :, group[:n]] = size * scene.force_k @ (model.accel_matrix @ C_bk).T
     if m:
-        size = belief.placement**2 + belief.level**2
-        along[2 * n :] = scene.turn_k @ (state.model.gyro_matrix @ state.C_bk).T * size
-    out = np.zeros((along.size, along.size))
-    for j, v in enumerate(along):
-        out[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] = np.outer(v, v)
-    return out
+        row, turned = np.arange(m), scene.turn_k @ (model.gyro_matrix @ C_bk).T
+        B[2 * n + row, :, group[n:]] = size * turned
+        B[2 * n + row, :, first + row] = np.sqrt(2) * belief.level**2 * turned
+    rows = B.reshape(3 * len(B), -1)
+    return np.asarray(rows @ rows.T)
 
 
 def covariance_parts(
@@ -280,129 +290,12 @@ def covariance_parts(
         tilts = tilts + second_order(scene, state, belief)
         out["placement, estimated" if estimated else "placement"] = tilts
     n, rated, _ = scene.sizes
-    for name, sd, part in (
-        ("accel", belief.accel, slice(0, 3 * n)),
-        ("gyro", belief.gyro, slice(3 * n, 3 * (n + rated))),
-    ):
-        if sd > 0:
-            words = f"scatter of the means ({name})"
-            out[words] = np.zeros_like(placed)
-            out[words][part, part] = sd**2 * np.eye(part.stop - part.start)
-    return out
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """What the residuals say of an error of unknown size.
-
-    Attributes
-    ----------
-    sd : float
-        Its standard deviation, 0 where the noise explains the residuals [unit of the error].
-    chi_square : float
-        Sum of squares of the residuals without it [1].
-    dof : int
-        Degrees of freedom [1].
-    """
-
-    sd: float
-    chi_square: float
-    dof: int
-
-
-def scatter(
-    residuals: FloatArray, jacobian: FloatArray, known: FloatArray, unit: FloatArray
-) -> Scatter:
-    """Find the size of an error from the residuals that it leaves.
-
-    Parameters
-    ----------
-    residuals : ndarray, shape (k,)
-        Residuals at any state [SI].
-    jacobian : ndarray, shape (k, p)
-        Jacobian of the prediction [SI].
-    known : ndarray, shape (k, k)
-        Covariance of what is known [SI].
-    unit : ndarray, shape (k, k)
-        Covariance of the error for sd 1 [SI].
-
-    Notes
-    -----
-    The sd is such that the sum of squares is two less than its degrees of freedom (but not less
-    than half of them): with few degrees of freedom the most likely sd would promise too much,
-    and 1 / sd^2 then has the right mean (that of Student's distribution).
-    """
-    size = np.linalg.norm(jacobian, axis=0)
-    J = jacobian[:, size > 0] / size[size > 0]
-    basis, s, _ = np.linalg.svd(J, full_matrices=True)
-    rank = int(np.sum(s > 1e-10 * s[0]))
-    dof = len(residuals) - rank
-    if dof < 1:
-        return Scatter(0.0, 0.0, 0)
-    left = basis[:, rank:]  # combinations of the readings that the coefficients leave alone
-    r, base, more = left.T @ residuals, left.T @ known @ left, left.T @ unit @ left
-
-    def square(variance: float) -> float:
-        return float(r @ np.linalg.solve(base + variance * more, r))
-
-    target, first = max(dof - 2.0, dof / 2), square(0.0)
-    if first <= target or not more.any():
-        return Scatter(0.0, first, dof)
-    low, high = 0.0, float(r @ r) / float(np.trace(more)) + 1e-30
-    while square(high) > target and high < 1e6:
-        low, high = high, 4 * high
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if square(middle) > target else (low, middle)
-    return Scatter(float(np.sqrt(high)), first, dof)
-
-
-def believe(
-    scene: Scene,
-    names: tuple[str, ...],
-    state: State,
-    noise: FaceNoise,
-    given: tuple[float | None, float | None, float | None],
-) -> tuple[Belief, dict[str, Scatter]]:
-    """Settle what is believed of placements and turns: as declared, else from the residuals.
-
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    names : tuple of str
-        The coefficients.
-    state : State
-        A state near the solution.
-    noise : FaceNoise
-        Noise of the readings [SI].
-    given : tuple of float or None
-        Placement, level and angle as declared; None: to be found; the last two are then like the
-        placement [rad].
-
-    Returns
-    -------
-    Belief
-        The standard deviations [rad].
-    dict of str to Scatter
-        What the residuals of "accel" and "gyro" said before.
-    """
-    n, rated, _ = scene.sizes
-    r, J = predict(scene, names, state)
-    r, J = r.reshape(-1), J.reshape(3 * len(J), -1)
-    base = sum(noise_parts(scene, state, noise).values())
-    placed, _, _ = placement_parts(scene, state)
-    placement = given[0]
-    if placement is not None:
-        base = base + placement**2 * placed
-    a, w = slice(0, 3 * n), slice(3 * n, 3 * (n + rated))
-    unit = placed if noise.known and placement is None else np.eye(len(r))
-    found = {"accel": scatter(r[a], J[a], base[a, a], unit[a, a])}
+    size = np.zeros(len(placed))
+    size[: 3 * n] = belief.accel
     if rated:
-        found["gyro"] = scatter(r[w], J[w], base[w, w], np.eye(3 * rated))
-    if not noise.known:
-        rates = found["gyro"].sd if "gyro" in found else 0.0
-        return Belief(placement or 0.0, accel=found["accel"].sd, gyro=rates), found
-    size = found["accel"].sd if placement is None else placement
-    level, angle = (size if x is None else x for x in given[1:])
-    return Belief(size, level, angle), found
+        size[3 * n : 6 * n] = belief.gyro
+    if scene.turns is not None:  # a bias that is off adds up over the turn
+        size[6 * n :] = np.repeat(belief.gyro * scene.turns.time, 3)
+    if size.any():
+        out["scatter between rests"] = np.diag(size**2)
+    return out

@@ -143,6 +143,19 @@ def covariance(steps: Steps, trust: Trust) -> dict[str, FloatArray]:
     }
 
 
+def whitening(parts: list[FloatArray]) -> FloatArray:
+    """Return the matrices that whiten the readings, shape (n, 3, 3) [1/(rad/s)].
+
+    Parameters
+    ----------
+    parts : list of ndarray, shape (n, 3, 3)
+        Covariances that add up; jitter alone, along one axis, has no inverse [(rad/s)^2].
+    """
+    total = np.sum(parts, axis=0)
+    least = 1e-13 * np.trace(total, axis1=1, axis2=2)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(total + least[:, None, None] * np.eye(3))))
+
+
 @dataclass(frozen=True)
 class Unknowns:
     """Which parameters there are, in the order of a step.
@@ -204,8 +217,7 @@ def build(
         Where to start; None starts with the straight lines through the readings.
     """
     unknowns = Unknowns.of(names, steps, trust)
-    total = np.sum(list(covariance(steps, trust).values()), axis=0)
-    root = np.asarray(np.linalg.inv(np.linalg.cholesky(total)))
+    root = whitening(list(covariance(steps, trust).values()))
     return Problem(
         layout=LAYOUT.subset(names),
         start=start or _start(steps, trust),
@@ -243,61 +255,6 @@ def fit(
     return problem, gauss_newton.solve(problem, loss=loss)
 
 
-def fit_scatter(
-    steps: Steps,
-    names: tuple[str, ...],
-    trust: Trust,
-    prior: CoefficientVector | None = None,
-    loss: gauss_newton.Loss = gauss_newton.huber,
-) -> Trust:
-    """Return `trust` with the jitter that makes the residuals as large as they should be.
-
-    Parameters
-    ----------
-    steps : Steps
-        What was measured [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    trust : Trust
-        What is believed; the residuals are larger than its jitter and the noise explain.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
-    loss : callable
-        ``norms -> weights``, see `gauss_newton.solve`.
-    """
-    low, high = np.log(1e-9), np.log(1e-1)
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        jitter = float(np.hypot(trust.rate_jitter, np.exp(middle)))
-        _, found = fit(steps, names, replace(trust, rate_jitter=jitter), prior, loss)
-        low, high = (middle, high) if found.chi_square > found.dof else (low, middle)
-    return replace(trust, rate_jitter=float(np.hypot(trust.rate_jitter, np.exp(high))))
-
-
-def scaled_noise(
-    steps: Steps, names: tuple[str, ...], trust: Trust, prior: CoefficientVector | None = None
-) -> Steps:
-    """Return the steps with noise as large as the residuals say, where nobody knows it.
-
-    Parameters
-    ----------
-    steps : Steps
-        What was measured; the noise of its means is right but for a common factor [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    trust : Trust
-        What is believed of table, fixture and place.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
-    """
-    for loss in (gauss_newton.least_squares, gauss_newton.huber):
-        _, found = fit(steps, names, trust, prior, loss)
-        if found.dof < 1:
-            return steps
-        steps = replace(steps, cov=steps.cov * max(found.chi_square / found.dof, 1e-12))
-    return steps
-
-
 def _start(steps: Steps, trust: Trust) -> State:
     """Take the straight lines through all readings, where there are enough to have them."""
     state = State(ImuModel(), 0.0, 0.0, np.zeros((_placements(steps), 2)))
@@ -320,7 +277,9 @@ def _linearise(
     w = h[:, None] * u
     r = w @ model.gyro_matrix.T
     slope = readout_slope(r, model.gyro_asymmetry, model.gyro_cubic)
-    parts = [_coefficient_slope(unknowns.names, r, slope, w, steps.force)]
+    g = np.linalg.norm(steps.force, axis=1)[:, None]
+    force = steps.force + g * (u - steps.up)
+    parts = [_coefficient_slope(unknowns.names, r, slope, w, force)]
     by_rate = (slope[:, :, None] * model.gyro_matrix) @ u[:, :, None]  # by h, shape (n, 3, 1)
     if trust.rate_sd > 0:
         parts.append(by_rate * steps.rate[:, None, None])
@@ -329,11 +288,10 @@ def _linearise(
     if trust.fixture_sd > 0:
         across = (np.eye(3) - u[:, :, None] * u[:, None, :]) @ tilts(steps)
         mine = (slope[:, :, None] * model.gyro_matrix) @ (h[:, None, None] * across)
-        mine += model.g_sensitivity @ (np.linalg.norm(steps.force, axis=1)[:, None, None] * across)
+        mine += model.g_sensitivity @ (g[:, :, None] * across)
         wide = np.zeros((n, 3, _placements(steps), 2))
         wide[np.arange(n), :, steps.placement] = mine
         parts.append(wide.reshape(n, 3, -1))
-    force = steps.force + np.linalg.norm(steps.force, axis=1)[:, None] * (u - steps.up)
     miss = steps.gyro - model.measure(force, w)[1]
     weighted = root * np.sqrt(weights)[:, None, None]
     # The priors of what is not known of table, fixture and place come last.

@@ -37,7 +37,7 @@ from foucault.models.imu import (
     products_slope,
 )
 from foucault.models.rotation import cross_matrix, exp
-from foucault.result import Linearised, Problem
+from foucault.result import Estimate, Linearised, Problem
 from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
@@ -148,7 +148,7 @@ def closed_form(
     log : Log or None
         The log, for the attitude during the turns.
     """
-    n, m = len(rests), 0 if turns is None else len(turns)
+    m = 0 if turns is None else len(turns)
     force = site.gravity * rests.up_k
     vertical = 0.0 if site.latitude is None else EARTH_RATE * np.sin(site.latitude)
     scene = Scene(
@@ -320,3 +320,40 @@ def build(
         return state.model.coefficients(names).values
 
     return Problem(layout, start, linearise, retract, values, k, prior)
+
+
+def unbiased(estimate: Estimate) -> Estimate:
+    """Take the bias of the change of axes out of a solution.
+
+    The matrices in case axes are linear in the readings, so their errors have no mean. The body
+    axes follow the accelerometers that were found, and are bent by the square of these errors:
+    an error of placement of 5 arcmin makes 1 ppm of scale factor. The mean of the matrices in case
+    axes over the errors of the solution (its sigma points) undoes this to second order.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The solution of `build`, with its covariance.
+    """
+    state, layout = estimate.state, estimate.coefficients.layout
+    p, total = len(layout), len(estimate.state_cov)
+    scale = np.sqrt(np.diag(estimate.state_cov))
+    if not scale.all():
+        return estimate
+    values, vectors = np.linalg.eigh(estimate.state_cov / np.outer(scale, scale))
+    points = (vectors * np.sqrt(total * np.maximum(values, 0.0))) * scale[:, None]
+    blocks = ("accel_matrix", "gyro_matrix", "g_sensitivity")
+    mean = {name: np.zeros((3, 3)) for name in blocks}
+    for step in np.concatenate([points.T, -points.T]):
+        vector = CoefficientVector(layout, estimate.coefficients.values + step[:p])
+        model, C_bk = ImuModel.from_coefficients(vector), exp(step[p:]) @ state.C_bk
+        for name in blocks:
+            mean[name] += getattr(model, name) @ C_bk / (2 * total)
+    model, C_bk = replace(state.model, **mean, accel_quadratic=np.zeros((3, 6))).in_gauge(
+        Gauge.LOWER
+    )
+    if not any(name.startswith("gyro.scale.") for name in layout.names):
+        model = replace(model, gyro_matrix=np.eye(3))
+    model = replace(model, accel_quadratic=state.model.accel_quadratic)
+    vector = replace(estimate.coefficients, values=model.coefficients(layout.names).values)
+    return replace(estimate, coefficients=vector, state=State(model, C_bk))

@@ -229,17 +229,16 @@ def _worst(found: TableFit, readings: Readings) -> int | None:
         c = found.after[name]
         left = np.maximum(c.redundancy - s.dof[mine], 0.0)
         others = np.where(left > 0.5, (c.chi_square - s.test[mine]) / np.maximum(left, 0.5), 1.0)
-        # Noise that was measured may be too small for all; one reading must stand out from it.
-        common = np.maximum(others, 1.0)
+        # Noise may be too small for all, above all where it was measured; one reading must stand
+        # out from the others then. Where it fits them, it is the better yardstick.
+        top = np.array([chi_square_limits(max(n, 1e-3))[1] for n in left])
+        too_small = (others > 1.0) & ((not readings.declared) | (others * left > top))
+        common = np.where(too_small, others, 1.0)
         alpha = FALSE_ALARM / len(s.blocks)
         known = np.array([chi_square_limits(d, 2 * alpha)[1] for d in s.dof[mine]])
-        fitted = np.array(
-            [
-                d * float(fdtri(d, max(n, 1.0), 1 - alpha))
-                for d, n in zip(s.dof[mine], left, strict=True)
-            ]
-        )
-        limit = np.where(others > 1.0, fitted, known)
+        pairs = zip(s.dof[mine], left, strict=True)
+        fitted = np.array([d * float(fdtri(d, max(n, 1.0), 1 - alpha)) for d, n in pairs])
+        limit = np.where(too_small, fitted, known)
         score[mine] = s.test[mine] / common / limit
     worst = int(np.argmax(score))
     return worst if score[worst] > 1.0 else None

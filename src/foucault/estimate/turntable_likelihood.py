@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton, norm_observation
-from foucault.estimate.parallel_vectors import unify
+from foucault.estimate.parallel_vectors import unify, wahba
 from foucault.models import turntable
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
@@ -191,7 +191,7 @@ def _linearise(
         root = (root * np.sqrt(weights[first : first + n])[:, None, None])[used]
         miss = (measured - predicted)[used]
         residuals.append(np.einsum("nij,nj->ni", root, miss).reshape(-1))
-        slopes.append((root @ slope[used]).reshape(residuals[-1].size, -1))
+        slopes.append((root @ slope[used]).reshape(residuals[-1].size, slope.shape[2]))
         blocks.append(np.repeat(first + np.flatnonzero(used), 3))
     value, sd = state.geometry.prior()
     known = np.flatnonzero(np.isfinite(sd))
@@ -259,10 +259,8 @@ def angle_start(readings: Readings, site: Site, trust: Trust) -> State | None:
     trust : Trust
         What is believed of the table.
     """
-    spin = readings.spin
-    up = turntable.up_k(readings.angles)
-    C_kt = np.swapaxes(turntable.chain(readings.angles).C_tk, 1, 2)
-    model, heading = ImuModel(), None
+    spin, up = readings.spin, turntable.up_k(readings.angles)
+    model = ImuModel()
     if readings.accel is not None:
         fit = _affine(site.gravity * up, readings.accel)
         if fit is None:
@@ -270,28 +268,37 @@ def angle_start(readings: Readings, site: Site, trust: Trust) -> State | None:
         model = replace(model, accel_matrix=fit[0], accel_bias=fit[1])
     if readings.gyro is not None:
         h = turntable.mean_rate(readings.rate, site.latitude or 0.0)
-        with_earth = site.latitude is not None and np.any(~spin)
-        w = np.where(spin[:, None], h[:, None] * up, 0.0)
-        if site.latitude is not None:
-            vertical = EARTH_RATE * np.sin(site.latitude)
-            w = np.where(spin[:, None], w, vertical * up)
-        fit = _affine(w, readings.gyro)
+        vertical = EARTH_RATE * np.sin(site.latitude or 0.0)
+        fit = _affine(np.where(spin, h, vertical)[:, None] * up, readings.gyro)
         if fit is None:
             return None
-        if with_earth:
-            # The horizontal part at rest is linear in the sine and cosine of the heading.
-            miss = np.linalg.solve(fit[0], (readings.gyro - fit[1])[~spin].T).T - w[~spin]
-            horizontal = C_kt[~spin][:, :, :2].reshape(-1, 2)
-            east, north = np.linalg.lstsq(horizontal, miss.reshape(-1))[0]
-            heading = float(np.arctan2(-east, north))
         model = replace(model, gyro_matrix=fit[0], gyro_bias=fit[1])
     C_bk = np.eye(3)
     if readings.accel is not None:
         model, C_bk = model.in_gauge(Gauge.LOWER)
+    # Where the norms alone determine the instrument, errors of the table cannot mislead the start.
+    free = free_start(readings, site, lever_arm=False)
+    if free is not None and trust.position_sd > 0:
+        model, C_bk = free.model, wahba(free.geometry.directions(), up)
     geometry = Angles(
-        readings.angles, spin, trust, C_bk, np.zeros(6), np.zeros((len(readings), 2)), heading
-    )
+        readings.angles, spin, trust, C_bk, np.zeros(6), np.zeros((len(readings), 2)),
+        _heading(readings, model, C_bk, trust),
+    )  # fmt: skip
+    if free is not None and trust.position_sd > 0:
+        geometry = geometry.pointed(free.geometry.directions())
     return State(model, geometry, np.zeros(3))
+
+
+def _heading(readings: Readings, model: ImuModel, C_bk: FloatArray, trust: Trust) -> float | None:
+    """Find the azimuth of table y from the horizontal rates at rest."""
+    rest = ~readings.spin
+    if readings.gyro is None or trust.latitude is None or not rest.any():
+        return None
+    _, w_b = model.compensate(None, readings.gyro[rest])
+    assert w_b is not None
+    C_tk = turntable.chain(readings.angles[rest]).C_tk
+    w_t = np.einsum("nij,nj->ni", C_tk, w_b @ C_bk).mean(axis=0)
+    return float(np.arctan2(-w_t[0], w_t[1]))
 
 
 def _affine(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray] | None:

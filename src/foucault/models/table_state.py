@@ -10,9 +10,9 @@ With o the direction of up (rest) or of the outer axis (spin) in body axes::
     f = g c o - h^2 (r - (r.o) o)       accel = M_a f + b_a + K q(f)
     w = h o                             gyro  = M_g w + b_g + G f
 
-h is the norm of the mean rate (see `turntable.mean_rate`), r the lever arm. c is 1 at rest; in
-spins on a table of which nothing is believed it is unknown, because the outer axis may be off the
-vertical by an angle d and then c = cos d.
+h is the rate of the table and the Earth's rate along the outer axis, r the lever arm. c is 1 at
+rest; in spins it is the cosine of the tilt of the outer axis, unknown on a table of which nothing
+is believed.
 """
 
 from __future__ import annotations
@@ -32,6 +32,26 @@ from foucault.models.rotation import cross_matrix, exp
 FloatArray = npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Axis:
+    """The outer axis: the Earth's rate along it, its cosine with up, and their derivatives.
+
+    Attributes
+    ----------
+    earth : float
+        Earth's rate along the outer axis [rad/s].
+    level : float
+        Cosine of the angle between the outer axis and up [1].
+    earth_slope, level_slope : ndarray, shape (u,)
+        Derivatives by the unknowns of the geometry.
+    """
+
+    earth: float
+    level: float
+    earth_slope: FloatArray
+    level_slope: FloatArray
+
+
 class Geometry(Protocol):
     """How the instrument was turned: directions, rest rates, and their derivatives."""
 
@@ -48,6 +68,10 @@ class Geometry(Protocol):
 
         Shapes (n, 3) [rad/s] and (n, 3, u).
         """
+        ...
+
+    def axis(self) -> Axis:
+        """Return what the tilt of the outer axis does to spins."""
         ...
 
     def moved(self, step: FloatArray) -> Geometry:
@@ -91,6 +115,11 @@ class Free:
     def earth(self) -> tuple[FloatArray, FloatArray]:
         """Return the vertical part; the horizontal part is in the covariance of the readings."""
         return self.vertical * self.o, self.vertical * self.directions_slope()
+
+    def axis(self) -> Axis:
+        """Take the outer axis for vertical; `State.level` is there for the specific force."""
+        none = np.zeros(2 * len(self.o))
+        return Axis(self.vertical, 1.0, none, none)
 
     def moved(self, step: FloatArray) -> Free:
         """Return the directions moved along their tangents by `step`, shape (2 n,) [rad]."""
@@ -137,6 +166,10 @@ class Trust:
     common_sd: FloatArray
     position_sd: float
     latitude: float | None
+
+
+STRAIGHT = 1e-6
+"""Steps smaller than this need no correction: its square is beyond any reading [rad]."""
 
 
 @dataclass(frozen=True)
@@ -222,19 +255,65 @@ class Angles:
         by_heading = C_bt @ np.array([quarter[0], quarter[1], 0.0])
         return w, self._slope(w, self.C_bk @ at.axes, by_heading)
 
+    def axis(self) -> Axis:
+        """Return what the plumb errors of the table do."""
+        x, y = self.common[:2]
+        o = np.array([np.sin(y), -np.sin(x) * np.cos(y), np.cos(x) * np.cos(y)])
+        by_x = np.array([0.0, -np.cos(x) * np.cos(y), -np.sin(x) * np.cos(y)])
+        by_y = np.array([np.cos(y), np.sin(x) * np.sin(y), -np.cos(x) * np.sin(y)])
+        w, quarter = np.zeros(3), np.zeros(3)
+        if self.trust.latitude is not None:
+            w = turntable.earth_rate_t(self.trust.latitude, self.heading or 0.0)
+            quarter = turntable.earth_rate_t(self.trust.latitude, (self.heading or 0.0) + np.pi / 2)
+            quarter[2] = 0.0
+        if self.heading is None:
+            w[:2] = 0.0
+        earth, level = np.zeros(len(self.prior()[0])), np.zeros(len(self.prior()[0]))
+        for k, by in ((0, by_x), (1, by_y)):
+            for at in 3 + np.flatnonzero(self.used == k):
+                earth[at], level[at] = w @ by, by[2]
+        if self.heading is not None:
+            earth[-1] = quarter @ o
+        return Axis(float(w @ o), float(o[2]), earth, level)
+
     def moved(self, step: FloatArray) -> Angles:
-        """Return the geometry after a step, shape (u,) [rad]."""
+        """Return the geometry after a step, shape (u,) [rad].
+
+        Directions follow the step along straight lines: readings tell them far better than the
+        angles, and an iteration that left them would bend its way along a narrow valley.
+        """
         used, n = self.used, len(self.spin)
         common = self.common.copy()
         common[used] += step[3 : 3 + len(used)]
         at = 3 + len(used)
-        position = self.position
-        if self.trust.position_sd > 0:
-            position = position + step[at : at + 2 * n].reshape(n, 2)
         heading = None if self.heading is None else self.heading + float(step[-1])
-        return replace(
-            self, C_bk=exp(-step[:3]) @ self.C_bk, common=common, position=position, heading=heading
-        )
+        new = replace(self, C_bk=exp(-step[:3]) @ self.C_bk, common=common, heading=heading)
+        if self.trust.position_sd == 0:
+            return new
+        new = replace(new, position=self.position + step[at : at + 2 * n].reshape(n, 2))
+        if np.abs(step).max() < STRAIGHT:
+            return new
+        o = self.directions() + self.directions_slope() @ step
+        return new.pointed(o / np.linalg.norm(o, axis=1, keepdims=True))
+
+    def pointed(self, o: FloatArray) -> Angles:
+        """Change the angles of every position until they give directions.
+
+        Parameters
+        ----------
+        o : ndarray, shape (n, 3)
+            Directions wanted, body axes [1].
+        """
+        new = self
+        for _ in range(4):
+            at = new._chain()
+            now = np.where(new.spin[:, None], at.outer_k, at.up_k) @ new.C_bk.T
+            axes = new.C_bk @ at.axes[:, :, [turntable.MIDDLE, turntable.INNER]]
+            # The inner angle does nothing where its axis is vertical: it is left as it is then.
+            back = np.linalg.pinv(cross_matrix(now) @ axes, rcond=1e-2)
+            turn = np.einsum("nij,nj->ni", back, o - now)
+            new = replace(new, position=new.position + turn)
+        return new
 
     def prior(self) -> tuple[FloatArray, FloatArray]:
         """Return the errors of the table over their sds, and the sds."""
@@ -326,15 +405,16 @@ def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) ->
     readings : Readings
         Where the table stood and how it turned.
     site : Site
-        Gravity and latitude.
+        Gravity.
     unknowns : Unknowns
         What the derivatives are by.
     """
     spin = readings.spin
     o, o_slope = state.geometry.directions(), state.geometry.directions_slope()
     w_earth, earth_slope = state.geometry.earth()
-    h = np.where(spin, turntable.mean_rate(readings.rate, site.latitude or 0.0), 0.0)
-    g = site.gravity * np.where(spin, np.exp(state.level), 1.0)
+    axis = state.geometry.axis()
+    h = np.where(spin, readings.rate + axis.earth, 0.0)
+    g = site.gravity * np.where(spin, axis.level * np.exp(state.level), 1.0)
     f = turntable.mean_force(o, h, 1.0, state.lever_arm) + (g - 1.0)[:, None] * o
     w = np.where(spin[:, None], h[:, None] * o, w_earth)
     r, along = state.lever_arm, o @ state.lever_arm
@@ -350,8 +430,14 @@ def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) ->
     if unknowns.level:
         parts_f.append((np.where(spin, g, 0.0)[:, None] * o)[:, :, None])
         parts_w.append(np.zeros((len(o), 3, 1)))
-    parts_f.append(f_by_o @ o_slope)
-    parts_w.append(np.where(spin[:, None, None], h[:, None, None] * o_slope, earth_slope))
+    # Of the outer axis: what its tilt does to the rate along it and to gravity's share.
+    by_rate = -2 * h[:, None] * (r - along[:, None] * o)
+    f_by_axis = by_rate[:, :, None] * axis.earth_slope
+    f_by_axis = f_by_axis + (g / axis.level)[:, None, None] * o[:, :, None] * axis.level_slope
+    w_by_axis = o[:, :, None] * axis.earth_slope
+    turns = spin[:, None, None]
+    parts_f.append(f_by_o @ o_slope + np.where(turns, f_by_axis, 0.0))
+    parts_w.append(np.where(turns, h[:, None, None] * o_slope + w_by_axis, earth_slope))
     f_slope, w_slope = np.concatenate(parts_f, axis=2), np.concatenate(parts_w, axis=2)
     accel, gyro = state.model.measure(f, w)
     accel_by_f = state.model.accel_matrix + np.einsum(
