@@ -54,9 +54,9 @@ class TableFit:
         Sd that was added to each triad, per axis [SI].
     snooping : Snooping
         Tests of the readings at the solution, outliers left out.
-    outliers : tuple of int
+    outliers : tuple of int, shape (k,)
         Readings that were left out: j for the specific force of reading j, n + j for its rate.
-    suspects : tuple of int
+    suspects : tuple of int, shape (k,)
         Readings of which one is wrong, but it cannot be told which.
     """
 

@@ -277,7 +277,7 @@ class Angles:
         return Axis(float(w @ o), float(o[2]), earth, level)
 
     def moved(self, step: FloatArray) -> Angles:
-        """Return the geometry after a step, shape (u,) [rad].
+        """Return the geometry after a `step`, shape (u,) [rad].
 
         Directions follow the step along straight lines: readings tell them far better than the
         angles, and an iteration that left them would bend its way along a narrow valley.

@@ -24,7 +24,7 @@ from foucault.diagnose.table_input import check_readings, enough_readings
 from foucault.errors import Finding, error, finding
 from foucault.estimate import turntable_likelihood
 from foucault.estimate.table_fit import Options, TableFit, fit
-from foucault.models.earth import Site
+from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
@@ -189,7 +189,8 @@ def from_readings(
     free = task.trust is None
     options = Options(
         names,
-        lever_arm=task.settings.lever_arm and spins,
+        # With free directions and no gyros, a lever arm only turns the axis of each spin.
+        lever_arm=task.settings.lever_arm and spins and (readings.gyro is not None or not free),
         level=free and spins and rests >= NORM_NEEDS,
         prior=_prior(names, prior or {}),
         rate_sd=task.settings.rate_sd,
@@ -279,7 +280,7 @@ def _result(
     covered = coverage(up if len(up) else estimate.state.geometry.directions())
     evidence = TableEvidence(readings, site, solution, covered)
     checks = table_checks.checks(evidence)
-    rate_sd = task.settings.table_rate_sd
+    rate_sd = _common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,
         coefficients=table_report.with_references(estimate.coefficients, site, rate_sd),
@@ -305,6 +306,20 @@ def _result(
     )
 
 
+def _common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
+    """Relative sd of an error that all spin rates share.
+
+    On a table whose tilt is not modelled, a tilt t of the outer axis towards North changes the
+    Earth's rate along it by ``w_ie cos(L) t``.
+    """
+    sd = task.settings.table_rate_sd
+    modelled = task.trust is not None and bool(np.any(task.trust.common_sd[:2] > 0))
+    if modelled or site.latitude is None or not readings.spin.any():
+        return sd
+    earth = EARTH_RATE * np.cos(site.latitude) * task.settings.plumb_sd
+    return float(np.hypot(sd, earth / np.abs(readings.rate[readings.spin]).min()))
+
+
 def _diagnostics(
     e: TableEvidence, task: Task, options: Options, covered: Coverage
 ) -> dict[str, Any]:
@@ -325,7 +340,7 @@ def _diagnostics(
         "chi_square": squares(solution.after),
         "chi_square_of_noise_alone": squares(solution.before),
         "coverage": coverage_json(covered, int(np.sum(~e.readings.spin))),
-        "budget": table_report.budget(solution, site, task.settings.table_rate_sd),
+        "budget": table_report.budget(solution, site, _common_rate_sd(e.readings, task, site)),
         "unseen": unseen(e.readings, task, site),
         **table_report.bound(e.readings, site, estimate.state, options),
     }
@@ -365,6 +380,11 @@ def unseen(readings: Readings, task: Task, site: Site) -> list[str]:
         rates = np.unique(np.round(np.abs(readings.rate[readings.spin]), 6))
         if len(rates) == 1:
             out.append("Gyro scale factors that change with the rate: all spins had the same.")
+    if task.trust is not None and not np.any(task.trust.common_sd):
+        out.append(
+            "Errors of the table that all positions share, such as axes that are not square: they "
+            "go into the coefficients, and the uncertainties do not know them."
+        )
     if not task.settings.accel_quadratic:
         out.append("Quadratic terms of the accelerometers: about 0.6 of each goes into the bias.")
     return out

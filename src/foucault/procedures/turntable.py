@@ -32,9 +32,6 @@ ARCSEC = float(np.radians(1 / 3600))
 class Settings(TableSettings):
     """What can be chosen; the defaults are those of a good table."""
 
-    plumb_sd: Annotated[float, Quantity("angle")] = Field(
-        default=30 * ARCSEC, ge=0, description="Sd of the tilt of the outer axis, about each axis."
-    )
     orthogonality_sd: Annotated[float, Quantity("angle")] = Field(
         default=10 * ARCSEC, ge=0, description="Sd of the angles between the table's axes."
     )

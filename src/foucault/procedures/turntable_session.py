@@ -67,6 +67,11 @@ class TableSettings(BaseModel):
     table_rate_sd: Ratio = Field(
         default=0.0, ge=0, description="Relative sd of an error that all spin rates share."
     )
+    plumb_sd: Angle = Field(
+        default=float(np.radians(1 / 60)),
+        ge=0,
+        description="Sd of the tilt of the outer axis, about each of two axes.",
+    )
     lever_arm: bool = Field(
         default=True,
         description="Estimate how far the accelerometers are from the centre of the table.",
@@ -82,7 +87,7 @@ class TableSettings(BaseModel):
     )
     loss: Literal["robust", "squares"] = Field(
         default="robust",
-        description="robust: a reading that cannot be right is left out; squares: all count in full.",
+        description="robust: a wrong reading is left out; squares: all count in full.",
     )
 
     @field_validator("plan", mode="after")
