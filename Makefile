@@ -17,7 +17,7 @@ demo: .venv/installed-run
 	$(BIN)/foucault demo -o demo
 
 test: lint
-	$(BIN)/pytest -n auto
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto  # small matrices: a second BLAS thread only costs
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

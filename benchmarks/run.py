@@ -18,6 +18,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import on_table
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
 
@@ -267,11 +269,32 @@ def rows() -> list[Row]:
     ours, peer = measure(ALLAN)
     out.append(Row("overlapping Allan deviation, 1e6 samples, 18 averaging times", ours, 0.008,
                    "allantools", peer))  # fmt: skip
+    out += table_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
     out.append(Row("reading a CSV of 1e6 rows with all checks, wall", ours, None,
                    "pandas.read_csv alone", peer))  # fmt: skip
+    return out
+
+
+def table_rows() -> list[Row]:
+    """Measure what calibrating on a table costs."""
+    ours, peer = measure(on_table.BATCH), measure(on_table.ONE_AT_A_TIME)
+    out = [
+        Row("norm observation with unification and covariance, 10,000 IMUs in a batch, per IMU, "
+            "CPU", ours, 1e-5, "the same norms in SciPy, one IMU after the other", peer),
+    ]  # fmt: skip
+    solve, whole, n = measure(on_table.COMMAND)
+    case, allowed = f"one IMU from a {n:,}-row CSV, the solve alone", float(f"{whole / 20:.2g}")
+    out.append(Row(case, solve, allowed, "the whole command with report, wall", whole))
+    ferraris = on_table.ferraris_code(DATA)
+    if ferraris is None:
+        print(f"left out: no ferraris_session under {DATA}", file=sys.stderr)
+    else:
+        ours, peer = measure(ferraris)
+        out.append(Row("Ferraris' method as published, with checks and result, CPU", ours, None,
+                       "imucal", peer))  # fmt: skip
     return out
 
 

@@ -20,7 +20,7 @@ SIZES = {
     "accel.bias": 0.3, "accel.scale": 0.02, "accel.misalignment": 0.01,
     "accel.quadratic": 3e-4, "accel.cross": 2e-4,
     "gyro.bias": 0.02, "gyro.scale": 0.02, "gyro.misalignment": 0.01,
-    "gyro.g_sensitivity": 2e-4,
+    "gyro.g_sensitivity": 2e-4, "gyro.asymmetry": 0.01, "gyro.cubic": 1e-4,
 }  # fmt: skip
 """Large, so that a wrong sign or transpose shows [SI]."""
 

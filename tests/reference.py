@@ -91,3 +91,44 @@ def integrate_turns_rk4(
                   for e in np.eye(3)]  # fmt: skip
         out.append(np.array(turned)[:, 1:].T)
     return np.array(out)
+
+
+def norm_observation(rest, f_spin, w_spin, h, g, lever_arm):
+    """One instrument by the NumPy solutions: its 21 coefficients and the lever arm."""
+    from foucault.estimate import norm_observation, parallel_vectors
+
+    Ma, ba = norm_observation.solve(rest, g)
+    Lg, bg = norm_observation.solve(w_spin, h)
+    f = np.array([np.linalg.solve(Ma, x - ba) for x in f_spin])
+    w = np.array([np.linalg.solve(Lg, x - bg) for x in w_spin])
+    u = [np.sign(s) * x / np.linalg.norm(x) for s, x in zip(h, w, strict=True)]
+    C_bd, arm = parallel_vectors.wahba(f, np.array(u)), np.zeros(3)
+    for _ in range(2000 * lever_arm):  # one after the other, until neither moves
+        across = [np.eye(3) - np.outer(C_bd @ x, C_bd @ x) for x in u]
+        rows = [-(s**2) * P for s, P in zip(h, across, strict=True)]
+        miss = [P @ x for P, x in zip(across, f, strict=True)]
+        before = arm
+        arm = np.linalg.lstsq(np.concatenate(rows), np.concatenate(miss), rcond=None)[0]
+        C_bd = parallel_vectors.wahba(f - np.array([R @ arm for R in rows]), np.array(u))
+        if np.abs(arm - before).max() < 1e-13:
+            break
+    Mg = Lg @ C_bd.T
+    off = [Mg[i, j] for i in range(3) for j in range(3) if i != j]
+    accel = [*ba, *(np.diag(Ma) - 1), Ma[1, 0], Ma[2, 0], Ma[2, 1]]
+    return np.array([*accel, *bg, *(np.diag(Mg) - 1), *off]), arm
+
+
+def norm_observation_covariance(blocks, variances, steps, h, g, lever_arm):
+    """Covariance of the 21 and of the lever arm: every reading moved a little, one by one."""
+    slopes = []
+    for k in range(3):
+        for at in np.ndindex(blocks[k].shape):
+            moved = []
+            for sign in (1.0, -1.0):
+                other = [b.copy() for b in blocks]
+                other[k][at] += sign * steps[k]
+                values, arm = norm_observation(*other, h, g, lever_arm)
+                moved.append(np.concatenate([values, arm]))
+            slopes.append((moved[0] - moved[1]) / (2 * steps[k]) * np.sqrt(variances[k][at[0]]))
+    J = np.array(slopes)
+    return J.T @ J

@@ -11,25 +11,22 @@ Run: python validation/turntable_tables.py [draws]
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from foucault.estimate import norm_observation, parallel_vectors, turntable_likelihood
+from foucault.estimate import norm_observation, turntable_likelihood
 from foucault.models import turntable
 from foucault.models.earth import Site
-from foucault.models.imu import LINEAR_LOWER, Gauge, ImuModel
+from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.readings import Readings
-from foucault.models.rotation import exp, log
+from foucault.models.rotation import log
 from foucault.models.table_state import Trust
 from foucault.plans.turntable import table_plan
 from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings, solve
 from foucault.procedures.norm_observation import task_of as norm_task
-from foucault.procedures.turntable import Settings as TurntableSettings
-from foucault.procedures.turntable import task_of as turntable_task
 from foucault.simulate.turntable import Rig, SimulatedReadings, simulate_readings
 
 DPH = np.pi / 648000
@@ -138,7 +135,8 @@ def table_3(draws: int) -> list[str]:
 
 
 def table_4(draws: int) -> list[str]:
-    angles = {"1 arcsec": 1 / 3600, "1 arcmin": 1 / 60, "10 arcmin": 1 / 6, "1 deg": 1, "10 deg": 10}
+    labels = ("1 arcsec", "1 arcmin", "10 arcmin", "1 deg", "10 deg")
+    angles = dict(zip(labels, (1 / 3600, 1 / 60, 1 / 6, 1.0, 10.0), strict=True))
     printed = {
         "accel": ("5.72e-5", ["2.86e-5", "8.27e-5", "5.74e-4", "3.43e-3", "4.79e-2"]),
         "gyro": ("3.6e-3", ["-.039", "-.083", "-.093", "-3.6", "-1.8"]),
@@ -202,8 +200,8 @@ def exactness() -> list[str]:
 
 def unification(draws: int) -> list[str]:
     lines = [
-        "| error of the angles | four positions (x, y, z) | parallel vectors, linear | likelihood | "
-        "lever arm, linear |",
+        "| error of the angles | four positions (x, y, z) | parallel vectors, linear | likelihood "
+        "| lever arm, linear |",
         "|---|--:|--:|--:|--:|",
     ]
     truth = MODEL

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -234,25 +235,33 @@ class Result:
         return self.model.apply(log)
 
 
-def provenance(log: Log, seconds: float) -> dict[str, Any]:
+def provenance(source: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     """Return what a result remembers of its making: versions, input, date, duration.
 
     Parameters
     ----------
-    log : Log
-        The input.
+    source : mapping
+        Where the input came from, as `Log.source` says it.
     seconds : float
         How long the computation took [s].
     """
     import datetime
+
+    return {
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "seconds": round(seconds, 3),
+        "versions": dict(_versions()),
+        "input": dict(source),
+    }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Return the versions of what computes; looking them up takes milliseconds."""
     import importlib.metadata
     import platform
 
     packages = ("foucault", "numpy", "scipy", "numba")
-    return {
-        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "seconds": round(seconds, 3),
-        "versions": {"python": platform.python_version()}
-        | {name: importlib.metadata.version(name) for name in packages},
-        "input": log.source,
+    return {"python": platform.python_version()} | {
+        name: importlib.metadata.version(name) for name in packages
     }

@@ -19,7 +19,7 @@ import io
 import json
 import re
 from collections.abc import Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -73,6 +73,28 @@ def save(result: Result, folder: str | Path, campaign_text: str | None = None) -
     except OSError as problem:
         raise unwritable(folder, problem) from problem
     return folder / RESULT_FILE
+
+
+def clear(folder: str | Path) -> None:
+    """Remove what `save` and `report.write` have written into a folder, and the folder if empty.
+
+    Parameters
+    ----------
+    folder : str or Path
+        A run folder, or none.
+    """
+    folder = Path(folder)
+    if not (folder / RESULT_FILE).is_file():
+        return
+    (folder / RESULT_FILE).unlink()  # first, so that nobody takes the rest for complete
+    for name in (REPORT_FILE, CAMPAIGN_FILE):
+        (folder / name).unlink(missing_ok=True)
+    for file in (folder / TABLE_FOLDER).glob("*.parquet"):
+        if _TABLE_NAME.fullmatch(file.name):
+            file.unlink()
+    for left in (folder / TABLE_FOLDER, folder):
+        with suppress(OSError):  # something of the user's is in it
+            left.rmdir()
 
 
 def load_result(path: str | Path, *, with_tables: bool = True) -> Result:

@@ -100,8 +100,13 @@ READINGS = (
     Column("rate_before", "rad/s", "norm of the mean rate as measured"),
     Column("rate_after", "rad/s", "norm of the mean rate after compensation"),
     Column("rate_true", "rad/s", "norm of the true mean rate: that of the table and of the Earth"),
+    Column("rate_sd", "rad/s", "predicted standard deviation of rate_after minus rate_true"),
     Column("residual", "1", "largest standardized residual of the reading"),
+    Column("accel_residual", "1", "standardized residual of its specific force, 0 if not tested"),
+    Column("gyro_residual", "1", "standardized residual of its rate, 0 if not tested"),
     Column("weight", "1", "robust weight of the reading, 1 where it is used in full"),
+    Column("accel_weight", "1", "robust weight of its specific force"),
+    Column("gyro_weight", "1", "robust weight of its rate"),
     Column("detectable", "m/s^2", "smallest error of this reading that would have been noticed"),
 )
 """One row per position of a session on a table: rests, and spins about the outer axis."""

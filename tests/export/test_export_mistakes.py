@@ -90,3 +90,16 @@ def test_a_target_that_cannot_be_written(tmp_path: Path) -> None:
         write(result, "c", tmp_path)
     write(result, "c", tmp_path / "old.h")
     assert (tmp_path / "old.h").read_text().startswith("/*")
+
+
+@pytest.mark.parametrize("family", ["gyro.asymmetry", "gyro.cubic"])
+@pytest.mark.parametrize("receiver", ["kalibr", "imucal", "px4", "ros2"])
+def test_scale_factor_terms_are_refused_where_there_is_no_place(
+    family: str, receiver: str, tmp_path: Path
+) -> None:
+    result = with_terms(family)
+    with pytest.raises(FoucaultError, match=f"cannot express {family}.x, {family}.y") as problem:
+        write(result, receiver, tmp_path / "out")
+    assert problem.value.code == "export.inexpressible"
+    text = write(result, receiver, tmp_path / "out", drop=[family]).read_text()
+    assert f"{family}.z = {result.coefficients.value(family + '.z')!r}" in text

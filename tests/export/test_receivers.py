@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 
 from foucault.export import RECEIVERS, write
+from foucault.export.imucal import CAN as IMUCAL
 from foucault.export.kalibr import CAN as KALIBR
 from foucault.export.request import AXES, FAMILIES, in_axes
 from foucault.logs.description import LogDescription
 from foucault.models.imu import Gauge
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.result import Result
-from make_terms import SIZES, Readings, Same, with_terms
+from make_terms import Readings, Same, with_terms
 
 COUNTS = LogDescription.model_validate(
     {
@@ -84,6 +85,7 @@ def test_c(which: str, request: Any, readings: Readings, tmp_path: Path, same: S
     result: Result = request.getfixturevalue(which)
     header = write(result, "c", tmp_path / "calibration.h").read_text()
     assert ("foucault_solve_quadratic" in header) == (which == "full")
+    assert ("foucault_sensed_rate" in header) == (which == "full")
     assert "m/s^2" in header
     assert "malloc" not in header
     assert "foucault_compensate_counts" not in header  # nothing is known of counts
@@ -181,12 +183,19 @@ def test_json(full: Result, readings: Readings, tmp_path: Path, same: Same) -> N
     for _ in range(60):  # as the file says: repeated until f stands still
         rest = accel - go["accel_bias"] - q(f) @ np.transpose(go["accel_quadratic"])
         f = rest @ back["accel_inverse"].T
-    w = (gyro - go["gyro_bias"] - f @ np.transpose(go["g_sensitivity"])) @ back["gyro_inverse"].T
+    y = gyro - go["gyro_bias"] - f @ np.transpose(go["g_sensitivity"])
+    r = y
+    for _ in range(60):
+        r = (y - go["gyro_cubic"] * r**3) / (1 + go["gyro_asymmetry"] * np.sign(r))
+    w = r @ back["gyro_inverse"].T
     f_b, w_b = full.model.compensate(accel, gyro)
     same(f, f_b)
     same(w, w_b)
     again = f @ np.transpose(go["accel_matrix"]) + go["accel_bias"]
     same(again + q(f) @ np.transpose(go["accel_quadratic"]), accel)
+    r = w @ np.transpose(go["gyro_matrix"])
+    back_again = r + go["gyro_asymmetry"] * np.abs(r) + go["gyro_cubic"] * r**3
+    same(back_again + go["gyro_bias"] + f @ np.transpose(go["g_sensitivity"]), gyro)
     assert doc["units"] == {"accel": "m/s^2", "gyro": "rad/s"}
 
 
@@ -215,7 +224,7 @@ def test_csv_leaves_out_what_is_dropped(full: Result, tmp_path: Path) -> None:
 
 def test_imucal_itself_applies_it(readings: Readings, tmp_path: Path, same: Same) -> None:
     imucal = pytest.importorskip("imucal", reason="imucal is in the bench extra")
-    result = with_terms(*(f for f in SIZES if not f.startswith(("accel.quad", "accel.cross"))))
+    result = with_terms(*IMUCAL)
     path = write(result, "imucal", tmp_path / "imucal.json")
     info = imucal.CalibrationInfo.from_json(path.read_text())
     assert isinstance(info, imucal.FerrarisCalibrationInfo)

@@ -26,7 +26,8 @@ W = RNG.uniform(-4.0, 4.0, (50, 3))
 
 def _size(name: str) -> float:
     """A large but invertible value: a tenth of the signal, at |f| up to 12 and |w| up to 4."""
-    return 1e-3 if name.split(".")[1] in ("quadratic", "cross", "g_sensitivity") else 0.1
+    second = ("quadratic", "cross", "g_sensitivity", "cubic")
+    return 1e-3 if name.split(".")[1] in second else 0.1
 
 
 def _expected(name: str, value: float) -> tuple[np.ndarray, np.ndarray]:
@@ -45,6 +46,10 @@ def _expected(name: str, value: float) -> tuple[np.ndarray, np.ndarray]:
         out[:, o] += value * true[:, o] ** 2
     elif group == "cross":
         out[:, o] += value * true[:, AT[axes[1]]] * true[:, AT[axes[2]]]
+    elif group == "asymmetry":
+        out[:, o] += value * np.abs(true[:, o])
+    elif group == "cubic":
+        out[:, o] += value * true[:, o] ** 3
     else:
         out[:, o] += value * F[:, AT[axes[1]]]
     return accel, gyro

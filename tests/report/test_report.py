@@ -137,7 +137,9 @@ def test_sections_of_the_hand_rotated_procedure(page):
         "How to apply it",
         "Provenance",
     ]
-    assert len(titles) == len(SECTIONS)
+    elsewhere = ("foucault.report.on_table", "foucault.report.rate_table")
+    own = [section for section in SECTIONS if section.__module__ not in elsewhere]
+    assert len(titles) == len(own)
     text = text_of(page)
     assert "Missing: y down, tilted to +x and -z." in text
     assert "3 samples are missing between 211.40 s and 211.44 s." in text

@@ -17,14 +17,18 @@ from foucault.campaign.reading import Campaign, load
 from foucault.campaign.tables import SiteTable, grade
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector
-from foucault.errors import error, finding
+from foucault.errors import Finding, error, finding
 from foucault.files import atomic, unwritable
+from foucault.logs.streaming import OnDisk
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.result import Result
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import Log
 
 Progress = Callable[[float, str], None]
+
+STREAMED = 1 << 28
+"""A larger log stays on disk, where its procedure needs no more than blocks of it [1]."""
 
 TRUTH_FILE = "truth.json"
 SESSION_LOG = "log.csv"
@@ -38,11 +42,15 @@ def _silent(_fraction: float, _words: str) -> None:
 def read_log(campaign: Campaign, progress: Progress = _silent) -> Log:
     """Read the log of a campaign; its findings follow those of the campaign file."""
     log = logs.read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
-    found = campaign.findings
+    return replace(log, findings=_told(campaign) + log.findings)
+
+
+def _told(campaign: Campaign) -> tuple[Finding, ...]:
+    """What was noticed in the campaign file."""
     unedited = _unedited(campaign)
     if unedited and not (campaign.folder / TRUTH_FILE).exists():
-        found = (*found, finding("campaign.template", what=unedited))
-    return replace(log, findings=found + log.findings)
+        return (*campaign.findings, finding("campaign.template", what=unedited))
+    return campaign.findings
 
 
 def _unedited(campaign: Campaign) -> str:
@@ -70,8 +78,11 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> 
     """
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
-    result: Result = procedures.load(campaign.procedure).calibrate(
-        read_log(campaign, progress),
+    module = procedures.load(campaign.procedure)
+    on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
+    streamed = getattr(module, "STREAMS", False) and on_disk.size > STREAMED
+    result: Result = module.calibrate(
+        on_disk if streamed else read_log(campaign, progress),
         site=campaign.site,
         settings=campaign.settings,
         noise=campaign.noise,
@@ -189,9 +200,9 @@ def save_session(session: Session, folder: str | Path) -> Path:
         temporary.write_text(json.dumps(_truth(session), indent=1) + "\n", encoding="utf-8")
     averaged = session.simulation.log.averaged is not None
     own = log_table(session.campaign.procedure, averaged=averaged)
-    text = _with_own_log(session.campaign.text, own)
+    text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
-        text = _with_seed(text, session.seed)
+        text = with_seed(text, session.seed)
     with atomic(folder / SESSION_CAMPAIGN) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return folder / SESSION_CAMPAIGN
@@ -212,8 +223,8 @@ def _truth(session: Session) -> dict[str, Any]:
 _HEADER = re.compile(r"^[ \t]*\[+[ \t]*([A-Za-z_]+)", re.MULTILINE)
 
 
-def _with_own_log(text: str, own: str) -> str:
-    """Let [log] describe the log as it is written here; everything else stays as it is."""
+def with_own_log(text: str, own: str) -> str:
+    """Let [log] of a campaign's `text` be `own`; everything else stays as it is."""
     starts = [m.start() for m in _HEADER.finditer(text)]
     names = [m.group(1) for m in _HEADER.finditer(text)]
     if "log" not in names:
@@ -228,7 +239,8 @@ def _with_own_log(text: str, own: str) -> str:
     return "".join(pieces)
 
 
-def _with_seed(text: str, seed: int) -> str:
+def with_seed(text: str, seed: int) -> str:
+    """Let [simulate] of a campaign's `text` give `seed`, shape () [1]."""
     head, found, rest = text.partition("[simulate]")
     if not found:
         return f"{text.rstrip()}\n\n[simulate]\nseed = {seed}\n"

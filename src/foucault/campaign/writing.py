@@ -42,6 +42,9 @@ accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_res
 # A file that says -1 g along up at rest:  accel = { ..., reads = "gravity" }
 """
 
+WIDTH = 100
+"""Longest line of a template [1]."""
+
 AVERAGED = 'averaged = { column = "averaged", unit = "s" }   # every row is a mean over that long\n'
 """Line of a log that holds means."""
 
@@ -57,7 +60,7 @@ def log_table(procedure: str, *, averaged: bool = False) -> str:
         Whether the log holds means.
     """
     more: str = getattr(procedures.load(procedure), "LOG_LINES", "")
-    return LOG_TABLE + more + AVERAGED * averaged
+    return LOG_TABLE + AVERAGED * averaged + more
 
 
 EXAMPLE = "example IMU"
@@ -136,6 +139,9 @@ def _commented(
         out += [f"# {line}" for line in textwrap.wrap(field.description or "", 92)]
         value = values.get(name, _default(field))
         out.append(f"{name} = {value}" if value is not None else f"# {name} = {_sample(field)}")
+        if len(out[-1]) > WIDTH and value is not None and value.startswith("["):
+            items = field.get_default(call_default_factory=True)
+            out[-1:] = [f"{name} = [", *(f"    {_text(item)}," for item in items), "]"]
     return out
 
 

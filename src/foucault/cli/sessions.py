@@ -27,7 +27,8 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "simulate",
         epilog="Examples: foucault simulate hand_rotated -o session; "
-        "foucault simulate campaign.toml -o session --seed 7",
+        "foucault simulate campaign.toml -o session --seed 7; "
+        "foucault simulate norm_observation -o bench --instruments 60",
     )(simulate)
 
 
@@ -47,11 +48,18 @@ def simulate(
     seed: Annotated[
         int | None, typer.Option(help="Seed; that of the campaign if left out.", min=0)
     ] = None,
+    instruments: Annotated[
+        int | None,
+        typer.Option(help="Simulate so many instruments, as means in one file.", min=1),
+    ] = None,
 ) -> None:
     """Simulate a session: the log a user would have, and the truth beside it."""
     from foucault import campaign
 
     screen: Screen = ctx.obj
+    if instruments is not None:
+        _simulate_fleet(screen, load_or_template(what), output, seed, instruments)
+        return
     with screen.progress() as tell:
         tell(0.1, "simulating")
         session = campaign.simulate(load_or_template(what), seed)
@@ -64,6 +72,24 @@ def simulate(
         f"Next: foucault calibrate {file} -o {output / 'run'}",
     )
     screen.data({"folder": str(output), "campaign": str(file), "samples": len(log)})
+
+
+def _simulate_fleet(
+    screen: Screen, described: Campaign, output: Path, seed: int | None, instruments: int
+) -> None:
+    from foucault.campaign import fleet_simulation
+
+    with screen.progress() as tell:
+        tell(0.1, "simulating")
+        made = fleet_simulation.simulate(described, instruments, seed)
+        tell(0.6, "writing")
+        file = fleet_simulation.save(described, made, output, seed)
+    screen.say(
+        f"Wrote means of {instruments} instruments in {len(made.plan)} positions to {output}, "
+        f"with the truth in {output / fleet_simulation.TRUTH_FILE}.",
+        f"Next: foucault fleet {file} -o {output / 'fleet'}",
+    )
+    screen.data({"folder": str(output), "campaign": str(file), "instruments": instruments})
 
 
 def inspect(

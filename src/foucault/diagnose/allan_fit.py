@@ -203,6 +203,8 @@ def _interval(p: float, sd: float) -> tuple[float, float]:
     low, high = (
         float(chi2.ppf(edge, dof)) for edge in ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
     )
+    if not low > 0:  # hardly a degree of freedom: both quantiles can be zero to rounding
+        return 0.0, float("inf")
     return float(dof * p / high), float(dof * p / low)
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.diagnose.position_choice import nearest, rate_problem
-from foucault.diagnose.position_stretches import spin_rates
+from foucault.diagnose.position_rates import spin_rates
 from foucault.errors import Finding, error, finding
 from foucault.models.readings import Readings
 from foucault.tables import FloatArray, Log
 
-UNKNOWN_ACCEL = 1e-4
-"""Standard deviation of a mean whose noise nobody knows: readings weigh alike [m/s^2]."""
+UNKNOWN_ACCEL = 1e-6
+"""Standard deviation of a mean whose noise nobody knows: readings weigh alike, and their scatter,
+which is estimated, must be larger than this [m/s^2]."""
 
-UNKNOWN_GYRO = 1e-7
+UNKNOWN_GYRO = 1e-9
 """The same for the gyros [rad/s]."""
 
 WHOLE = 0.01

@@ -31,13 +31,16 @@ MOST_MOVING = 0.25
 SAME = np.radians(2.0)
 """Directions of up in one position differ by less [rad]."""
 
+CREEP = np.radians(1.0)
+"""No table moves so slowly from one position to the next [rad/s]."""
+
 ATTEMPT = 0.55
 """A spin of so much of a turn was meant to be one: moves to other positions are shorter [1]."""
 
 PAUSE = 0.3
 """A rest next to a spin, shorter than this part of the longest rest, is only a pause [1]."""
 
-LEFT_OVER = 0.02
+LEFT_OVER = 0.25
 """Parts of a turn smaller than this are no parts [1]."""
 
 
@@ -97,12 +100,25 @@ def choose(source: Source, data: Reduced, commanded: FloatArray, shortest: float
         raise _short(data, meant[0], windows[meant[0]])
     pauses = np.zeros(len(good), bool)
     if not labelled:
+        findings += _creeping(data, short, good)
         good, pauses = _without_pauses(data, good)
     _rates_as_told(data, [run for run in good if run.rate != 0], commanded)
     chosen = [windows.get(run) or _rest(data, run) for run in good]
     if labelled:
         findings += _cut(data, good, chosen)
     return Choice(good, chosen, pauses, tuple(findings))
+
+
+def _creeping(data: Reduced, short: list[Stretch], good: list[Stretch]) -> list[Finding]:
+    """Name what would be a rest if it did not turn slowly; a move is faster or shorter."""
+    longest = max((_time(data, run) for run in good if run.rate == 0), default=0.0)
+    out = []
+    for run in short:
+        if abs(run.rate) < CREEP and 0.0 < PAUSE * longest < _time(data, run):
+            words = _words(data, run)
+            rate = plain(float(np.degrees(abs(run.rate))), 2)
+            out.append(finding("rest.moving", start=words["start"], end=words["end"], rate=rate))
+    return out
 
 
 def _without_pauses(data: Reduced, runs: list[Stretch]) -> tuple[list[Stretch], BoolArray]:
@@ -120,14 +136,20 @@ def _without_pauses(data: Reduced, runs: list[Stretch]) -> tuple[list[Stretch], 
 def _same_position(data: Reduced, a: Stretch, b: Stretch) -> bool:
     """Tell whether the outer axis alone, or nothing, has turned between two stretches."""
     cells = data.cells
-    if "accel" not in data.has:
+    between = slice(a.last, b.first)
+    if "accel" in data.has:
+        means = [mean(cells, cells.accel, run) for run in (a, b)]
+        if a.last < b.first:
+            means.append(cells.accel[between].mean(axis=0))
+        up = [x / np.linalg.norm(x) for x in means]
+        return all(float(np.linalg.norm(x - up[0])) < SAME for x in up)
+    if "gyro" not in data.has:
         return False
-    between = cells.accel[a.last : b.first]
-    means = [mean(cells, cells.accel, run) for run in (a, b)]
-    if len(between):
-        means.append(between.mean(axis=0))
-    up = [x / np.linalg.norm(x) for x in means]
-    return all(float(np.linalg.norm(x - up[0])) < SAME for x in up)
+    spin, rest = (mean(cells, cells.gyro, run) for run in ((a, b) if a.rate else (b, a)))
+    axis = (spin - rest) / np.linalg.norm(spin - rest)
+    ramp = (cells.gyro[between] - rest).sum(axis=0)
+    across = float(np.linalg.norm(np.cross(ramp, axis)))
+    return bool(across <= SAME * np.linalg.norm(ramp))
 
 
 def _time(data: Reduced, run: Stretch) -> float:
@@ -285,9 +307,10 @@ def _one_sense(data: Reduced, whole: Stretch, spins: list[Stretch]) -> None:
 
 def _cut(data: Reduced, runs: list[Stretch], windows: list[Window]) -> list[Finding]:
     """Tell which numbered spins had a part of a turn more than was used."""
-    some = [
-        f"{int(data.cells.label[run.first])} ({w.whole:.2f} turns, {w.turns:g} used)"
-        for run, w in zip(runs, windows, strict=True)
-        if w.turns and w.whole - w.turns > LEFT_OVER
-    ]
-    return [finding("spin.cut", positions=", ".join(some))] if some else []
+    spins = [w for w in windows if w.turns]
+    cut = [w for w in spins if w.whole - w.turns > LEFT_OVER]
+    if not cut:
+        return []
+    which = f"all {len(spins)}" if len(cut) == len(spins) else f"{len(cut)} of {len(spins)}"
+    most = max(w.whole - w.turns for w in cut)
+    return [finding("spin.cut", which=which, most=f"{most:.2f}")]

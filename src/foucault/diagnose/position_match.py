@@ -25,6 +25,9 @@ FAR = np.radians(25.0)
 SMALL = np.radians(30.0)
 """An instrument is mounted as the plan says when it is turned by less [rad]."""
 
+SMALLER = np.radians(10.0)
+"""The same where the order is given up: regular plans fit themselves in many attitudes [rad]."""
+
 LATE = 1e-4
 """What a place further on in the plan costs where the order is given up [1]."""
 
@@ -107,7 +110,11 @@ def turned(C: FloatArray) -> float:
 
 
 def match(
-    up: FloatArray, spin: BoolArray | None, nominal: FloatArray, nominal_spin: BoolArray
+    up: FloatArray,
+    spin: BoolArray | None,
+    nominal: FloatArray,
+    nominal_spin: BoolArray,
+    in_order: bool = False,
 ) -> Match:
     """Find the position of each reading.
 
@@ -121,20 +128,22 @@ def match(
         Direction of up in each position of the plan, case axes [1].
     nominal_spin : ndarray of bool, shape (m,)
         Which of them are spins.
+    in_order : bool
+        Whether the order must be that of the plan.
     """
     C = np.eye(3)
     found = Match(np.full(len(up), -1), True, C)
     for _ in range(3):
         cost = _cost(up, spin, nominal @ C.T, nominal_spin)
         row, ordered = _aligned(cost), True
-        if (row < 0).any() and len(np.unique(row[row >= 0])) < len(nominal):
+        if not in_order and (row < 0).any() and len(np.unique(row[row >= 0])) < len(nominal):
             free = _assigned(cost)
             if (free >= 0).sum() > (row >= 0).sum():
                 row, ordered = free, False
         found = Match(row, ordered, C)
         some = (row >= 0) & np.isfinite(up).all(axis=1)
         again = rotation(up[some], nominal[row[some]])
-        if turned(again) > SMALL:
+        if turned(again) > (SMALL if ordered else SMALLER):
             break
         C = again
     return found
@@ -153,6 +162,8 @@ def _cost(
 def _aligned(cost: FloatArray) -> IntArray:
     """Align in order; a reading or a position without partner costs 1."""
     n, m = cost.shape
+    if n == m and np.trace(cost) <= 2.0:  # any other way has two without partner at least
+        return np.arange(n)
     best = np.zeros((n + 1, m + 1))
     best[:, 0], best[0, :] = np.arange(n + 1), np.arange(m + 1)
     for i in range(n):

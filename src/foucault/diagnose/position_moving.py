@@ -14,11 +14,8 @@ from foucault.models.readings import Readings
 from foucault.tables import FloatArray
 from foucault.units import plain
 
-BEYOND_NOISE = 6.0
-"""A difference of this many standard deviations is not noise [1]."""
-
 BEYOND_OTHERS = 8.0
-"""Nor is it like the other rests where it is so many times theirs [1]."""
+"""A change that is so many times that of the other rests is motion [1]."""
 
 LEAST_TURN = np.radians(0.02)
 """Least rate that is called motion; the Earth turns at 0.004 deg/s [rad/s]."""
@@ -46,14 +43,11 @@ def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> 
     if "accel" in change and readings.accel is not None:
         size = float(np.median(np.linalg.norm(readings.accel, axis=1)))
         tilt = np.linalg.norm(change["accel"][rest], axis=1) / size
-        # Each half has twice the variance of the whole, their difference four times.
-        sd = 2 * np.sqrt(np.trace(readings.accel_cov[rest], axis1=1, axis2=2)) / size
-        for k in _odd(tilt, sd, LEAST_TILT):
+        for k in _odd(tilt, readings.time[rest], LEAST_TILT):
             why[int(rest[k])] = f"tilts by {plain(np.degrees(tilt[k]) * 3600, 3)} arcsec"
     if readings.gyro is not None:
         off = np.linalg.norm(readings.gyro[rest] - np.median(readings.gyro[rest], axis=0), axis=1)
-        sd = np.sqrt(np.trace(readings.gyro_cov[rest], axis1=1, axis2=2))
-        for k in _odd(off, sd, LEAST_TURN):
+        for k in _odd(off, readings.time[rest], LEAST_TURN):
             why[int(rest[k])] = f"turns at {plain(np.degrees(off[k]), 3)} deg/s"
     zero = float(data.cells.first[0])
     out = []
@@ -70,9 +64,10 @@ def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> 
     return out
 
 
-def _odd(size: FloatArray, sd: FloatArray, least: float) -> FloatArray:
-    limit = np.maximum(BEYOND_NOISE * sd, max(least, BEYOND_OTHERS * float(np.median(size))))
-    return np.asarray(np.flatnonzero(size > limit))
+def _odd(size: FloatArray, time: FloatArray, least: float) -> FloatArray:
+    # Short rests are noisier than long ones.
+    alike = BEYOND_OTHERS * np.median(size * np.sqrt(time)) / np.sqrt(time)
+    return np.asarray(np.flatnonzero(size > np.maximum(alike, least)))
 
 
 def _label(data: Reduced, start: float) -> int:

@@ -4,10 +4,6 @@ A stretch is a run of cells that do not change: the instrument turns at a consta
 vertical, or not at all. Moves from one position to the next and the ramps at both ends of a spin
 change from cell to cell. What is called constant is learned from the log: a step between the
 means of neighbouring cells counts when it is five times the usual one.
-
-The rate of a rest is the bias of the gyros, that of a spin has a part along up besides. Across up
-both show the bias only, so that the bias is found from all stretches together, and what is left
-along up tells spins from rests.
 """
 
 from __future__ import annotations
@@ -18,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.position_cells import CELL, Cells, Reduced
+from foucault.diagnose.position_rates import SLOWEST, spin_rates
 from foucault.diagnose.rests import EDGE, quiet_sd, split
 
 FloatArray = npt.NDArray[np.float64]
@@ -26,8 +23,20 @@ BoolArray = npt.NDArray[np.bool_]
 STEP = 5.0
 """Cells belong together when their means differ by less than this many usual steps [1]."""
 
-STEADY = 0.02
+OF_QUARTER = 1.4
+"""Median over lower quartile of the length of a vector of three noises [1]."""
+
+FEW = 10
+"""Cells of fewer samples say too little of their own noise [1]."""
+
+STEADY = 0.003
 """A rate is constant when it changes by less than this part of itself per cell [1]."""
+
+QUIET_SPIN = 0.2
+"""In a spin the samples scatter by less than this part of the rate [1]."""
+
+ALIKE = 0.02
+"""Two stretches at rates that differ by less than this part may be one [1]."""
 
 LEAN = 0.1
 """A spin whose axis leans by less than this is a spin about the vertical [rad]."""
@@ -46,9 +55,6 @@ HELD = 3e-4
 
 PAUSE = 2.0
 """Two stretches in the same position are one, if no more than this lies in between [s]."""
-
-SLOWEST = np.radians(0.01)
-"""No spin is slower, unless it is told so; the Earth turns at 0.004 deg/s [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -121,14 +127,16 @@ def steadiness(data: Reduced) -> Steadiness:
     if "gyro" in data.has:
         step = np.linalg.norm(np.diff(cells.gyro, axis=0), axis=1)
         gyro_step = STEP * _usual(step, both, LEAST_GYRO[1])
-        linked &= step <= np.maximum(gyro_step * coarse, STEADY * pair)
-        turning = np.sqrt(cells.gyro_var.sum(axis=1)) < 0.05 * turn
+        allowed = np.maximum(gyro_step * coarse, _own(cells, cells.gyro_var))
+        linked &= step <= np.maximum(allowed, STEADY * pair)
+        turning = np.sqrt(cells.gyro_var.sum(axis=1)) < QUIET_SPIN * turn
         quiet = quiet | turning
     if "accel" in data.has:
         step = np.linalg.norm(np.diff(cells.accel, axis=0), axis=1)
-        allowed = STEP * _usual(step, both, LEAST_ACCEL[1])
+        accel_step = STEP * _usual(step, both, LEAST_ACCEL[1])
+        allowed = np.maximum(accel_step * coarse, _own(cells, cells.accel_var))
         size = float(np.median(np.linalg.norm(cells.accel, axis=1)))
-        linked &= step <= np.maximum(allowed * coarse, LEAN * size * pair * CELL)
+        linked &= step <= np.maximum(allowed, LEAN * size * pair * CELL)
     table_step = _table_step(table_rate)
     if "outer" in data.has:
         slow = np.minimum(np.abs(table_rate[1:]), np.abs(table_rate[:-1]))
@@ -148,9 +156,22 @@ def _coarse(cells: Cells) -> FloatArray:
     return np.asarray(np.sqrt(0.5 * full * (1 / cells.count[1:] + 1 / cells.count[:-1])))
 
 
+def _own(cells: Cells, variance: FloatArray) -> FloatArray:
+    """Return the step that the scatter inside two cells explains, shape (m - 1,).
+
+    A steady change scatters inside a cell too, but explains only a part of its own step; not so in
+    cells of a few samples.
+    """
+    of_mean = variance.sum(axis=1) / np.maximum(cells.count, 1)
+    of_mean[cells.count < FEW] = 0.0
+    return np.asarray(STEP * np.sqrt(of_mean[1:] + of_mean[:-1]))
+
+
 def _usual(step: FloatArray, both: BoolArray, least: float) -> float:
+    """Return the median step of steady cells, from the lower quarter: ramps may be many."""
     chosen = step[both] if both.any() else step
-    return max(float(np.median(chosen)) if len(chosen) else 0.0, least)
+    quarter = float(np.percentile(chosen, 25)) if len(chosen) else 0.0
+    return max(OF_QUARTER * quarter, least)
 
 
 def _table_rate(cells: Cells) -> FloatArray:
@@ -231,7 +252,8 @@ def _rates(
     time = np.array([cells.end[r.last - 1] - cells.start[r.first] for r in runs])
     if "outer" in data.has:
         rate = np.array([_slope(cells, r) for r in runs])
-        limit = max(SLOWEST, how.table_step / 5) if slowest is None else 0.3 * slowest
+        limit = max(SLOWEST, how.table_step / STEP)
+        limit = limit if slowest is None else min(limit, 0.3 * slowest)
         return np.where(np.abs(rate) > limit, rate, 0.0)
     if "gyro" not in data.has:
         return np.zeros(len(runs))
@@ -240,78 +262,10 @@ def _rates(
     return spin_rates(w, f, time, slowest)
 
 
-def spin_rates(
-    w: FloatArray, f: FloatArray | None, time: FloatArray, slowest: float | None
-) -> FloatArray:
-    """Return the rate of each spin, without bias, shape (n,) [rad/s]; 0 at rest.
-
-    Parameters
-    ----------
-    w : ndarray, shape (n, 3)
-        Mean rates [rad/s].
-    f : ndarray, shape (n, 3), or None
-        Mean specific forces; without them the rate of a spin has no sign [m/s^2].
-    time : ndarray, shape (n,)
-        Length of each mean [s].
-    slowest : float or None
-        Slowest rate that was commanded, where known [rad/s].
-    """
-    if f is None:
-        rate = np.linalg.norm(w, axis=1)
-    else:
-        up = f / np.maximum(np.linalg.norm(f, axis=1), 1e-300)[:, None]
-        rate = ((w - bias_across(w, up, time)) * up).sum(axis=1)
-    rate = np.where(np.abs(rate) > _threshold(rate, time, slowest), rate, 0.0)
-    if f is not None and (rate == 0).any() and rate.any():
-        # Rests tell the bias better, and the size does not depend on where up is.
-        rest = np.average(w[rate == 0], axis=0, weights=time[rate == 0])
-        rate = np.sign(rate) * np.linalg.norm(w - rest, axis=1)
-    return np.asarray(rate)
-
-
 def _slope(cells: Cells, run: Stretch) -> float:
     a, b = run.first, run.last - 1
     turned = cells.to_angles[b, 0] - cells.from_angles[a, 0]
     return float(turned / (cells.last[b] - cells.first[a]))
-
-
-def bias_across(w: FloatArray, up: FloatArray, time: FloatArray) -> FloatArray:
-    """Fit the bias to the rates across up, which no spin about the vertical has.
-
-    Parameters
-    ----------
-    w : ndarray, shape (n, 3)
-        Mean rates at rest and in spins [rad/s].
-    up : ndarray, shape (n, 3)
-        Directions of up [1].
-    time : ndarray, shape (n,)
-        Length of each mean [s].
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Bias; its part along up is zero where up has but one direction [rad/s].
-    """
-    across = np.eye(3) - up[:, :, None] * up[:, None, :]
-    weight = np.minimum(time, 30.0)
-    for _ in range(10):
-        N = np.einsum("n,nij->ij", weight, across)
-        b = np.linalg.pinv(N, rcond=1e-3) @ np.einsum("n,nij,nj->i", weight, across, w)
-        off = np.linalg.norm(np.einsum("nij,nj->ni", across, w - b), axis=1)
-        # A turn that is no spin counts less.
-        weight = np.minimum(time, 30.0) / (1 + (off / max(3 * np.median(off), 1e-6)) ** 2)
-    return np.asarray(b)
-
-
-def _threshold(rate: FloatArray, time: FloatArray, slowest: float | None) -> float:
-    if slowest is not None:
-        return 0.4 * slowest
-    size = np.maximum(np.abs(rate), SLOWEST / 10)
-    if size.max() < 3 * size.min():  # all rests or all spins
-        return 0.0 if float(np.median(size)) > np.radians(0.5) else np.inf
-    # Each second counts alike, not each run: moves leave many short ones.
-    seconds = np.repeat(size, np.maximum(1, np.round(time).astype(int)))
-    return float(max(split(seconds / SLOWEST) * SLOWEST, SLOWEST))
 
 
 def _trimmed(run: Stretch, data: Reduced, how: Steadiness) -> Stretch:
@@ -360,7 +314,7 @@ def _same(cells: Cells, data: Reduced, a: Stretch, b: Stretch) -> bool:
         return False
     if cells.broken[a.last : b.first + 1].any():
         return False
-    if (a.rate == 0) != (b.rate == 0) or abs(a.rate - b.rate) > STEADY * abs(a.rate):
+    if (a.rate == 0) != (b.rate == 0) or abs(a.rate - b.rate) > ALIKE * abs(a.rate):
         return False
     if "accel" in data.has:
         up = [x / np.linalg.norm(x) for x in (mean(cells, cells.accel, r) for r in (a, b))]
@@ -375,5 +329,5 @@ def _same(cells: Cells, data: Reduced, a: Stretch, b: Stretch) -> bool:
     if "gyro" in data.has:
         w = mean(cells, cells.gyro, a)
         turned = np.linalg.norm(((cells.gyro[gap] - w) * time[:, None]).sum(axis=0))
-        return bool(turned < max(np.radians(0.5), STEADY * abs(expected)))
+        return bool(turned < max(np.radians(0.5), ALIKE * abs(expected)))
     return True

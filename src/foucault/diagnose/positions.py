@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -119,16 +120,14 @@ def stream_readings(
     from foucault.logs import streaming
     from foucault.logs.reading import read
 
-    if description.averaged is not None:
+    if next(streaming.blocks(description, folder)).averaged is not None:
         log = read(description, folder, progress)
-        found = find_readings(log, plan=plan, noise=noise, spin_rate=spin_rate, shortest=shortest)
+        found = find_readings(log, plan=plan, noise=noise, spin_rate=spin_rate)
         return replace(found, findings=log.findings + found.findings)
-    passes = [0]
+    passes = count()
 
     def source() -> Iterator[Log]:
-        k = passes[0]
-        passes[0] += 1
-        # Three passes at most: cells, ends of spins, means.
+        k = next(passes)  # three passes at most: cells, ends of spins, means
         told = progress and (lambda done: progress(min(1.0, (k + done) / 3)))
         return streaming.blocks(description, folder, told)
 

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.coverage import Coverage
-from foucault.diagnose.session import plausible_scales, prior_check, status_check
+from foucault.diagnose.session import CONDITION, plausible_scales, prior_check, status_check
+from foucault.estimate import norm_observation
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.table_fit import KINDS, TableFit
+from foucault.estimate.table_fit import ENOUGH, GROUPS, KINDS, TableFit
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
 from foucault.models.table_state import Angles
@@ -21,6 +22,9 @@ FloatArray = npt.NDArray[np.float64]
 
 UNITS = {"accel": (1 / 9.80665e-6, "ug"), "gyro": (180 / np.pi * 3600, "deg/h")}
 """How people read the two kinds of reading."""
+
+UNKNOWN_NOISE = "readings.noise_unknown"
+"""Finding of a log of means for which no noise was declared."""
 
 LARGE = {"accel": 0.05, "gyro": np.radians(0.1)}
 """Scatter beyond the noise that is no longer a calibration: 5 mg [m/s^2], 0.1 deg/s [rad/s]."""
@@ -73,6 +77,35 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
     return tuple(out)
 
 
+def _condition(e: TableEvidence) -> list[Check]:
+    """Judge the directions, however well noise and errors of the table hide that they are few."""
+    r, estimate = e.readings, e.fit.estimate
+    o = estimate.state.geometry.directions()
+    kept = e.fit.estimate.weights[: len(r)] > 0.5
+    rests = kept & ~r.spin
+    if rests.sum() < 4:
+        rests = kept
+    sets = {"accelerometer": rests, "gyro": r.spin} if r.gyro is not None else {}
+    out = []
+    for what, mine in (sets or {"accelerometer": rests}).items():
+        if isinstance(estimate.state.geometry, Angles):
+            rows = np.column_stack([o[mine], np.ones(mine.sum())])
+        else:
+            rows = norm_observation.design(o[mine], 1.0)
+        value = float(np.linalg.cond(rows / np.linalg.norm(rows, axis=0)))
+        doubtful, unusable = CONDITION
+        fine = value <= doubtful
+        level = Level.UNUSABLE if value > unusable else Level.DOUBTFUL
+        words = f"The positions determine the {what} coefficients " + (
+            f"well (condition {value:.1f})."
+            if fine
+            else f"poorly (condition {value:.0f}, even coverage has 1.6): take another plan, such "
+            f"as dodecahedron 20; `foucault plans` says what each can separate."
+        )
+        out.append(Check(f"{what} positions", value, None, doubtful, fine, words, level))
+    return out
+
+
 _WHAT = {
     "accel at rest": "specific force at rest",
     "accel in spins": "specific force in spins",
@@ -82,7 +115,7 @@ _WHAT = {
 
 
 def _explained(e: TableEvidence, kind: str) -> Check:
-    added = e.fit.scatter.get(kind.split()[0], 0.0) > 0
+    added = e.fit.scatter.get(GROUPS[kind], 0.0) > 0
     # Scatter of one kind shows in the others too until it is known.
     c = e.fit.after[kind] if e.fit.scatter and not added else e.fit.before[kind]
     what, name = _WHAT[kind], f"noise of {_WHAT[kind]}"
@@ -92,6 +125,9 @@ def _explained(e: TableEvidence, kind: str) -> Check:
     ratio, inside = np.sqrt(c.ratio), c.low <= c.chi_square <= c.high
     dof = f"{plain(c.redundancy, 2)} redundant"
     declared = e.readings.declared
+    if UNKNOWN_NOISE in (f.code for f in e.readings.findings):
+        words = f"The noise of the {what} is unknown and was taken from its residuals ({dof})."
+        return Check(name, c.redundancy, 1.0, None, True, words)
     if inside:
         words = f"The residuals of {what} are {ratio:.2f} times what the noise says ({dof})."
     elif c.chi_square < c.low:
@@ -101,34 +137,46 @@ def _explained(e: TableEvidence, kind: str) -> Check:
         )
     elif added:
         words = f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof})"
-        words += (
-            ": the declared noise is too small. The uncertainties include the scatter."
-            if declared
-            else "; the scatter was estimated and is part of the uncertainties."
-        )
+        if declared:
+            words += ": the declared noise is too small. The uncertainties include the scatter."
+        elif c.redundancy < ENOUGH:
+            words += (
+                "; so few readings are redundant that one wrong reading would look like this too. "
+                "The scatter is part of the uncertainties; measure more positions to tell."
+            )
+        else:
+            words += "; the scatter was estimated and is part of the uncertainties."
     else:
         words = (
             f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof}), and "
             f"the uncertainties do not know it."
         )
-    fine = inside or (not declared and (added or c.chi_square < c.low))
+    told = added and c.redundancy >= ENOUGH
+    fine = inside or (not declared and (told or c.chi_square < c.low))
     return Check(name, c.chi_square, c.low, c.high, fine, words)
 
 
 def _scatter(e: TableEvidence) -> list[Check]:
     out = []
-    for triad, sd in e.fit.scatter.items():
+    names = {
+        "accel": "specific force",
+        "gyro at rest": "rate at rest",
+        "gyro in spins": "rate in spins",
+    }
+    for group, sd in e.fit.scatter.items():
+        triad = group.split()[0]
         scale, unit = UNITS[triad]
-        limit, size = LARGE[triad], f"{plain(sd * scale, 3)} {unit}"
-        what = {"accel": "specific force", "gyro": "rate"}[triad]
+        limit, size = LARGE[triad], f"{plain(sd * scale, 2)} {unit}"
+        what = names[group]
         fine = sd <= limit
         words = f"The {what} scatters by {size} from one reading to the next beyond the noise" + (
             "."
             if fine
-            else f", more than {plain(limit * scale, 3)} {unit}: the table moved, or the readings "
+            else f", more than {plain(limit * scale, 2)} {unit}: the table moved, or the readings "
             f"do not belong together."
         )
-        out.append(Check(f"scatter of {what}", sd, None, limit, fine, words, Level.UNUSABLE))
+        name = f"scatter of {what} [{unit}]"
+        out.append(Check(name, sd * scale, None, limit * scale, fine, words, Level.UNUSABLE))
     return out
 
 
@@ -180,6 +228,7 @@ def _controlled(e: TableEvidence) -> Check:
     # A table that is believed makes every position redundant, but names it just as well.
     alike = [j for j in rests if len(s.alike(int(j)))]
     worst = float(np.max(detectable(e)[rests])) * UNITS["accel"][0]
+    size = f"{plain(worst, 2)} ug" if worst < 1000 else f"{plain(worst / 1000, 2)} mg"
     if len(blind):
         words = (
             f"A wrong rest could not have been seen in {len(blind)} of {len(rests)} positions: "
@@ -187,14 +236,13 @@ def _controlled(e: TableEvidence) -> Check:
         )
     elif alike:
         words = (
-            f"One wrong rest would have been noticed from {worst:.0f} ug on, but could not have "
-            f"been named: {len(alike)} of {len(rests)} positions look like another. Smaller "
-            f"errors could not have been seen."
+            f"One rest that is wrong along up would have been noticed from {size} on, but could "
+            f"not have been named: {len(alike)} of {len(rests)} positions look like another."
         )
     else:
         words = (
-            f"One wrong rest would have been noticed and named from {worst:.0f} ug on; smaller "
-            f"errors could not have been seen."
+            f"One rest that is wrong along up would have been noticed and named from {size} on; "
+            f"smaller errors might have stayed unseen."
         )
     return Check(name, share, None, None, True, words)
 

@@ -14,7 +14,7 @@ from itertools import permutations, product
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose import position_match, position_stretches
+from foucault.diagnose import position_match, position_rates
 from foucault.diagnose.position_choice import OTHER_RATE
 from foucault.diagnose.position_match import SMALL, Match, directions, rotation, turned
 from foucault.errors import Finding, FoucaultError, error, finding
@@ -54,8 +54,7 @@ def check_readings(
     log : Log or None
         The log, where it is at hand: whether it has table angles of its own [SI].
     angles_matter : bool
-        Whether the procedure uses the table angles; if not, an instrument that is mounted turned
-        is no mistake.
+        Whether table angles are used; if not, an instrument mounted turned is no mistake.
     shortest : float
         Length that was asked of a rest, for the texts [s].
 
@@ -71,23 +70,28 @@ def check_readings(
         table that turn in opposite senses.
     """
     up = directions(readings)
-    told = readings.angles
-    if log is not None and (log.table is None or np.isnan(log.table.angles[:, 1:]).all()):
-        told = np.full_like(told, np.nan)  # these were taken from the plan already
     usable = np.isfinite(up).all(axis=1)
-    logged = usable & np.isfinite(told[:, 1:]).all(axis=1)
-    findings: list[Finding] = []
+    logged = usable & _logged(readings, log)
     if readings.accel is not None and logged.sum() > 2:
-        _angles_fit(up[logged], told[logged], angles_matter)
-    found = None
+        _angles_fit(up[logged], readings.angles[logged], angles_matter)
+    findings, found = list[Finding](), None
     if plan is not None and usable.any():
         spins_known = readings.gyro is not None or bool(readings.spin.any())
         found = position_match.with_plan(readings, plan, spins_known)
-        if readings.accel is not None and (found.row[usable] >= 0).mean() < 0.5:
-            _plan_fits(up[usable], readings.spin[usable], plan, angles_matter)
+        if readings.accel is not None:
+            _plan_fits(readings, found, plan, angles_matter)
+        elif not found.ordered or (found.row < 0).any():
+            found = _perhaps_reversed(readings, found, plan)
         findings += _matching(readings, plan, found, shortest)
     readings, more = _senses(readings, plan, found)
     return replace(readings, findings=readings.findings + tuple(findings + more))
+
+
+def _logged(readings: Readings, log: Log | None) -> BoolArray:
+    """Tell which readings have middle and inner angles of their own, not those of the plan."""
+    if log is not None and (log.table is None or np.isnan(log.table.angles[:, 1:]).all()):
+        return np.zeros(len(readings), bool)
+    return np.asarray(np.isfinite(readings.angles[:, 1:]).all(axis=1))
 
 
 def enough_readings(readings: Readings, rests: int, spins: int, what: str = "") -> None:
@@ -140,17 +144,25 @@ def _angles_fit(up: FloatArray, angles: FloatArray, matter: bool) -> None:
     raise problem or error("table.directions", given=f"{np.degrees(given):.0f}")
 
 
-def _plan_fits(up: FloatArray, spin: BoolArray, plan: TablePlan, matter: bool) -> None:
-    """Name the mistake where most readings are in no position of the plan."""
-    nominal_spin = plan.rate != 0
+def _plan_fits(readings: Readings, found: Match, plan: TablePlan, matter: bool) -> None:
+    """Name the mistake where readings are in no position of the plan, or not in its order.
+
+    Regular plans fit themselves upside down or turned, only in another order: what keeps the order
+    is the better explanation.
+    """
+    few = float((found.row >= 0).mean()) < 0.5
+    if found.ordered and not few:
+        return
+    up, nominal_spin = directions(readings), plan.rate != 0
 
     def miss(angles: FloatArray, sign: float) -> float:
         nominal = up_k(angles)
-        found = position_match.match(sign * up, spin, nominal, nominal_spin)
-        some = found.row >= 0
+        spin = readings.spin
+        row = position_match.match(sign * up, spin, nominal, nominal_spin, in_order=True).row
+        some = row >= 0
         if some.mean() < 0.8:
             return float(np.pi / 2)
-        return _near(sign * up[some], nominal[found.row[some]])
+        return _near(sign * up[some], nominal[row[some]])
 
     problem = _named(float(np.pi / 2), miss, plan.angles)
     if problem is None and len(up) == len(plan):
@@ -159,7 +171,18 @@ def _plan_fits(up: FloatArray, spin: BoolArray, plan: TablePlan, matter: bool) -
             if not matter:
                 return
             problem = _mounted(C)
-    raise problem or error("table.directions", given="25 or more")
+    if problem is None and few:
+        problem = error("table.directions", given="25 or more")
+    if problem is not None:
+        raise problem
+
+
+def _perhaps_reversed(readings: Readings, found: Match, plan: TablePlan) -> Match:
+    """Match gyros without accelerometers as if they were reversed, if that keeps the order."""
+    up, nominal, spin = directions(readings), up_k(plan.angles), plan.rate != 0
+    other = position_match.match(-up, readings.spin, nominal, spin, in_order=True)
+    same = position_match.match(up, readings.spin, nominal, spin, in_order=True)
+    return other if (other.row >= 0).sum() > (same.row >= 0).sum() else found
 
 
 def _named(given: float, miss: Miss, angles: FloatArray) -> FoucaultError | None:
@@ -253,7 +276,7 @@ def _senses(
     up = _up(readings, plan, found)
     bias = np.zeros(3)
     if np.isfinite(up).all():
-        bias = position_stretches.bias_across(readings.gyro, up, readings.time)
+        bias = position_rates.bias_across(readings.gyro, up, readings.time)
     along = ((readings.gyro[spin] - bias) * up[spin]).sum(axis=1)
     known = np.isfinite(along)
     other = known & (along * readings.rate[spin] < 0)

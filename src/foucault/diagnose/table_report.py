@@ -11,9 +11,10 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.held_out import norm_with_cov
 from foucault.diagnose.information import information
+from foucault.diagnose.rate_norm import rate_norm_sd
 from foucault.diagnose.table_checks import TableEvidence, detectable, name_of
 from foucault.errors import Finding, finding
-from foucault.estimate.table_fit import Options, TableFit
+from foucault.estimate.table_fit import Options, TableFit, inflated
 from foucault.estimate.turntable_likelihood import Observed, build
 from foucault.models import turntable
 from foucault.models.earth import Site
@@ -65,8 +66,21 @@ def rate_slope(vector: CoefficientVector) -> FloatArray:
     return out
 
 
+def noise_source(readings: Readings) -> str:
+    """Say where the noise of readings is from: rows of a log that are means do not tell it.
+
+    Parameters
+    ----------
+    readings : Readings
+        Means with the covariance of their noise [SI].
+    """
+    if readings.declared:
+        return "declared"
+    return "measured in the readings" if readings.interval > 0 else "unknown: from the residuals"
+
+
 def bound(readings: Readings, site: Site, state: State, options: Options) -> dict[str, Any]:
-    """Return the Cramer-Rao bound of the noise alone, and what is seen worst, for result.json.
+    """Return the Cramer-Rao bound of a known noise, and what is seen worst, for result.json.
 
     Parameters
     ----------
@@ -79,6 +93,8 @@ def bound(readings: Readings, site: Site, state: State, options: Options) -> dic
     options : Options
         How it was fitted; a prior on the coefficients is left out.
     """
+    if noise_source(readings).startswith("unknown"):
+        return {}  # made-up weights of accelerometers against gyros say nothing
     observed = Observed.of(
         readings, site, state, rate_sd=options.rate_sd, gyro_at_rest=options.gyro_at_rest
     )
@@ -113,7 +129,7 @@ def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[fl
         Source -> variance of each coefficient [unit^2].
     """
     estimate, observed, r = fit.estimate, fit.observed, fit.observed.readings
-    n, count = len(r), len(estimate.coefficients)
+    count = len(estimate.coefficients)
     used = fit.at.blocks >= 0
     blocks = fit.at.blocks[used].reshape(-1, 3)[:, 0]
     gain = (estimate.state_cov[:count] @ fit.at.jacobian[used].T).reshape(count, -1, 3)
@@ -123,12 +139,7 @@ def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[fl
     parts = {
         "accelerometer noise": np.concatenate([r.accel_cov, 0 * r.gyro_cov]),
         "gyro noise": np.concatenate([0 * r.accel_cov, r.gyro_cov]),
-        "scatter between readings": np.concatenate(
-            [
-                np.broadcast_to(fit.scatter.get(t, 0.0) ** 2 * np.eye(3), (n, 3, 3))
-                for t in ("accel", "gyro")
-            ]
-        ),
+        "scatter between readings": _scatter_cov(fit),
     }
     total = np.concatenate([observed.accel_cov, observed.gyro_cov])
     parts["jitter of the spin rate and unknown Earth rate"] = total - sum(parts.values())
@@ -140,7 +151,15 @@ def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[fl
     out["local gravity"] = (gravity_slope(c) * site.gravity_sd / site.gravity) ** 2
     out["rate of the table"] = (rate_slope(c) * table_rate_sd) ** 2
     whole = np.sum(list(out.values()), axis=0)
-    return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-9 * whole)}
+    return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-6 * whole)}
+
+
+def _scatter_cov(fit: TableFit) -> FloatArray:
+    """Covariance that the scatter adds to each observation, shape (2 n, 3, 3)."""
+    observed = fit.observed
+    without = inflated(observed, fit.scatter, sign=-1.0)
+    accel = observed.accel_cov - without.accel_cov
+    return np.concatenate([accel, observed.gyro_cov - without.gyro_cov])
 
 
 def readings_table(e: TableEvidence) -> dict[str, Any]:
@@ -186,6 +205,10 @@ def readings_table(e: TableEvidence) -> dict[str, Any]:
             "rate_before": np.linalg.norm(r.gyro, axis=1) * spin,
             "rate_after": np.linalg.norm(w, axis=1) * spin,
             "rate_true": np.abs(h) * spin,
+            "rate_sd": rate_norm_sd(
+                state.model, fit.estimate.coefficients, w, r.accel, fit.observed.gyro_cov
+            )
+            * spin,
         }
     return out | _residual_columns(e, n)
 
@@ -195,7 +218,9 @@ def _residual_columns(e: TableEvidence, n: int) -> dict[str, FloatArray]:
     tests = np.zeros(2 * n)
     with np.errstate(invalid="ignore", divide="ignore"):
         # One number per observation: its test, as a multiple of what is expected.
-        tests[s.blocks] = np.where(s.dof > 0, np.sqrt(s.test / np.maximum(s.dof, 1)), 0.0)
+        # A reading that was left out is tested with the tiny weight it keeps: undo that.
+        test = s.test / np.maximum(fit.estimate.weights[s.blocks], 1e-12)
+        tests[s.blocks] = np.where(s.dof > 0, np.sqrt(test / np.maximum(s.dof, 1)), 0.0)
     smallest = np.full(2 * n, np.nan)
     smallest[s.blocks] = detectable(e)
     return {
@@ -203,6 +228,8 @@ def _residual_columns(e: TableEvidence, n: int) -> dict[str, FloatArray]:
         "accel_residual": tests[:n],
         "gyro_residual": tests[n:],
         "weight": np.minimum(fit.estimate.weights[:n], fit.estimate.weights[n:]),
+        "accel_weight": fit.estimate.weights[:n],
+        "gyro_weight": fit.estimate.weights[n:],
         "detectable": smallest[:n],
     }
 
@@ -292,25 +319,27 @@ def hints(e: TableEvidence) -> list[Finding]:
     return out
 
 
-def validity(readings: Readings, log: Log, site: Site) -> dict[str, Any]:
+def validity(readings: Readings, log: Log | None, site: Site) -> dict[str, Any]:
     """Return the ranges that the session covered: outside them the result is extrapolated.
 
     Parameters
     ----------
     readings : Readings
         What was observed [SI].
-    log : Log
-        Where it came from.
+    log : Log or None
+        Where it came from; None where it stayed on disk.
     site : Site
         Gravity.
     """
-    out: dict[str, Any] = {"accel": [-site.gravity, site.gravity], "sampled": log.sampled}
+    out: dict[str, Any] = {"accel": [-site.gravity, site.gravity]}
+    if log is not None:
+        out["sampled"] = log.sampled
     if readings.interval > 0:
         out["rate"] = 1.0 / readings.interval
     if readings.gyro is not None:
         largest = float(np.abs(readings.gyro).max())
         out["gyro"] = [-largest, largest]
-    if log.temperature is not None:
+    if log is not None and log.temperature is not None:
         out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
         out["temperature_mean"] = float(log.temperature.mean())
     return out

@@ -36,7 +36,7 @@ def turn_spread(log: Log, turns: TurnReadings, model_k: ImuModel) -> FloatArray:
     turns : TurnReadings
         The turns [SI].
     model_k : ImuModel
-        Gyro errors in case axes.
+        Errors in case axes.
 
     Returns
     -------
@@ -46,8 +46,10 @@ def turn_spread(log: Log, turns: TurnReadings, model_k: ImuModel) -> FloatArray:
     assert log.gyro is not None
     out = np.empty((len(turns), 3, 3))
     for j, (a, b) in enumerate(zip(turns.first, turns.last, strict=True)):
-        time, raw = log.time[a:b], log.gyro[a:b] - model_k.gyro_bias
-        rate = np.ascontiguousarray(np.linalg.solve(model_k.gyro_matrix, raw.T).T)
+        time = log.time[a:b]
+        _, rate = model_k.compensate(None if log.accel is None else log.accel[a:b], log.gyro[a:b])
+        assert rate is not None
+        rate = np.ascontiguousarray(rate)
         ends = np.array([0]), np.array([b - a - 1])
         _, constant, *_ = integrate_turns(
             time, rate, np.zeros_like(rate), np.zeros((3, 3)), *ends, log.sampled == "increment"

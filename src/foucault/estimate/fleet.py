@@ -9,7 +9,7 @@ residual ``r = |x| - h`` of its norm; noise of variance v per axis gives it the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -68,10 +68,11 @@ class FleetReadings:
 
     def __getitem__(self, some: npt.NDArray[np.bool_] | IntArray) -> FleetReadings:
         """Return some of the instruments, by mask or by number."""
-        v = [x[some] if len(x) > 1 else x for x in self.variances]
-        return FleetReadings(
-            self.rest[some], self.accel[some], self.gyro[some], *v, self.rate, self.gravity
-        )
+        rest, accel, gyro = (x[some] if len(x) > 1 else x for x in self.variances)
+        return replace(
+            self, rest=self.rest[some], accel=self.accel[some], gyro=self.gyro[some],
+            rest_variance=rest, accel_variance=accel, gyro_variance=gyro,
+        )  # fmt: skip
 
     @property
     def variances(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -87,8 +88,10 @@ class FleetReadings:
             Factors of the variances of both triads [1].
         """
         a, w = accel[:, None], gyro[:, None]
-        v = (self.rest_variance * a, self.accel_variance * a, self.gyro_variance * w)
-        return FleetReadings(self.rest, self.accel, self.gyro, *v, self.rate, self.gravity)
+        return replace(
+            self, rest_variance=self.rest_variance * a, accel_variance=self.accel_variance * a,
+            gyro_variance=self.gyro_variance * w,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -223,15 +226,12 @@ def _check(r: FleetReadings) -> None:
 
 
 def _wrapped(r: FleetReadings, found: list[npt.NDArray[np.float64]]) -> FleetEstimate:
-    Ma, ba, Mg, bg, arm, packed, arm_cov, _, status = found
-    status = status.astype(np.int64)
-    values = np.concatenate(
-        [
-            ba, np.diagonal(Ma, axis1=1, axis2=2) - 1.0, *(Ma[:, i, j, None] for i, j in _OFF_ACCEL),
-            bg, np.diagonal(Mg, axis1=1, axis2=2) - 1.0, *(Mg[:, i, j, None] for i, j in _OFF_GYRO),
-        ],
-        axis=1,
-    )  # fmt: skip
+    Ma, ba, Mg, bg, arm, packed, arm_cov, _, kernel_status = found
+    status: IntArray = kernel_status.astype(np.int64)
+    diagonals = [np.diagonal(M, axis1=1, axis2=2) - 1.0 for M in (Ma, Mg)]
+    off_accel = np.stack([Ma[:, i, j] for i, j in _OFF_ACCEL], axis=1)
+    off_gyro = np.stack([Mg[:, i, j] for i, j in _OFF_GYRO], axis=1)
+    values = np.concatenate([ba, diagonals[0], off_accel, bg, diagonals[1], off_gyro], axis=1)
     finite = [np.isfinite(x).all(axis=(1, 2)) for x in (r.rest, r.accel, r.gyro)]
     status[~np.logical_and.reduce(finite)] = STATUS.index("not finite")
     status[(status == 0) & ~np.isfinite(values).all(axis=1)] = STATUS.index("not finite")

@@ -68,7 +68,7 @@ def _find(readings: Readings, middle: float, outer: float | None) -> int:
     if outer is None:
         off[:, 0] = 0.0
     mine = readings.spin == (outer is None)
-    near = np.flatnonzero(mine & (np.nanmax(off, axis=1) < NEAR) & np.isfinite(off).all(axis=1))
+    near = np.flatnonzero(mine & (np.nan_to_num(off, nan=np.inf).max(axis=1) < NEAR))
     if not len(near):
         what = "spin" if outer is None else f"rest at outer angle {outer:g} deg,"
         raise error("unification.four_positions", what=f"{what} middle angle {middle:g} deg")

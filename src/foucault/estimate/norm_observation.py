@@ -64,9 +64,11 @@ def solve(readings: FloatArray, norm: float | FloatArray) -> tuple[FloatArray, F
     rows = design(readings, h) / s[:, None]  # equal noise in the readings, whatever their size
     right = np.column_stack([s, 1.0 / s])
     fit, _, rank, _ = np.linalg.lstsq(rows, right, rcond=1e-9)
-    K = np.asarray(fit, float)
     if rank < 9:
         return None
+    # Once more for what rounding left: the decomposition costs two digits.
+    fit = fit + np.linalg.lstsq(rows, right - rows @ fit, rcond=1e-9)[0]
+    K = np.asarray(fit, float)
     try:
         A, d = _ellipsoid(K[:, 0] - _excess(K) * K[:, 1])
         b = np.linalg.solve(A, d)

@@ -17,6 +17,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from foucault.models.rotation import cross_matrix, exp
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -63,14 +65,16 @@ def unify(
     C, r = wahba(f_b, u), np.zeros(3)
     if not lever_arm:
         return C, r
-    for _ in range(20):  # at once for plans with antipodes, else the two are told apart slowly
+    for _ in range(20):  # Gauss-Newton: without antipodes the two are not told apart one by one
         o = u @ C.T
-        across = np.eye(3) - o[:, :, None] * o[:, None, :]
-        rows = -(h**2)[:, None, None] * across
-        miss = np.einsum("nij,nj->ni", across, f_b)
-        new = np.linalg.lstsq(rows.reshape(-1, 3), miss.reshape(-1), rcond=1e-12)[0]
-        change, r = float(np.abs(new - r).max()), new
-        C = wahba(f_b - np.einsum("nij,j->ni", rows, r), u)
-        if change <= 1e-13:
+        rows = -(h**2)[:, None, None] * (np.eye(3) - o[:, :, None] * o[:, None, :])
+        miss = f_b - gravity * o - np.einsum("nij,j->ni", rows, r)
+        # A small rotation moves o by d x o, and with it the part of r that lies along it.
+        along = (gravity + h**2 * (o @ r))[:, None, None] * np.eye(3)
+        by_o = along + (h**2)[:, None, None] * o[:, :, None] * r
+        slope = np.concatenate([-by_o @ cross_matrix(o), rows], axis=2)
+        step = np.linalg.lstsq(slope.reshape(-1, 6), miss.reshape(-1), rcond=1e-12)[0]
+        C, r = exp(step[:3]) @ C, r + step[3:]
+        if float(np.abs(step).max()) <= 1e-13:
             break
     return C, r

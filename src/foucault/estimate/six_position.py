@@ -43,6 +43,10 @@ from foucault.tables import Log
 FloatArray = npt.NDArray[np.float64]
 
 
+PASSES = 2
+"""Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1]."""
+
+
 @dataclass(frozen=True)
 class State:
     """Model and mounting: the state of the estimation.
@@ -164,10 +168,11 @@ def closed_form(
         assert mean is not None
         about = turns.angle[:, None] * turns.axis_k
         scene = replace(scene, turn_k=about, turn_force_k=mean * turns.time[:, None])
-        # Once to know the attitude in the turns, once more with the Earth turning meanwhile.
-        spread = turn_spread(log, turns, _gyro(scene, model, names))
-        known = vertical * np.einsum("mij,mj->mi", spread, turns.up_k)
-        scene = replace(scene, turn_k=about + known, spread=spread)
+        # What the Earth adds depends on the attitude, and the attitude on what it adds.
+        for _ in range(PASSES):
+            spread = turn_spread(log, turns, _gyro(scene, model, names))
+            known = vertical * np.einsum("mij,mj->mi", spread, turns.up_k)
+            scene = replace(scene, turn_k=about + known, spread=spread)
     return _in_body(scene, _gyro(scene, model, names))
 
 

@@ -2,7 +2,7 @@
 
 A wrong reading is looked for by data snooping, because with few redundant readings it spreads over
 the residuals of all. Where several readings would look alike none is left out, and the result
-says so. Scatter beyond the noise is one more variance for each triad.
+says so. Scatter beyond the noise is one more variance for each group of readings.
 """
 
 from __future__ import annotations
@@ -30,6 +30,16 @@ IntArray = npt.NDArray[np.int64]
 KINDS = ("accel at rest", "accel in spins", "gyro at rest", "gyro in spins")
 """The kinds of reading."""
 
+GROUPS = {
+    "accel at rest": "accel",
+    "accel in spins": "accel",
+    "gyro at rest": "gyro at rest",
+    "gyro in spins": "gyro in spins",
+}
+"""Kind of reading -> what has one scatter. Errors of the table act on gyros in proportion to the
+rate, on accelerometers alike at rest and in spins; one variance each for their rests and spins
+would let that with less redundancy shrink to nothing and take the solution with it."""
+
 ENOUGH = 8.0
 """With fewer degrees of freedom scatter is added only where it is significant [1]."""
 
@@ -51,7 +61,7 @@ class TableFit:
     before, after : dict of str to Component
         Fit of each kind of reading by the noise alone, and with the scatter.
     scatter : dict of str to float
-        Sd that was added to each triad, per axis [SI].
+        Sd that was added to each of `GROUPS`, per axis [SI].
     snooping : Snooping
         Tests of the readings at the solution, outliers left out.
     outliers : tuple of int, shape (k,)
@@ -245,15 +255,11 @@ def _worst(found: TableFit, readings: Readings) -> int | None:
 
 
 def _with_scatter(found: TableFit, options: Options, weights: FloatArray) -> TableFit:
-    """Add variance to accelerometers and gyros until their residuals fit.
-
-    One variance for rests and spins together: with one each, that of the kind with less
-    redundancy can shrink to nothing and take the solution with it.
-    """
-    r, now = found.observed.readings, _triads(found.after)
+    """Add variance to each group of readings until its residuals fit."""
+    r, now = found.observed.readings, _groups(found.after)
     growing = [
-        triad
-        for triad, c in now.items()
+        group
+        for group, c in now.items()
         if c.chi_square > c.high or (not r.declared and c.redundancy >= ENOUGH and c.ratio > 1)
     ]
     if not growing:
@@ -264,29 +270,36 @@ def _with_scatter(found: TableFit, options: Options, weights: FloatArray) -> Tab
     for _ in range(20):
         scatter = {k: _grown(base, k, v, now[k]) for k, v in sorted(scatter.items())}
         found = _solve(inflated(base, scatter), found.estimate.state, options, weights)
-        now = _triads(found.after)
+        now = _groups(found.after)
         if all(abs(now[k].ratio - 1) < 0.03 or v == 0 for k, v in scatter.items()):
             break
     return replace(found, scatter={k: v for k, v in scatter.items() if v > 0})
 
 
-def _triads(kinds: dict[str, Component]) -> dict[str, Component]:
-    """Join the kinds of reading of each triad."""
+def _groups(kinds: dict[str, Component]) -> dict[str, Component]:
+    """Join the kinds of reading that have one scatter."""
+    names = list(dict.fromkeys(GROUPS[kind] for kind in kinds))
     out = {}
-    for triad in dict.fromkeys(kind.split()[0] for kind in kinds):
-        mine = [c for kind, c in kinds.items() if kind.startswith(triad)]
+    for group in names:
+        mine = [c for kind, c in kinds.items() if GROUPS[kind] == group]
         redundancy = sum(c.redundancy for c in mine)
-        low, high = chi_square_limits(max(redundancy, 1e-3), tests=2)
-        out[triad] = Component(sum(c.chi_square for c in mine), redundancy, low, high)
+        low, high = chi_square_limits(max(redundancy, 1e-3), tests=len(names))
+        out[group] = Component(sum(c.chi_square for c in mine), redundancy, low, high)
     return out
 
 
-def _grown(base: Observed, triad: str, scatter: float, c: Component) -> float:
+def _members(readings: Readings, group: str) -> npt.NDArray[np.bool_]:
+    """Tell which readings are of a group."""
+    if group == "accel":
+        return np.ones(len(readings), bool)
+    return np.asarray(readings.spin == (group == "gyro in spins"))
+
+
+def _grown(base: Observed, group: str, scatter: float, c: Component) -> float:
     """Scale the total variance by its ratio and give the increase to the scatter."""
-    cov, used = base.accel_cov, np.ones(len(base.readings), bool)
-    if triad == "gyro":
-        cov, used = base.gyro_cov, base.gyro_used
-    white = float(np.median(np.trace(cov[used], axis1=1, axis2=2)) / 3)
+    cov = base.accel_cov if group == "accel" else base.gyro_cov
+    mine = _members(base.readings, group)
+    white = float(np.median(np.trace(cov[mine], axis1=1, axis2=2)) / 3)
     return float(np.sqrt(max((scatter**2 + white) * c.ratio - white, 0.0)))
 
 
@@ -298,12 +311,12 @@ def inflated(observed: Observed, scatter: dict[str, float], sign: float = 1.0) -
     observed : Observed
         Readings and their covariance [SI].
     scatter : dict of str to float
-        Triad -> sd to add, per axis [SI].
+        Group of readings -> sd to add, per axis [SI].
     sign : float
         -1 takes it away again [1].
     """
     accel, gyro = observed.accel_cov.copy(), observed.gyro_cov.copy()
-    for triad, sd in scatter.items():
-        cov = accel if triad == "accel" else gyro
-        cov += sign * sd**2 * np.eye(3)
+    for group, sd in scatter.items():
+        cov = accel if group == "accel" else gyro
+        cov[_members(observed.readings, group)] += sign * sd**2 * np.eye(3)
     return replace(observed, accel_cov=accel, gyro_cov=gyro)

@@ -70,6 +70,8 @@ class Observed:
     @cached_property
     def gyro_root(self) -> FloatArray:
         """Matrices that whiten the residuals of the rates, shape (n, 3, 3) [1 / SI]."""
+        if self.readings.gyro is None:  # nothing to whiten: their covariance is empty
+            return np.broadcast_to(np.eye(3), self.gyro_cov.shape)
         return whitening(self.gyro_cov)
 
     @classmethod

@@ -25,7 +25,7 @@ NEWTON_STEPS = 8
 def text(wanted: Request) -> str:
     """Write the header."""
     model = wanted.model
-    quadratic = bool(model.accel_quadratic.any())
+    quadratic, straight = bool(model.accel_quadratic.any()), model.straight
     # What a user has named must not end the comment.
     statement = [line.replace("*/", "* /") for line in wanted.statement()]
     parts = [
@@ -55,7 +55,15 @@ def text(wanted: Request) -> str:
             _matrix("foucault_accel_quadratic", model.accel_quadratic),
             _NEWTON.replace("STEPS", str(NEWTON_STEPS)),
         ]
-    parts += [_FUNCTION.replace("/*NEWTON*/\n", _CALL if quadratic else "")]
+    if not straight:
+        parts += [
+            "/* Asymmetry [1] and cubic term [1/(rad/s)^2] of the gyros' scale factors. */",
+            _vector("foucault_gyro_asymmetry", model.gyro_asymmetry),
+            _vector("foucault_gyro_cubic", model.gyro_cubic),
+            _SENSED.replace("STEPS", str(NEWTON_STEPS)),
+        ]
+    function = _FUNCTION.replace("/*NEWTON*/\n", _CALL if quadratic else "")
+    parts += [function.replace("/*SENSED*/\n", "" if straight else _CALL_SENSED)]
     parts += _from_counts(wanted.counts)
     parts += ["#endif /* FOUCAULT_CALIBRATION_H */", ""]
     return "\n".join(parts)
@@ -88,6 +96,8 @@ def _from_counts(counts: Mapping[str, Counts]) -> list[str]:
 
 _CALL = "    foucault_solve_quadratic(accel_raw, f_b);\n"
 
+_CALL_SENSED = "    foucault_sensed_rate(w);\n"
+
 _FUNCTION = """\
 /* True specific force f_b [m/s^2] and angular rate w_b [rad/s] from readings. */
 static inline void foucault_compensate(const double accel_raw[3], const double gyro_raw[3],
@@ -104,6 +114,7 @@ static inline void foucault_compensate(const double accel_raw[3], const double g
     for (i = 0; i < 3; i++)
         w[i] = gyro_raw[i] - foucault_gyro_bias[i] - foucault_g_sensitivity[i][0] * f_b[0]
              - foucault_g_sensitivity[i][1] * f_b[1] - foucault_g_sensitivity[i][2] * f_b[2];
+/*SENSED*/
     for (i = 0; i < 3; i++)
         w_b[i] = foucault_gyro_inverse[i][0] * w[0] + foucault_gyro_inverse[i][1] * w[1]
                + foucault_gyro_inverse[i][2] * w[2];
@@ -136,6 +147,22 @@ static inline void foucault_solve_quadratic(const double accel_raw[3], double f[
         det = s[0][0] * c[0][0] + s[0][1] * c[0][1] + s[0][2] * c[0][2];
         for (i = 0; i < 3; i++)
             f[i] -= (c[0][i] * m[0] + c[1][i] * m[1] + c[2][i] * m[2]) / det;
+    }
+}
+"""
+
+_SENSED = """\
+/* Newton's method for r + a |r| + c r^3 = y, axis by axis: y comes in w, r goes out. */
+static inline void foucault_sensed_rate(double w[3])
+{
+    int step, i;
+    for (i = 0; i < 3; i++) {
+        const double y = w[i], a = foucault_gyro_asymmetry[i], c = foucault_gyro_cubic[i];
+        const double k = y < 0.0 ? 1.0 - a : 1.0 + a;
+        double r = y / k;
+        for (step = 0; step < STEPS; step++)
+            r -= (k * r + c * r * r * r - y) / (k + 3.0 * c * r * r);
+        w[i] = r;
     }
 }
 """

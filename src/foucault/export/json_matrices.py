@@ -27,7 +27,8 @@ def text(wanted: Request) -> str:
         "units": {"accel": "m/s^2", "gyro": "rad/s"},
         "forward": {
             "equation": "accel = accel_matrix f + accel_bias + accel_quadratic q(f); "
-            "gyro = gyro_matrix w + gyro_bias + g_sensitivity f; "
+            "gyro = r + gyro_asymmetry |r| + gyro_cubic r^3 + gyro_bias + g_sensitivity f, axis "
+            "by axis; r = gyro_matrix w; "
             "q(f) = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)",
             "accel_matrix": model.accel_matrix.tolist(),
             "accel_bias": model.accel_bias.tolist(),
@@ -35,11 +36,15 @@ def text(wanted: Request) -> str:
             "gyro_matrix": model.gyro_matrix.tolist(),
             "gyro_bias": model.gyro_bias.tolist(),
             "g_sensitivity": model.g_sensitivity.tolist(),
+            "gyro_asymmetry": model.gyro_asymmetry.tolist(),
+            "gyro_cubic": model.gyro_cubic.tolist(),
         },
         "inverse": {
             "equation": "f = accel_inverse (accel - accel_bias - accel_quadratic q(f)), repeated "
             "until f stands still where accel_quadratic is not zero; "
-            "w = gyro_inverse (gyro - gyro_bias - g_sensitivity f)",
+            "w = gyro_inverse r; r = (gyro - gyro_bias - g_sensitivity f - gyro_cubic r^3) / "
+            "(1 + gyro_asymmetry sign(r)), axis by axis, repeated until r stands still where "
+            "gyro_cubic is not zero",
             "accel_inverse": inverse(model.accel_matrix).tolist(),
             "gyro_inverse": inverse(model.gyro_matrix).tolist(),
         },

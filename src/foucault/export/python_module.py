@@ -18,7 +18,7 @@ CAN = FAMILIES
 def text(wanted: Request) -> str:
     """Write the module."""
     model = wanted.model
-    quadratic = bool(model.accel_quadratic.any())
+    quadratic, straight = bool(model.accel_quadratic.any()), model.straight
     parts = [
         commented(wanted.statement(), "#"),
         "# Readings and results: accelerometers in m/s^2, gyros in rad/s, three numbers each.",
@@ -39,9 +39,17 @@ def text(wanted: Request) -> str:
             _matrix("ACCEL_MATRIX", model.accel_matrix),
             _matrix("ACCEL_QUADRATIC", model.accel_quadratic),
         ]
+    if not straight:
+        parts += [
+            "# Asymmetry [1] and cubic term [1/(rad/s)^2] of the gyros' scale factors.",
+            f"GYRO_ASYMMETRY = ({row(model.gyro_asymmetry)})",
+            f"GYRO_CUBIC = ({row(model.gyro_cubic)})",
+        ]
     parts += [_TIMES, _NEWTON.replace("STEPS", str(NEWTON_STEPS)) if quadratic else ""]
     solve = "    f = _solve_quadratic(accel, f)\n" if quadratic else ""
-    parts += [_FUNCTION.replace("    #NEWTON\n", solve)]
+    parts += [] if straight else [_SENSED.replace("STEPS", str(NEWTON_STEPS))]
+    function = _FUNCTION.replace("    #NEWTON\n", solve)
+    parts += [function.replace("    #SENSED\n", "" if straight else _CALL_SENSED)]
     if set(wanted.counts) == {"accel", "gyro"}:
         for name in ("accel", "gyro"):
             counts = wanted.counts[name]
@@ -93,14 +101,27 @@ def _solve_quadratic(accel, f):
     return f
 '''
 
+_SENSED = '''
+def _sensed(y, a, c):
+    """Newton's method for r + a |r| + c r^3 = y, one axis, a fixed number of steps."""
+    k = 1.0 - a if y < 0.0 else 1.0 + a
+    r = y / k
+    for _ in range(STEPS):
+        r -= (k * r + c * r**3 - y) / (k + 3.0 * c * r * r)
+    return r
+'''
+
+_CALL_SENSED = "    y = [_sensed(y[i], GYRO_ASYMMETRY[i], GYRO_CUBIC[i]) for i in range(3)]\n"
+
 _FUNCTION = '''
 def compensate(accel, gyro):
     """Return true specific force [m/s^2] and angular rate [rad/s] of readings accel and gyro."""
     f = _times(ACCEL_INVERSE, [a - b for a, b in zip(accel, ACCEL_BIAS)])
     #NEWTON
     sensed = _times(G_SENSITIVITY, f)
-    w = _times(GYRO_INVERSE, [gyro[i] - GYRO_BIAS[i] - sensed[i] for i in range(3)])
-    return f, w
+    y = [gyro[i] - GYRO_BIAS[i] - sensed[i] for i in range(3)]
+    #SENSED
+    return f, _times(GYRO_INVERSE, y)
 '''
 
 _COUNTS = '''

@@ -176,14 +176,19 @@ def request(
 
 
 def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
-    """Express readings and true values in other axes.
+    """Express readings and true values in other axes, each along one of the old.
 
     Parameters
     ----------
     model : ImuModel
         The model in axes b [SI].
     C_sb : ndarray, shape (3, 3)
-        Rotation to the other axes, x_s = C_sb @ x_b [1].
+        Rotation to the other axes, x_s = C_sb @ x_b, one of `AXES` [1].
+
+    Notes
+    -----
+    The asymmetry and the cubic term of a gyro are those of one output, so that only axes along
+    the old ones can have them; where the sense of an axis changes, so does that of its asymmetry.
     """
     turned = model.rotated(C_sb)
     return replace(
@@ -194,6 +199,8 @@ def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
         gyro_matrix=C_sb @ turned.gyro_matrix,
         gyro_bias=C_sb @ turned.gyro_bias,
         g_sensitivity=C_sb @ turned.g_sensitivity,
+        gyro_asymmetry=C_sb @ turned.gyro_asymmetry,
+        gyro_cubic=np.abs(C_sb) @ turned.gyro_cubic,
     )
 
 

@@ -44,8 +44,12 @@ def open_raw(path: Path, description: LogDescription, progress: Progress | None)
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         return _blocks(path, dialect, columns, progress)
 
+    def words(column: int) -> Iterator[list[str]]:
+        with open_bytes(path) as stream:
+            yield from _words(stream, dialect, column, path.stat().st_size)
+
     known = dialect.marker, dialect.stamps, dialect.findings
-    return RawTable(dialect.names, dialect.named, blocks, *known)
+    return RawTable(dialect.names, dialect.named, blocks, *known, words)
 
 
 def _blocks(
@@ -84,26 +88,44 @@ def parse(
     progress : callable or None
         Called with the fraction read, from 0 to 1.
     """
+    types = {c: _arrow_type(dialect, c) for c in columns}
+    for batch in _batches(stream, dialect, types, size, progress):
+        yield np.column_stack([_floats(batch.column(f"c{c}")) for c in columns])
+
+
+def _words(stream: IO[bytes], dialect: Dialect, column: int, size: int) -> Iterator[list[str]]:
+    import pyarrow as pa
+
+    for batch in _batches(stream, dialect, {column: pa.string()}, size, None):
+        yield [word or "" for word in batch.column(0).to_pylist()]
+
+
+def _batches(
+    stream: IO[bytes],
+    dialect: Dialect,
+    types: dict[int, Any],
+    size: int,
+    progress: Progress | None,
+) -> Iterator[Any]:
     import pyarrow as pa
     from pyarrow import csv
 
     keys = [f"c{i}" for i in range(len(dialect.names))]  # names in files may repeat
-    wanted = [keys[c] for c in columns]
-    reader = csv.open_csv(
-        pa.PythonFile(_DataLines(stream, dialect, size, progress), mode="r"),
-        read_options=csv.ReadOptions(column_names=keys, block_size=BLOCK_BYTES),
-        parse_options=csv.ParseOptions(delimiter=dialect.delimiter),
-        convert_options=csv.ConvertOptions(
-            include_columns=list(dict.fromkeys(wanted)),
-            column_types={keys[c]: _arrow_type(dialect, c) for c in columns},
-            timestamp_parsers=[csv.ISO8601],
-            null_values=EMPTY,
-            strings_can_be_null=True,
-            decimal_point=dialect.decimal,
-        ),
+    return iter(
+        csv.open_csv(
+            pa.PythonFile(_DataLines(stream, dialect, size, progress), mode="r"),
+            read_options=csv.ReadOptions(column_names=keys, block_size=BLOCK_BYTES),
+            parse_options=csv.ParseOptions(delimiter=dialect.delimiter),
+            convert_options=csv.ConvertOptions(
+                include_columns=[keys[c] for c in types],
+                column_types={keys[c]: kind for c, kind in types.items()},
+                timestamp_parsers=[csv.ISO8601],
+                null_values=EMPTY,
+                strings_can_be_null=True,
+                decimal_point=dialect.decimal,
+            ),
+        )
     )
-    for batch in reader:
-        yield np.column_stack([_floats(batch.column(k)) for k in wanted])
 
 
 def _arrow_type(dialect: Dialect, column: int) -> Any:

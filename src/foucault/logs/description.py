@@ -197,6 +197,78 @@ class AccelColumns(Triad):
         return zero, -scale if self.reads == "gravity" else scale
 
 
+class TableBlock(_Block):
+    """Columns of the table that the instrument stands on."""
+
+    file: str | None = Field(None, description="file of these columns, if not the log's")
+    columns: tuple[ColumnName | None, ColumnName | None, ColumnName | None] | None = Field(
+        None,
+        description='names or numbers from 0 for the outer, middle and inner angle; "" where one '
+        'is not logged; a leading "-" flips the sign',
+    )
+    unit: str | None = Field(None, description='unit of the angles, such as "deg" or "rad"')
+    rate: ColumnName | None = Field(
+        None,
+        description="rate of the outer axis, counter-clockwise from above; 0 at rest",
+    )
+    rate_unit: str | None = Field(None, description='unit of the rate, such as "deg/s"')
+    position: ColumnName | None = Field(
+        None, description="number of the position, a whole number; empty or -1 in between"
+    )
+
+    @field_validator("columns", mode="before")
+    @classmethod
+    def _three(cls, value: object) -> object:
+        if value is None:
+            return None
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            raise error("log.table_columns", given=value)
+        return tuple(None if name in ("", None) else name for name in value)
+
+    @model_validator(mode="after")
+    def _complete(self) -> TableBlock:
+        if self.columns is None and self.rate is None and self.position is None:
+            raise error("log.table_empty")
+        for name, unit, kind in (("columns", self.unit, "angle"),
+                                 ("rate", self.rate_unit, "angular rate")):  # fmt: skip
+            if getattr(self, name) is not None:
+                key = "unit" if name == "columns" else "rate_unit"
+                if unit is None:
+                    raise error("log.table_unit", key=key, name=name,
+                                example={"angle": "deg"}.get(kind, "deg/s"))  # fmt: skip
+                scaled_unit(unit, kind)
+        return self
+
+    def numbers(self) -> dict[str, tuple[ColumnName, float]]:
+        """Return what is logged: the column, and the SI value of one of its units, by name."""
+        found: dict[str, tuple[ColumnName, float]] = {}
+        for name, column in zip(("outer", "middle", "inner"), self.columns or (), strict=False):
+            if column is not None and self.unit is not None:
+                found[name] = (column, scaled_unit(self.unit, "angle"))
+        if self.rate is not None and self.rate_unit is not None:
+            found["table_rate"] = (self.rate, scaled_unit(self.rate_unit, "angular rate"))
+        if self.position is not None:
+            found["position"] = (self.position, 1.0)
+        return found
+
+
+class Averaged(_Block):
+    """The column that says over how long each row is already a mean."""
+
+    file: str | None = Field(None, description="file of this column, if not the log's")
+    column: ColumnName = Field(description="name, or number from 0")
+    unit: str = Field(description='"s", "min" or another unit of time')
+
+    @model_validator(mode="after")
+    def _unit(self) -> Averaged:
+        self.one()
+        return self
+
+    def one(self) -> float:
+        """Return the value of one `unit` [s]."""
+        return scaled_unit(self.unit, "time")
+
+
 NumberType = Literal[
     "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"
 ]
@@ -253,6 +325,17 @@ class LogDescription(_Block):
     gyro: GyroColumns | None = None
     accel: AccelColumns | None = None
     temperature: TemperatureColumn | None = None
+    table: TableBlock | None = Field(
+        None, description="angles and rate of the table that the instrument stands on"
+    )
+    averaged: Averaged | None = Field(
+        None,
+        description="only where every row is already the mean over one position: over how long; "
+        "a time column is then the beginning of each mean, and may be left out",
+    )
+    serial: ColumnName | None = Field(
+        None, description="column of the serial number, where rows of several instruments are mixed"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> LogDescription:
@@ -269,7 +352,7 @@ class LogDescription(_Block):
     def files(self) -> dict[str, tuple[str, ...]]:
         """Return each file with the blocks that are read from it, in order."""
         found: dict[str, list[str]] = {} if self.file is None else {self.file: []}
-        for name in ("gyro", "accel", "temperature"):
+        for name in ("gyro", "accel", "temperature", "table", "averaged"):
             block = getattr(self, name)
             if block is None:
                 continue

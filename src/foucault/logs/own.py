@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import IO, Any, Literal, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault.errors import error
 from foucault.files import atomic
-from foucault.tables import AXES, IMU_LOG, Log
+from foucault.tables import AXES, IMU_LOG, TABLE_LOG, Log
 
 MARKER = "foucault imu log v1"
 """How our files begin to say what they are."""
@@ -28,6 +29,9 @@ CALIBRATED_KEY = "foucault.calibrated_by"
 
 ARRAY_KEY = "foucault"
 """Name of the array that holds the marker in a .npz file."""
+
+ANGLES = ("outer", "middle", "inner")
+"""Columns of the angles of a table."""
 
 _ROWS = 1 << 18
 _SAMPLED = ("rate", "increment")
@@ -56,7 +60,44 @@ def describe(names: tuple[str, ...]) -> dict[str, Any]:
             blocks[triad] = {"columns": columns, "unit": units[columns[0]]}
     if "temperature" in names:
         blocks["temperature"] = {"column": "temperature", "unit": units["temperature"]}
+    return blocks | _describe_table(names)
+
+
+def _describe_table(names: tuple[str, ...]) -> dict[str, Any]:
+    units = {column.name: column.unit for column in TABLE_LOG}
+    table: dict[str, Any] = {}
+    if set(ANGLES) & set(names):
+        table |= {"columns": [n if n in names else "" for n in ANGLES], "unit": units[ANGLES[0]]}
+    if "table_rate" in names:
+        table |= {"rate": "table_rate", "rate_unit": units["table_rate"]}
+    if "position" in names:
+        table["position"] = "position"
+    blocks = {"table": table} if table else {}
+    if "averaged" in names:
+        blocks["averaged"] = {"column": "averaged", "unit": units["averaged"]}
     return blocks
+
+
+def columns_of(log: Log) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of `IMU_LOG` and `TABLE_LOG` that a log has, each shape (n,) [SI].
+
+    Parameters
+    ----------
+    log : Log
+        The log [SI].
+    """
+    out: dict[str, npt.NDArray[Any]] = dict(log.columns())
+    if log.table is not None:
+        angles = log.table.angles
+        seen = [k for k in range(3) if np.isfinite(angles[:, k]).any()]
+        out |= {ANGLES[k]: angles[:, k] for k in seen}
+        if log.table.rate is not None:
+            out["table_rate"] = log.table.rate
+        if log.table.position is not None:
+            out["position"] = log.table.position
+    if log.averaged is not None:
+        out["averaged"] = log.averaged
+    return out
 
 
 def write(log: Log, path: str | Path) -> None:
@@ -104,7 +145,7 @@ def write_blocks(
 def _batches(log: Log, schema: Any) -> Iterator[Any]:
     import pyarrow as pa
 
-    columns = log.columns()
+    columns = columns_of(log)
     for start in range(0, len(log), _ROWS):
         part = [np.ascontiguousarray(c[start : start + _ROWS]) for c in columns.values()]
         yield pa.record_batch(part, schema=schema)
@@ -116,10 +157,14 @@ def _opened(blocks: Iterable[Log], remarks: dict[str, str]) -> tuple[Any, Iterat
 
     rest = iter(blocks)
     first = next(rest)
-    have = first.columns()
+    have = columns_of(first)
     fields = [
-        pa.field(c.name, pa.float64(), metadata={"unit": c.unit, "meaning": c.meaning})
-        for c in IMU_LOG
+        pa.field(
+            c.name,
+            pa.int64() if c.name == "position" else pa.float64(),
+            metadata={"unit": c.unit, "meaning": c.meaning},
+        )
+        for c in (*IMU_LOG, *TABLE_LOG)
         if c.name in have
     ]
     said = marker(first.sampled, calibrated=CALIBRATED_KEY in remarks)
@@ -169,7 +214,7 @@ def _write_parquet(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -
 
 def _write_npz(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -> int:
     _, logs, said = _opened(blocks, remarks)
-    parts = [log.columns() for log in logs]
+    parts = [columns_of(log) for log in logs]
     arrays: dict[str, Any] = {k: np.concatenate([part[k] for part in parts]) for k in parts[0]}
     rows = len(arrays["time"])
     arrays[ARRAY_KEY] = np.array(

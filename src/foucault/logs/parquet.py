@@ -40,7 +40,13 @@ def open_raw(path: Path, description: LogDescription, progress: Progress | None)
                 if progress:
                     progress(done / total)
 
-    return RawTable(tuple(schema.names), True, blocks, marker)
+    def words(column: int) -> Iterator[list[str]]:
+        name = schema.field(column).name
+        with parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
+            for batch in file.iter_batches(BLOCK_ROWS, columns=[name]):
+                yield ["" if word is None else str(word) for word in batch.column(0).to_pylist()]
+
+    return RawTable(tuple(schema.names), True, blocks, marker, words=words)
 
 
 def _floats(column: Any) -> Any:

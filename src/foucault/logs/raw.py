@@ -47,6 +47,9 @@ class RawTable:
         Numbers of the columns that hold dates, handed out in seconds since 1970 [1].
     findings : tuple of Finding
         What was noticed of the file before its rows.
+    words : callable or None
+        ``column -> iterator`` of lists of str: the cells of one column as text, in the order of
+        the file; None where the format holds numbers only.
     """
 
     names: tuple[str, ...]
@@ -55,6 +58,7 @@ class RawTable:
     marker: str = ""
     stamps: tuple[int, ...] = ()
     findings: tuple[Finding, ...] = ()
+    words: Callable[[int], Iterator[list[str]]] | None = None
 
 
 _MODULES = {

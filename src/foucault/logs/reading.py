@@ -14,6 +14,7 @@ from foucault.files import sha256
 from foucault.logs import axes, checks, columns
 from foucault.logs.own import describe, sampled_of
 from foucault.logs.raw import Progress, RawTable, open_raw
+from foucault.logs.table_rows import means_log, table_of, whole_numbers
 from foucault.tables import FloatArray, Log
 
 if TYPE_CHECKING:
@@ -55,6 +56,8 @@ def read(
     Increments are divided by the interval that ends at their sample, so that integrating the
     log gives them back; after a gap, and for the first sample, by the nominal interval.
     """
+    if description.serial is not None:
+        return _only(description, folder, progress)
     parts: list[dict[str, FloatArray]] = []
     names, prints, used = [], [], description
     told: tuple[Finding, ...] = ()
@@ -69,15 +72,8 @@ def read(
         prints.append(sha256(path))
     sampled = sampled_of(raw.marker) if used is not description else None
     data = _joined(parts, names, used)
-    keep, found = checks.finite(data, used.missing, names[0])
-    if keep is not None:
-        data = {block: values[keep] for block, values in data.items()}
-        if not keep.any():
-            raise error("log.empty", file=names[0])
-    keep, doubled = checks.doubled(data)
-    if keep is not None:
-        data = {block: values[keep] for block, values in data.items()}
-    told += found + doubled
+    data, left_out = usable(data, used, names[0])
+    told += left_out
     source = {
         "file": " + ".join(names),
         "sha256": " + ".join(prints),
@@ -85,6 +81,48 @@ def read(
         "description": used.model_dump(mode="json", exclude_none=True),
     }
     return finished(data, used, sampled, told, source)
+
+
+def usable(
+    data: dict[str, FloatArray], used: LogDescription, name: str
+) -> tuple[dict[str, FloatArray], tuple[Finding, ...]]:
+    """Drop or refuse rows that are not numbers, and drop rows written twice.
+
+    Parameters
+    ----------
+    data : dict of str to ndarray
+        Blocks by name, each shape (n,) or (n, 3) [SI].
+    used : LogDescription
+        The complete description.
+    name : str
+        Name of the file, for the texts.
+    """
+    keep, found = checks.finite(data, used.missing, name)
+    if keep is not None:
+        data = {block: values[keep] for block, values in data.items()}
+        if not keep.any():
+            raise error("log.empty", file=name)
+    if used.averaged is not None:  # two positions may well read the same
+        return data, found
+    keep, doubled = checks.doubled(data)
+    if keep is not None:
+        data = {block: values[keep] for block, values in data.items()}
+    return data, found + doubled
+
+
+def _only(description: LogDescription, folder: str | Path, progress: Progress | None) -> Log:
+    """Read a file with a column of serial numbers that holds one instrument."""
+    from foucault.logs.serials import by_serial, serials
+
+    names = serials(description, folder)
+    file = next(iter(description.files()))
+    if len(names) > 1:
+        more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+        raise error("log.several_serials", file=file, serials=", ".join(names[:5]) + more)
+    _, log = next(by_serial(description, folder, progress))
+    if isinstance(log, FoucaultError):
+        raise log
+    return replace(log, source=log.source | {"sha256": sha256(Path(folder) / file)})
 
 
 def describes_itself(path: Path) -> bool:
@@ -127,7 +165,7 @@ def complete(
     if not own.keys() & {"gyro", "accel"}:
         raise error("log.cannot_guess", file=path.name, block="gyro", have=", ".join(raw.names),
                     example='columns = ["gyro_x", "gyro_y", "gyro_z"]')  # fmt: skip
-    said = description.model_dump(exclude={"time", "rate", "temperature"})
+    said = description.model_dump(exclude={"time", "rate", "temperature", "table", "averaged"})
     filled = type(description).model_validate({**said, **own})
     return filled, tuple(name for name in own if name != "time")
 
@@ -173,6 +211,8 @@ def converted(
             values = (rows[:, start:end] - pick.zero) * pick.factor
             part[pick.block] = values if values.shape[1] > 1 else values[:, 0]
             start = end
+        if "position" in part:
+            part["position"] = whole_numbers(part["position"], path)
         yield part
 
 
@@ -198,10 +238,16 @@ def _picks(
             name, unit = raw.names[numbers[0]], used.time.unit
             raise error(code, file=path.name, column=name, unit=unit)
         yield _Pick("time", numbers, np.zeros(1), np.array([used.time.one()]) * sign)
-    elif used.rate is None:
+    elif used.rate is None and used.averaged is None:
         raise error("log.no_time", file=path.name)
     for name in blocks:
         block = getattr(used, name)
+        if name in ("table", "averaged"):
+            one = block.numbers() if name == "table" else {name: (block.column, block.one())}
+            for what, (column, unit) in one.items():
+                numbers, sign = _numbers(raw, [column], name, path)
+                yield _Pick(what, numbers, np.zeros(1), unit * sign)
+            continue
         wanted = [block.column] if name == "temperature" else list(block.columns or [None])
         numbers, sign = _numbers(raw, wanted, name, path)
         dates = [raw.names[n] for n in numbers if n in raw.stamps]
@@ -232,8 +278,8 @@ def _joined(
         if length != lengths[0]:
             raise error("log.join_length", first=names[0], second=name, n_first=lengths[0],
                         n_second=length)  # fmt: skip
-    if used.rate is not None:
-        return {"time": np.arange(lengths[0]) / used.rate, **data}
+    if used.rate is not None or used.time is None:
+        return timed(data, used)
     data = {"time": parts[0]["time"], **data}
     for name, part in zip(names[1:], parts[1:], strict=True):
         half = 0.5 * float(np.median(np.diff(data["time"]))) if lengths[0] > 1 else np.inf
@@ -243,6 +289,23 @@ def _joined(
             raise error("log.join_time", first=names[0], second=name, row=row,
                         t_first=f"{data['time'][row]:.9g}", t_second=f"{part['time'][row]:.9g}",
                         half=f"{half:.4g}")  # fmt: skip
+    return data
+
+
+def timed(data: dict[str, FloatArray], used: LogDescription) -> dict[str, FloatArray]:
+    """Give rows without a time column their time.
+
+    Parameters
+    ----------
+    data : dict of str to ndarray
+        Blocks by name, each shape (n,) or (n, 3) [SI].
+    used : LogDescription
+        The complete description.
+    """
+    if used.rate is not None:
+        return {"time": np.arange(len(next(iter(data.values())))) / used.rate, **data}
+    if used.time is None:  # means: one begins where the one before has ended
+        return {"time": np.cumsum(data["averaged"]) - data["averaged"], **data}
     return data
 
 
@@ -269,9 +332,12 @@ def finished(
         Where the log came from.
     """
     time = data["time"]
-    findings += checks.timing(time)
     triads = {"gyro": used.gyro, "accel": used.accel}
     kind = next(block.kind for block in triads.values() if block is not None)
+    if used.averaged is not None:
+        log = means_log(data, kind, findings, source)
+        return replace(log, findings=findings + implausible(log, used))
+    findings += checks.timing(time)
     for name, block in triads.items():
         if block is not None:
             findings += axes.check(time, data[name], name, limits_si(block))
@@ -280,7 +346,7 @@ def finished(
         for name in triads.keys() & data.keys():
             data[name] /= dt
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
-              findings, source)  # fmt: skip
+              findings, source, table_of(data))  # fmt: skip
     return replace(log, findings=findings + implausible(log, used))
 
 
@@ -308,8 +374,9 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
         block = used.accel
         counts = block.scale is not None
         one = None if counts else abs(float(block.conversion()[1][0]))
-        found += checks.accel_scale(log.accel, log.interval, block.unit, one, block.kind)
-    if used.time is not None and len(log) > 2:
+        each = log.interval if log.averaged is None else float(np.median(log.averaged))
+        found += checks.accel_scale(log.accel, each, block.unit, one, block.kind)
+    if used.time is not None and log.averaged is None and len(log) > 2:
         found += checks.time_scale(log.interval, used.time.unit, used.time.one())
     if log.gyro is not None and used.gyro is not None:
         found += checks.gyro_scale(log.gyro, used.gyro.unit, used.gyro.kind)

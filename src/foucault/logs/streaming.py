@@ -8,7 +8,7 @@ of the first block, and a stuck axis is not looked for, because a block may be o
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +16,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault.errors import Finding, error
+from foucault.files import sha256
 from foucault.logs import axes, checks
 from foucault.logs.own import sampled_of
 from foucault.logs.raw import Progress, open_raw
-from foucault.logs.reading import complete, converted, finished, implausible, limits_si, read
+from foucault.logs.reading import (
+    complete,
+    converted,
+    finished,
+    implausible,
+    limits_si,
+    read,
+)
+from foucault.logs.table_rows import table_of
 from foucault.tables import FloatArray, Log
 
 if TYPE_CHECKING:
@@ -30,6 +39,41 @@ BLOCK_ROWS = 1 << 16
 
 Part = dict[str, FloatArray]
 Checked = tuple[Part, tuple[Finding, ...]]
+
+
+@dataclass(frozen=True)
+class OnDisk:
+    """A log that stays where it is: what a procedure that needs no more than blocks is given.
+
+    Attributes
+    ----------
+    description : LogDescription
+        File, columns and units.
+    folder : Path
+        Folder that relative file names start from.
+    findings : tuple of Finding
+        What was noticed before it is read.
+    """
+
+    description: LogDescription
+    folder: Path
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Size of its files together, 0 where one is missing, shape () [1]."""
+        files = [self.folder / name for name in self.description.files()]
+        return sum(f.stat().st_size for f in files) if all(f.is_file() for f in files) else 0
+
+    def source(self) -> dict[str, Any]:
+        """Return what a result remembers of the log, as `Log.source` does."""
+        names = list(self.description.files())
+        return {
+            "file": " + ".join(Path(name).name for name in names),
+            "sha256": " + ".join(sha256(self.folder / name) for name in names),
+            "size": self.size,
+            "description": self.description.model_dump(exclude_none=True),
+        }
 
 
 def blocks(
@@ -54,13 +98,16 @@ def blocks(
         The next rows; `findings` tells what looks wrong in them [SI].
     """
     files = description.files()
-    if len(files) != 1:
+    if len(files) != 1 or description.averaged is not None or description.serial is not None:
         yield from _slices(read(description, folder, progress))
         return
     ((name, wanted),) = files.items()
     path = Path(folder) / name
     raw = open_raw(path, description, progress)
     used, columns = complete(description, wanted, raw, path)
+    if used.averaged is not None:  # one of our own files: it says so only now
+        yield from _slices(read(description, folder, progress))
+        return
     sampled = sampled_of(raw.marker) if used is not description else None
     parts = _checked(_joined(converted(used, columns, raw, path)), used, path)
     source = {"file": path.name, "marker": raw.marker}
@@ -178,6 +225,6 @@ def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Itera
             for name in triads.keys() & data.keys():
                 data[name] /= dt[:, None]
         log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind,
-                  data.get("temperature"), findings)  # fmt: skip
+                  data.get("temperature"), findings, table=table_of(data))  # fmt: skip
         yield replace(log, findings=findings + implausible(log, used))
         before, start = time[-1:], start + len(time)

@@ -6,6 +6,9 @@ For each triad, with true specific force f and true angular rate w in body axes 
     gyro  = (I + S_g + M_g) w + b_g + G f
     q(f)  = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)
 
+A gyro whose scale factor is no constant says ``r + A_g |r| + C_g r^3 + b_g + G f`` instead, with
+the rate sensed ``r = (I + S_g + M_g) w`` and diagonal A_g, C_g: see `models.gyro_scale`.
+
 S is diagonal (scale factor errors), M has a zero diagonal (misalignments, small angles), G is
 the g-sensitivity (output axis, then accelerometer axis). Counts are turned into SI by the
 nominal count scale of the log description before this model sees them.
@@ -35,25 +38,42 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector
+from foucault.models import gyro_scale
+from foucault.models.imu_layout import LAYOUT, LINEAR_LOWER, PRODUCTS
 from foucault.tables import AXES, Log
+
+__all__ = [
+    "EQUATION", "INVERSE", "LAYOUT", "LINEAR_LOWER", "PRODUCTS", "SCALE_EQUATION",
+    "SCALE_INVERSE", "Gauge", "ImuModel", "coefficient_slot", "gravity_slope", "products",
+    "products_slope",
+]  # fmt: skip
 
 FloatArray = npt.NDArray[np.float64]
 
-PRODUCTS = (("x", "x"), ("y", "y"), ("z", "z"), ("x", "y"), ("x", "z"), ("y", "z"))
-"""The second-order inputs q(f), in the order of the columns of K_a."""
-
-EQUATION = (
-    "accel = (I + S_a + M_a) f + b_a + K_a q(f);  gyro = (I + S_g + M_g) w + b_g + G f;  "
+_ACCEL = "accel = (I + S_a + M_a) f + b_a + K_a q(f);  "
+_WORDS = (
     "f: true specific force, w: true angular rate, both in body axes; "
     "q(f) = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)"
 )
+_ACCEL_INVERSE = "f = (I + S_a + M_a)^-1 (accel - b_a - K_a q(f));  "
+
+EQUATION = f"{_ACCEL}gyro = (I + S_g + M_g) w + b_g + G f;  {_WORDS}"
 """The model equation in words, as stored in results."""
 
-INVERSE = (
-    "f = (I + S_a + M_a)^-1 (accel - b_a - K_a q(f));  w = (I + S_g + M_g)^-1 (gyro - b_g - G f)"
-)
+INVERSE = f"{_ACCEL_INVERSE}w = (I + S_g + M_g)^-1 (gyro - b_g - G f)"
 """The same solved for what is true, as `ImuModel.compensate` does it."""
+
+SCALE_EQUATION = (
+    f"{_ACCEL}gyro = r + A_g |r| + C_g r^3 + b_g + G f;  r = (I + S_g + M_g) w;  {_WORDS}; "
+    "A_g and C_g are diagonal, |r| and r^3 are taken axis by axis"
+)
+"""The model equation where a gyro's scale factor is no constant."""
+
+SCALE_INVERSE = (
+    f"{_ACCEL_INVERSE}r + A_g |r| + C_g r^3 = gyro - b_g - G f;  w = (I + S_g + M_g)^-1 r"
+)
+"""The same solved for what is true."""
 
 
 class Gauge(StrEnum):
@@ -61,81 +81,6 @@ class Gauge(StrEnum):
 
     LOWER = "x accelerometer input axis, y in the x-y accelerometer plane"
     UPPER = "z accelerometer input axis, y in the y-z accelerometer plane"
-
-
-def _triad_coefficients(triad: str, letter: str, kind: str, what: str) -> list[Coefficient]:
-    out = [
-        Coefficient(f"{triad}.bias.{a}", f"b_{letter}{a}", kind, f"{what} bias, {a} axis")
-        for a in AXES
-    ]
-    out += [
-        Coefficient(
-            f"{triad}.scale.{a}",
-            f"s_{letter}{a}",
-            "scale factor error",
-            f"{what} scale factor error, {a} axis",
-        )
-        for a in AXES
-    ]
-    out += [
-        Coefficient(
-            f"{triad}.misalignment.{o}{i}",
-            f"m_{letter}{o}{i}",
-            "misalignment",
-            f"{what} {o} output per {i} input",
-        )
-        for o in AXES
-        for i in AXES
-        if o != i
-    ]
-    return out
-
-
-LAYOUT = Layout(
-    (
-        *_triad_coefficients("accel", "a", "specific force", "accelerometer"),
-        *(
-            Coefficient(
-                f"accel.quadratic.{a}",
-                f"k_{a}{a}{a}",
-                "quadratic",
-                f"accelerometer {a} output per square of the {a} input",
-            )
-            for a in AXES
-        ),
-        *(
-            Coefficient(
-                f"accel.cross.{o}{i}{j}",
-                f"k_{o}{i}{j}",
-                "quadratic",
-                f"accelerometer {o} output per product of the {i} and {j} inputs",
-            )
-            for o in AXES
-            for i, j in PRODUCTS
-            if not o == i == j
-        ),
-        *_triad_coefficients("gyro", "g", "angular rate", "gyro"),
-        *(
-            Coefficient(
-                f"gyro.g_sensitivity.{o}{i}",
-                f"g_{o}{i}",
-                "g-sensitivity",
-                f"gyro {o} output per specific force along {i}",
-            )
-            for o in AXES
-            for i in AXES
-        ),
-    )
-)
-"""Every coefficient the model knows. A procedure estimates a subset; the rest is zero."""
-
-LINEAR_LOWER = tuple(
-    n
-    for n in LAYOUT.names
-    if n.split(".")[1] in ("bias", "scale", "misalignment")
-    and not (n.startswith("accel.misalignment.") and n[-2] < n[-1])
-)
-"""Names of the 21 linear coefficients in the gauge `Gauge.LOWER`."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +101,10 @@ class ImuModel:
         b_g, measured minus true [rad/s].
     g_sensitivity : ndarray, shape (3, 3)
         G, output axis then specific force axis [rad/s/(m/s^2)].
+    gyro_asymmetry : ndarray, shape (3,)
+        Diagonal of A_g, of the rate sensed [1].
+    gyro_cubic : ndarray, shape (3,)
+        Diagonal of C_g, of the rate sensed [1/(rad/s)^2].
     """
 
     accel_matrix: FloatArray = field(default_factory=lambda: np.eye(3))
@@ -164,6 +113,8 @@ class ImuModel:
     gyro_matrix: FloatArray = field(default_factory=lambda: np.eye(3))
     gyro_bias: FloatArray = field(default_factory=lambda: np.zeros(3))
     g_sensitivity: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    gyro_asymmetry: FloatArray = field(default_factory=lambda: np.zeros(3))
+    gyro_cubic: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def from_coefficients(cls, vector: CoefficientVector) -> ImuModel:
@@ -183,6 +134,11 @@ class ImuModel:
             block, where = coefficient_slot(name)
             values[i] = getattr(self, block)[where] - getattr(identity, block)[where]
         return CoefficientVector(layout, values)
+
+    @property
+    def straight(self) -> bool:
+        """Whether the scale factors of the gyros are constants."""
+        return not (self.gyro_asymmetry.any() or self.gyro_cubic.any())
 
     # -- forward and inverse -------------------------------------------------------------
 
@@ -206,7 +162,10 @@ class ImuModel:
         accel = f_b @ self.accel_matrix.T + self.accel_bias
         if self.accel_quadratic.any():
             accel += products(f_b) @ self.accel_quadratic.T
-        gyro = w_ib_b @ self.gyro_matrix.T + self.gyro_bias
+        gyro = w_ib_b @ self.gyro_matrix.T
+        if not self.straight:
+            gyro = gyro_scale.readout(gyro, self.gyro_asymmetry, self.gyro_cubic)
+        gyro = gyro + self.gyro_bias
         if self.g_sensitivity.any():
             gyro += f_b @ self.g_sensitivity.T
         return accel, gyro
@@ -216,8 +175,8 @@ class ImuModel:
     ) -> tuple[FloatArray | None, FloatArray | None]:
         """Compute what is true from what the IMU says: the exact inverse of `measure`.
 
-        The linear part is inverted directly; the quadratic part by Newton's method, which is
-        exact to rounding for any quadratic term that leaves the model invertible.
+        The linear part is inverted directly; the quadratic part and the gyros' cubic terms by
+        Newton's method, which is exact to rounding for any term that leaves the model invertible.
 
         Parameters
         ----------
@@ -241,6 +200,8 @@ class ImuModel:
             if f_b is None:
                 raise ValueError("a gyro with g-sensitivity needs the accelerometer readings")
             rate -= f_b @ self.g_sensitivity.T
+        if not self.straight:
+            rate = gyro_scale.sensed(rate, self.gyro_asymmetry, self.gyro_cubic)
         return f_b, rate @ np.linalg.inv(self.gyro_matrix).T
 
     def _compensate_accel(self, accel: FloatArray) -> FloatArray:
@@ -274,7 +235,8 @@ class ImuModel:
     def rotated(self, C_cb: FloatArray) -> ImuModel:
         """Express the same instrument in body axes c, where ``x_c = C_cb @ x_b``.
 
-        Readings stay what they are, so every input side is multiplied by ``C_bc``.
+        Readings stay what they are, so every input side is multiplied by ``C_bc``. The gyros'
+        asymmetry and cubic terms act on the rate sensed, which is the same in all axes.
 
         Parameters
         ----------
@@ -378,6 +340,8 @@ def _slots() -> dict[str, tuple[str, Any]]:
                 out[f"accel.cross.{o}{i}{j}"] = ("accel_quadratic", (at[o], k))
         for i in AXES:
             out[f"gyro.g_sensitivity.{o}{i}"] = ("g_sensitivity", (at[o], at[i]))
+        out[f"gyro.asymmetry.{o}"] = ("gyro_asymmetry", at[o])
+        out[f"gyro.cubic.{o}"] = ("gyro_cubic", at[o])
     return out
 
 

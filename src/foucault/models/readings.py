@@ -85,6 +85,7 @@ class Readings:
             accel_cov=accel[:, None, None] * np.eye(3),
             gyro_cov=gyro[:, None, None] * np.eye(3),
             declared=True,
+            findings=tuple(f for f in self.findings if f.code != "readings.noise_unknown"),
         )
 
 

@@ -14,9 +14,12 @@ from foucault.errors import error, suggestion
 PROCEDURES = {
     "hand_rotated": "foucault.procedures.hand_rotated",
     "hand_rotated_published": "foucault.procedures.hand_rotated_published",
+    "six_position": "foucault.procedures.six_position",
+    "ferraris": "foucault.procedures.ferraris",
     "norm_observation": "foucault.procedures.norm_observation",
     "multi_position": "foucault.procedures.multi_position",
     "turntable": "foucault.procedures.turntable",
+    "rate_table": "foucault.procedures.rate_table",
 }
 """Name in a campaign file -> module."""
 

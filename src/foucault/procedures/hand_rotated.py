@@ -271,7 +271,7 @@ def complete(
                 "rest_time": float(data.rest_time.sum()),
             },
         },
-        provenance=provenance(log, seconds),
+        provenance=provenance(log.source, seconds),
         tables=dict(result.tables) | {"detection": detection_table(log, rests)},
     )
 

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from foucault.logs.streaming import OnDisk
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.table_state import Trust
 from foucault.procedures import on_table
+from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent
 from foucault.procedures.turntable_session import LOG_LINES as LOG_LINES
 from foucault.procedures.turntable_session import TableSession, TableSettings
@@ -44,7 +46,7 @@ names_of = on_table.names_of
 
 
 def calibrate(
-    log: Log,
+    log: Log | OnDisk,
     *,
     site: Site,
     settings: Settings | None = None,
@@ -57,7 +59,7 @@ def calibrate(
 
     Parameters
     ----------
-    log : Log
+    log : Log or OnDisk
         Samples with the angles of the table, or means over positions [SI].
     site : Site
         Local gravity, and the latitude where there are gyros.

@@ -28,6 +28,7 @@ from pydantic import Field
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import four_positions, norm_observation, parallel_vectors
 from foucault.estimate.table_fit import TableFit
+from foucault.logs.streaming import OnDisk
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
@@ -35,6 +36,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.table_state import State
 from foucault.procedures import on_table
+from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent
 from foucault.procedures.turntable_session import LOG_LINES as LOG_LINES
 from foucault.procedures.turntable_session import TableSession, TableSettings
@@ -72,7 +74,7 @@ names_of = on_table.names_of
 
 
 def calibrate(
-    log: Log,
+    log: Log | OnDisk,
     *,
     site: Site,
     settings: Settings | None = None,
@@ -85,7 +87,7 @@ def calibrate(
 
     Parameters
     ----------
-    log : Log
+    log : Log or OnDisk
         Samples, or means over positions [SI].
     site : Site
         Local gravity, and the latitude where there are gyros.

@@ -17,13 +17,14 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import table_checks, table_report
 from foucault.diagnose.coverage import Coverage, coverage
-from foucault.diagnose.positions import find_readings
+from foucault.diagnose.positions import find_readings, stream_readings
 from foucault.diagnose.session_report import coverage_json
 from foucault.diagnose.table_checks import TableEvidence
 from foucault.diagnose.table_input import check_readings, enough_readings
 from foucault.errors import Finding, error, finding
 from foucault.estimate import turntable_likelihood
 from foucault.estimate.table_fit import Options, TableFit, fit
+from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
 from foucault.models.noise import ImuNoise
@@ -41,6 +42,10 @@ Progress = Callable[[float, str], None]
 Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
+
+
+STREAMS = True
+"""The procedures on a table take a log on disk too."""
 
 
 def silent(fraction: float, words: str) -> None:
@@ -91,7 +96,7 @@ def names_of(settings: TableSettings, gyro: bool = True) -> tuple[str, ...]:
 
 
 def calibrate(
-    log: Log,
+    log: Log | OnDisk,
     task: Task,
     *,
     site: Site,
@@ -104,8 +109,8 @@ def calibrate(
 
     Parameters
     ----------
-    log : Log
-        Samples, or means over positions [SI].
+    log : Log or OnDisk
+        Samples, or means over positions; one on disk is never held as a whole [SI].
     task : Task
         Which procedure, with its settings.
     site : Site
@@ -120,12 +125,10 @@ def calibrate(
         Called with the fraction done and what is being done.
     """
     started = clock.monotonic()
-    if log.accel is None:
-        raise error("session.no_accel")
     if not task.settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.05, "finding rests and spins")
-    readings = read_positions(log, task, noise)
+    readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
     progress(0.4, "calibrating")
     result = from_readings(readings, task, site=site, prior=prior)
     seconds = clock.monotonic() - started
@@ -134,32 +137,54 @@ def calibrate(
         result,
         findings=(*log.findings, *result.findings),
         instrument=dict(instrument or {}),
-        validity=table_report.validity(readings, log, site),
-        provenance=provenance(log, seconds),
+        validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
+        provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
     )
 
 
-def read_positions(log: Log, task: Task, noise: ImuNoise | None) -> Readings:
+def read_positions(
+    log: Log | OnDisk,
+    task: Task,
+    noise: ImuNoise | None,
+    progress: Callable[[float], None] | None = None,
+) -> Readings:
     """Find the rests and spins of a log, and check that they can be right.
 
     Parameters
     ----------
-    log : Log
+    log : Log or OnDisk
         Samples, or means over positions [SI].
     task : Task
         Which procedure, with its settings.
     noise : ImuNoise or None
         Noise of the instrument [SI]; None measures it.
+    progress : callable or None
+        Called with the fraction done, for a log on disk.
     """
     s = task.settings
-    plan = table_plan(
-        s.chosen, spin_rate=s.spin_rate, rest_time=max(s.shortest, 1e-3), turns=1,
-        spins=log.gyro is not None, both_senses=s.both_senses, four_positions=s.four_positions,
-    )  # fmt: skip
-    found = find_readings(log, plan=plan, noise=noise, shortest=s.shortest)
+    described = log if isinstance(log, Log) else log.description
+    if described.accel is None:
+        raise error("session.no_accel")
+    plans = [
+        table_plan(
+            s.chosen, spin_rate=s.spin_rate, rest_time=max(s.shortest, 1e-3), turns=1, spins=spins,
+            both_senses=s.both_senses, four_positions=s.four_positions,
+        )
+        for spins in (False, True)
+    ]  # fmt: skip
+    if isinstance(log, Log):
+        found = find_readings(log, plan=plans[True], noise=noise, shortest=s.shortest)
+    else:
+        found = stream_readings(
+            log.description, log.folder, plan=plans[True], noise=noise, shortest=s.shortest,
+            progress=progress,
+        )  # fmt: skip
+    # Accelerometers alone need no spins, and none are missing then.
+    plan = plans[described.gyro is not None or bool(found.spin.any())]
     return check_readings(
-        found, plan, log, angles_matter=task.trust is not None, shortest=s.shortest
-    )
+        found, plan, log if isinstance(log, Log) else None,
+        angles_matter=task.trust is not None, shortest=s.shortest,
+    )  # fmt: skip
 
 
 def from_readings(
@@ -334,7 +359,7 @@ def _diagnostics(
         "iterations": estimate.iterations,
         "plan": task.settings.plan if task.settings.positions is None else "own positions",
         "noise": {
-            "source": "declared" if e.readings.declared else "measured in the readings",
+            "source": table_report.noise_source(e.readings),
             "scatter": dict(solution.scatter),
         },
         "chi_square": squares(solution.after),

@@ -14,10 +14,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from foucault.logs.streaming import OnDisk
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.table_state import Trust
 from foucault.procedures import on_table
+from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent
 from foucault.procedures.turntable_session import LOG_LINES as LOG_LINES
 from foucault.procedures.turntable_session import TableSession, TableSettings
@@ -32,6 +34,9 @@ ARCSEC = float(np.radians(1 / 3600))
 class Settings(TableSettings):
     """What can be chosen; the defaults are those of a good table."""
 
+    plumb_sd: Annotated[float, Quantity("angle")] = Field(
+        default=30 * ARCSEC, ge=0, description="Sd of the tilt of the outer axis, about each axis."
+    )
     orthogonality_sd: Annotated[float, Quantity("angle")] = Field(
         default=10 * ARCSEC, ge=0, description="Sd of the angles between the table's axes."
     )
@@ -57,7 +62,7 @@ names_of = on_table.names_of
 
 
 def calibrate(
-    log: Log,
+    log: Log | OnDisk,
     *,
     site: Site,
     settings: Settings | None = None,
@@ -70,7 +75,7 @@ def calibrate(
 
     Parameters
     ----------
-    log : Log
+    log : Log or OnDisk
         Samples with the angles of the table, or means over positions [SI].
     site : Site
         Local gravity, and the latitude where there are gyros.

@@ -23,10 +23,15 @@ from foucault.simulate.turntable_log import simulate as simulate_log
 from foucault.units import Quantity
 
 LOG_LINES = """\
-# The table; leave out what is not logged ("" in place of an angle). Norm observation needs none.
-table = { columns = ["outer", "middle", "inner"], unit = "rad", rate = "table_rate", \
-rate_unit = "rad/s", position = "position" }
 # A spreadsheet of means, a row per position:  averaged = { column = "averaged", unit = "s" }
+
+# The table; leave out what is not logged ("" in place of an angle). Norm observation needs none.
+[log.table]
+columns = ["outer", "middle", "inner"]
+unit = "rad"
+rate = "table_rate"                     # of the outer axis, counter-clockwise from above
+rate_unit = "rad/s"
+position = "position"                   # number of the position, empty or -1 in between
 """
 """What the log of a session on a table has beside the instrument's columns."""
 
@@ -143,15 +148,15 @@ class TableSession(BaseModel):
         default="samples", description="A row per sample, or one mean per position."
     )
     plumb_sd: Angle = Field(
-        default=float(np.radians(5 / 3600)), ge=0, description="Sd of the tilt of the outer axis."
+        default=float(np.radians(30 / 3600)), ge=0, description="Sd of the tilt of the outer axis."
     )
     orthogonality_sd: Angle = Field(
-        default=float(np.radians(5 / 3600)),
+        default=float(np.radians(10 / 3600)),
         ge=0,
         description="Sd of the angles between the table's axes.",
     )
     zero_sd: Angle = Field(
-        default=float(np.radians(5 / 3600)),
+        default=float(np.radians(10 / 3600)),
         ge=0,
         description="Sd of the zero errors of the middle and inner angle.",
     )

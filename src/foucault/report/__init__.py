@@ -65,6 +65,9 @@ def render(head: Heading, sections: Sequence[Section]) -> str:
     )
 
 
+LONG_NAME = 26
+"""A dotted name of so many letters may break after every dot."""
+
 _PIECES = re.compile(r"[A-Za-z]\w*|\^-?\d+|\s+|.")
 
 
@@ -95,8 +98,8 @@ def _template() -> Any:
         return Markup("<i>{}</i><sub>{}</sub>").format(letter, index)
 
     def dotted(text: str) -> Markup:
-        """Let a dotted name break after its first dot, where the screen is narrow."""
-        return Markup(".<wbr>").join(text.split(".", 1))
+        """Let a name break after its first dot, a long one after each, on a narrow screen."""
+        return Markup(".<wbr>").join(text.split(".", 1 if len(text) < LONG_NAME else -1))
 
     def script(value: Any) -> Markup:
         """Write JSON that cannot end the script element it stands in."""
@@ -105,6 +108,7 @@ def _template() -> Any:
 
     def prose(text: str) -> Markup:
         """Write `code` between backticks as such."""
+        text = re.sub(r"(?<=\d) ug\b", "\N{NO-BREAK SPACE}\N{MICRO SIGN}g", text)
         parts = text.replace(" %", "\N{NO-BREAK SPACE}%").split("`")
         code = Markup("<code>{}</code>")
         return Markup("").join(code.format(p) if i % 2 else escape(p) for i, p in enumerate(parts))

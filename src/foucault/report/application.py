@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.models.imu import EQUATION, INVERSE, ImuModel
+from foucault.models.imu import EQUATION, INVERSE, SCALE_EQUATION, SCALE_INVERSE, ImuModel
 from foucault.report.page import Block, Code, Equation, Section, Text
 from foucault.result import Result
 
@@ -29,9 +29,10 @@ def how_to_apply(result: Result) -> Section | None:
     said, meant = _split(result.equation)
     blocks: list[Block] = [Equation(said)] if said else []
     blocks += [Text(f"Here {line}.") for line in meant]
-    imu = result.equation == EQUATION and bool(np.isfinite(result.coefficients.values).all())
-    if imu:
-        blocks += [Text("Solved for what is true:"), Equation(_split(INVERSE)[0])]
+    inverse = {EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE}.get(result.equation)
+    imu = inverse is not None and bool(np.isfinite(result.coefficients.values).all())
+    if imu and inverse is not None:
+        blocks += [Text("Solved for what is true:"), Equation(_split(inverse)[0])]
     blocks += [Text("On the command line, from the run folder:"), Code(_COMMANDS)]
     blocks += [Text("In Python:"), Code(_PYTHON)]
     if imu:
@@ -60,16 +61,21 @@ def numbers(result: Result) -> str:
         lines += [_array("b_g", model.gyro_bias, "[rad/s]")]
         if model.g_sensitivity.any():
             lines += [_array("G", model.g_sensitivity, "[rad/s/(m/s^2)]")]
+        if not model.straight:
+            lines += [_array("a_g", model.gyro_asymmetry, "diagonal of A_g [1]")]
+            lines += [_array("c_g", model.gyro_cubic, "diagonal of C_g [1/(rad/s)^2]")]
     return "\n".join([*lines, *_use(model, triads)])
 
 
 def _use(model: ImuModel, triads: set[str]) -> list[str]:
-    """Lines that use the matrices; the quadratic terms have no closed inverse."""
+    """Lines that use the matrices; quadratic and cubic terms have no closed inverse."""
     if model.accel_quadratic.any():
         return [
             _array("K_a", model.accel_quadratic, "[1/(m/s^2)], columns q(f)"),
             "# With quadratic terms use foucault.load_result(...).model.compensate.",
         ]
+    if not model.straight:
+        return ["# With these terms use foucault.load_result(...).model.compensate."]
     g = " - f_b @ G.T" if model.g_sensitivity.any() else ""
     out = [""]
     if "accel" in triads:

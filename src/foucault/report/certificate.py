@@ -29,8 +29,9 @@ def certificate(result: Result) -> Section | None:
         ("temperature", _temperature(result.validity)),
         ("next calibration due", _text(instrument, "due")),
         *_site(result.site),
-        *_covered(result.validity),
+        *_covered(result),
         ("procedure", result.procedure),
+        *_positions(result),
         ("software", _software(facts)),
         *_log(facts),
     ]
@@ -89,18 +90,42 @@ def _temperature(validity: dict[str, Any]) -> str:
     return words if mean is None else f"{words}, mean {mean - ZERO_CELSIUS:.1f} °C"
 
 
-def _covered(validity: dict[str, Any]) -> list[tuple[str, str]]:
-    """The ranges outside which the result is extrapolated."""
+def _covered(result: Result) -> list[tuple[str, str]]:
+    """The ranges outside which the result is extrapolated; of a triad that was calibrated."""
     rows = []
+    triads = {name.partition(".")[0] for name in result.coefficients.names}
     for key, what, size, unit in (
         ("accel", "specific force covered", 1.0, "m/s²"),
         ("gyro", "rates covered", np.pi / 180, "°/s"),
     ):
-        span = validity.get(key)
+        span = result.validity.get(key) if key in triads else None
         if span and None not in span:
             low, high = (f"{v / size:.3g}".replace("-", "−") for v in span)
             rows.append((what, f"{low} to {high} {unit}"))
     return rows
+
+
+def _positions(result: Result) -> list[tuple[str, str]]:
+    """Plan, rests and spins of a session on a table."""
+    table = result.tables.get("readings")
+    if table is None or "outer" not in table:
+        return []
+    rate, turns = np.asarray(table["rate"], float), np.asarray(table["turns"], float)
+    spin = rate != 0.0
+    words = [_counted(int(np.sum(~spin)), "rest")] if not spin.all() else []
+    if spin.any():
+        each = " to ".join(f"{v:.0f}" for v in np.unique([turns[spin].min(), turns[spin].max()]))
+        sizes = np.unique(np.round(np.degrees(rate[spin]), 3)).tolist()
+        rates = ", ".join(f"{v:.4g}" for v in sizes).replace("-", "−")
+        whole = f"{each} turn{'' if each == '1' else 's'}"
+        words.append(f"{_counted(int(spin.sum()), 'spin')} of {whole} at {rates} °/s")
+    rows = [("readings", ", ".join(words))]
+    plan = str(result.diagnostics.get("plan") or "")
+    return [("positions", plan), *rows] if plan else rows
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"
 
 
 def _software(facts: dict[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def residuals(result: Result) -> Section | None:
     if limits:
         lead = lead.replace(f"{RESIDUAL_LIMIT:.0f} sd; a single", "limit; a single")
     chi = result.diagnostics.get("chi_square", {})
-    found = [_chi_square(what, chi[k]) for k, what in OBSERVED.items() if chi.get(k)]
+    found = [chi_square_words(what, chi[k]) for k, what in OBSERVED.items() if chi.get(k)]
     return Section("Residuals", lead, [*blocks, *([Items(found)] if found else [])])
 
 
@@ -91,7 +92,8 @@ def _against_orientation(result: Result) -> list[Block]:
     return out
 
 
-def _chi_square(what: str, row: list[float]) -> tuple[str, str]:
+def chi_square_words(what: str, row: Sequence[float]) -> tuple[str, str]:
+    """Say how the residuals of `what` fit; `row` is the sum of squares, limits, and freedom."""
     value, low, high, dof = row
     fits = low <= value <= high
     word = "inside" if fits else "outside"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.report.figures import BAD, FIRST, SOFT, Trace, layout, numbers
+from foucault.report.figures import BAD, FIRST, SECOND, SOFT, Trace, layout, numbers
 from foucault.report.page import Figure
 
 FloatArray = npt.NDArray[np.float64]
@@ -21,10 +21,20 @@ FloatArray = npt.NDArray[np.float64]
 HEIGHT = 330  # of both pictures, which stand side by side [px]
 
 
-def sphere(up: FloatArray, missing: FloatArray) -> Figure:
-    """Draw directions, shape (n, 3), and missing ones, shape (m, 3), on a sphere."""
+def sphere(
+    up: FloatArray,
+    missing: FloatArray,
+    also: FloatArray | None = None,
+    names: tuple[str, str] = ("visited", ""),
+) -> Figure:
+    """Draw directions, shape (n, 3), and missing ones, shape (m, 3), on a sphere.
+
+    `also` are directions of another kind, shape (k, 3), as rings; `names` says what both kinds are.
+    """
     data = [*_wires(), *_axes()]
-    styles = [(up, "visited", FIRST, "circle", 5), (missing, "missing", BAD, "diamond-open", 7)]
+    styles = [(up, names[0], FIRST, "circle", 5), (missing, "missing", BAD, "diamond-open", 7)]
+    if also is not None:
+        styles.insert(0, (also, names[1], SECOND, "circle-open", 10))
     for points, name, colour, symbol, size in styles:
         if len(points):
             x, y, z = (numbers(points[:, i]) for i in range(3))
@@ -52,6 +62,7 @@ def sphere(up: FloatArray, missing: FloatArray) -> Figure:
     }
     look = layout(HEIGHT, scene=scene, meta={"ratio": 0.9})
     look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
+    look["legend"] = look["legend"] | {"traceorder": "reversed" if also is not None else "normal"}
     alt = f"Sphere with {len(up)} directions visited and {len(missing)} missing"
     return Figure(data, look, "Turn it with the pointer.", on="screen", share=38, alt=alt)
 
@@ -95,14 +106,25 @@ def _quiet(**trace: Any) -> Trace:
     return {"type": "scatter3d", "hoverinfo": "skip", "showlegend": False, **trace}
 
 
-def flat_map(up: FloatArray, missing: FloatArray, words: Sequence[str]) -> Figure:
+def flat_map(
+    up: FloatArray,
+    missing: FloatArray,
+    words: Sequence[str],
+    also: FloatArray | None = None,
+    names: tuple[str, str] = ("visited", ""),
+) -> Figure:
     """Draw the same directions on two discs; `words` name the missing ones."""
-    rests = [f"rest {k + 1}" for k in range(len(up))]
+    one = "rest" if names[0] == "visited" else names[0]
+    rests = [f"{one} {k + 1}" for k in range(len(up))]
     data: list[Trace] = []
     shapes: list[Trace] = []
     for half, (sign, ref) in enumerate(((1, ""), (-1, "2"))):
         on = {"xaxis": f"x{ref}", "yaxis": f"y{ref}", "showlegend": half == 0}
-        data.append(_dots(up, rests, sign, "visited", FIRST, "circle") | on)
+        if also is not None:
+            spins = [f"{names[1]} {k + 1}" for k in range(len(also))]
+            data.append(_dots(also, spins, sign, names[1], SECOND, "circle-open") | on)
+            data[-1]["marker"] |= {"size": 15}
+        data.append(_dots(up, rests, sign, names[0], FIRST, "circle") | on)
         if len(missing):
             data.append(_dots(missing, words, sign, "missing", BAD, "diamond-open") | on)
         shapes += _disc(ref)
@@ -123,6 +145,7 @@ def flat_map(up: FloatArray, missing: FloatArray, words: Sequence[str]) -> Figur
         meta={"ratio": 0.62},  # a narrow screen needs less height
     )
     look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
+    look["legend"] = look["legend"] | {"traceorder": "reversed" if also is not None else "normal"}
     alt = f"Map of the sphere with {len(up)} directions visited and {len(missing)} missing"
     return Figure(data, look, "Equal-area map, both halves seen from +z.", share=62, alt=alt)
 
@@ -145,7 +168,7 @@ def _dots(
             "color": colour,
             "size": 9,
             "symbol": symbol,
-            "line": {"width": 0 if name == "visited" else 2},
+            "line": {"width": 2 if symbol.endswith("open") else 0},
         },
         "hovertemplate": "%{text}<extra></extra>",
     }

@@ -55,8 +55,8 @@ class Column:
     """A table column: its heading and how its cells look.
 
     `look` is "text", "short", "long" (may break anywhere), "meaning" (only where there is room),
-    "name", "symbol", "number" or "state"; `aside` columns are left out on a narrow screen,
-    `optional` ones until they are asked for.
+    "name", "symbol", "number", "state" or "link" (text, tab, address); `aside` columns are left
+    out on a narrow screen, `optional` ones until they are asked for.
     """
 
     heading: str

@@ -14,10 +14,12 @@ import numpy as np
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
+from foucault.report import on_table
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
 from foucault.report.page import Column, Items, Section, Table
+from foucault.report.rate_table import rate_steps
 from foucault.report.uncertainty import budget, coefficients, correlation, unseen
 from foucault.result import Check, Level, Result
 
@@ -143,8 +145,14 @@ SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     certificate,
     coefficients,
     norms,
+    on_table.norms,
+    rate_steps,
     residuals,
+    on_table.residuals,
     orientations,
+    on_table.orientations,
+    on_table.control,
+    on_table.rig,
     unseen,
     budget,
     correlation,

@@ -129,16 +129,31 @@ def unseen(result: Result) -> Section | None:
 
 # -- budget --------------------------------------------------------------------------------
 
-_MEASURED = ("A", "scatter of the samples within the rests")
+_MEASURED = ("A", "scatter of the samples within the readings")
+_UNKNOWN = ("", "not known; it is part of the scatter")
 _DECLARED = ("B", "noise as declared in the campaign")
 _BASIS = {
     "scatter between rests": ("A", "scatter of the residuals beyond the noise"),
+    "scatter between readings": ("A", "scatter of the residuals beyond the noise"),
+    "jitter of the spin rate and unknown Earth rate": ("B", "rate_sd as given; heading unknown"),
+    "errors of the table": ("B", "what the campaign says of the table"),
+    "errors of the table and prior": ("B", "what the campaign says of table and coefficients"),
+    "placement": ("B", "placement as given in the campaign"),
+    "placement, estimated": ("A", "scatter of the residuals beyond the noise"),
     "unknown heading": ("B", "heading not given: the whole circle"),
     "unknown Earth rate": ("B", "latitude not given: any direction"),
+    "rate jitter": ("B", "rate_sd as given, with the scatter that was found"),
+    "rate of the table": ("B", "table_rate_sd as given; tilt of the outer axis"),
+    "fixture": ("B", "fixture_sd as given in the campaign"),
+    "parts of turns": ("B", "Earth rate across the axis that a part of a turn leaves"),
     "prior": ("B", "prior as given in the campaign"),
     "local gravity": ("B", "standard uncertainty of local gravity"),
 }
 """Source -> evaluation of type A (statistics) or B (other knowledge), and what it rests on."""
+
+
+SMALL_SHARE = 0.05
+"""A source whose largest share is smaller has a row but no column of its own [percent]."""
 
 
 def budget(result: Result) -> Section | None:
@@ -158,15 +173,16 @@ def budget(result: Result) -> Section | None:
     order = sorted(share, key=lambda s: -float(np.nanmean(share[s])))
     if not order:
         return None
+    large = [s for s in order if float(np.nanmax(share[s])) >= SMALL_SHARE] or order
     symbols = [c.symbol for c in vector.layout.coefficients]
     lead = (
         "Where the variance of each coefficient comes from. Type A: evaluated from the scatter of "
         "these data; type B: from other knowledge."
     )
     blocks: list[Block] = [
-        figures.shares(symbols, {s: share[s] for s in order}),
+        figures.shares(symbols, {s: share[s] for s in large}),
         _sources(result, {s: share[s] for s in order}),
-        _contributions(vector, {s: parts[s] for s in order}, total),
+        _contributions(vector, {s: parts[s] for s in large}, total),
     ]
     return Section("Uncertainty budget", lead, blocks)
 
@@ -187,7 +203,8 @@ def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
     for source, values in share.items():
         kind, basis = _BASIS.get(source, ("", ""))
         if source.endswith(" noise"):
-            kind, basis = _MEASURED if noise.startswith("measured") else _DECLARED
+            known = _MEASURED if noise.startswith("measured") else _DECLARED
+            kind, basis = _UNKNOWN if noise.startswith("unknown") else known
         worst = int(np.nanargmax(values))
         mean, most = (_percent(float(v)) for v in (np.nanmean(values), values[worst]))
         rows.append([source, kind, basis, mean, most, f"`{names[worst]}`"])

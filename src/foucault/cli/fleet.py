@@ -1,0 +1,102 @@
+"""The command for many instruments at once."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foucault.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from foucault.campaign.fleet_table import FleetTable
+
+DOUBTFUL, UNUSABLE = 3, 4
+MOST = 12
+"""Instruments that are named on the screen."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to the program."""
+    app.command(
+        "fleet",
+        epilog="Examples: foucault fleet campaign.toml -o fleet --tolerance tolerance.toml; "
+        "foucault simulate campaign.toml --instruments 60 -o bench, then foucault fleet "
+        "bench/campaign.toml -o fleet. In [log], file is a pattern (logs/*.csv: the name is the "
+        "serial number) or a file with a column serial. Exit code 0: all passed; 3: some did not; "
+        "4: none has a usable result.",
+    )(fleet)
+
+
+def fleet(
+    ctx: typer.Context,
+    campaign: Annotated[Path, typer.Argument(help="The campaign file.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder to write; results in it are replaced.")
+    ],
+    tolerance: Annotated[
+        Path | None, typer.Option(help="TOML file with the limits of coefficients.")
+    ] = None,
+    reports: Annotated[
+        bool, typer.Option("--reports", help="Write a report of each instrument too.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(help="Threads; as many as processors if left out.", min=1)
+    ] = None,
+) -> None:
+    """Calibrate many instruments by the same campaign: one page for all, a result for each."""
+    from foucault import campaign as campaigns
+    from foucault.campaign import fleet as fleets
+    from foucault.campaign import tolerance as tolerances
+    from foucault.report import fleet as page
+    from foucault.report import write
+
+    screen: Screen = ctx.obj
+    limits = None if tolerance is None else tolerances.load(tolerance)
+    with screen.progress() as tell:
+        table = fleets.run(
+            campaigns.load(campaign), output, tolerance=limits,
+            report=write if reports else None,
+            workers=workers or os.cpu_count() or 1, progress=tell,
+        )  # fmt: skip
+        tell(0.97, "writing the page")
+        about = fleets.about(output)
+        written = page.write(table, about, output / fleets.PAGE_FILE)
+    _show(screen, table, about)
+    screen.say(f"Page: {written}", f"Table: {output / fleets.TABLE_FILE}")
+    screen.data({"folder": str(output), "page": str(written)} | about)
+    raise typer.Exit(_code(table))
+
+
+def _show(screen: Screen, table: FleetTable, about: dict[str, Any]) -> None:
+    counts = table.counts()
+    screen.table("", ("instruments", f"{len(table)}"), [(w, f"{n}") for w, n in counts.items()])
+    batch = about["solved_in_batch"]
+    how = f"{batch} solved in one batch" if batch else "calibrated one by one"
+    screen.say(f"{int(table.good.sum())} of {len(table)} instruments have a result, {how}.")
+    odd = table.outlying()
+    if odd:
+        screen.table(
+            "unlike the fleet",
+            ("instrument", "what", "z"),
+            [(table.rows[o.index].serial, o.name, f"{o.z:+.1f}") for o in odd[:MOST]],
+        )
+        _more(screen, len(odd))
+    for serial, problem in list(table.problems.items())[:MOST]:
+        screen.say(f"{serial}: {problem.message}", style="red")
+        screen.say(f"  {problem.cure}")
+    _more(screen, len(table.problems))
+
+
+def _more(screen: Screen, count: int) -> None:
+    if count > MOST:
+        screen.say(f"  and {count - MOST} more")
+
+
+def _code(table: FleetTable) -> int:
+    outcomes = set(table.outcomes)
+    if outcomes <= {"pass"}:
+        return 0
+    return UNUSABLE if outcomes <= {"unusable", "broken"} else DOUBTFUL

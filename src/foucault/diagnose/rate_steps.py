@@ -1,0 +1,312 @@
+"""From readings on a rate table to steps: which axis was up, and at which rate the table turned.
+
+Accelerometers tell which axis is along the vertical and in which sense; without them the gyros tell
+the axis and the table the sense. Where the log carries no rate of the table, the rates that were
+commanded are matched to the steps by what the gyros say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import Finding, error, finding
+from foucault.estimate import gauss_newton
+from foucault.models.earth import Site
+from foucault.models.rate_steps import Steps, mean_force_of_steps
+from foucault.models.readings import Readings
+from foucault.result import Linearised, Problem
+from foucault.tables import AXES
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+ON_AXIS = np.cos(np.radians(30.0))
+"""An axis whose direction cosine to the vertical is less is not along it [1]."""
+
+OTHER_RATE = 0.2
+"""A step at another rate than commanded differs by more than this part of it [1]."""
+
+SLOW = np.radians(0.05)
+"""Differences of rate below this may be the bias of a gyro [rad/s]."""
+
+BLURRED = 1000.0
+"""Coefficients this many times less certain together than each alone are not separated [1]."""
+
+PLACEMENTS = tuple(f"{a} {sense}" for a in AXES for sense in ("up", "down"))
+"""How an instrument may stand on the table: the axis along the vertical, and its sense."""
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """What the campaign says of the session.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (k,)
+        Rates of the table in each placement, in order; empty where not given [rad/s].
+    axes : tuple of str
+        Placements in order, of `PLACEMENTS`; empty where not given.
+    """
+
+    rates: FloatArray
+    axes: tuple[str, ...] = ()
+
+
+def rate_steps(
+    readings: Readings, commanded: Commanded, *, told: bool, site: Site
+) -> tuple[Steps, list[Finding]]:
+    """Find axis, sense and rate of every step.
+
+    Parameters
+    ----------
+    readings : Readings
+        One mean per constant rate [SI].
+    commanded : Commanded
+        Rates and placements as the campaign gives them [SI].
+    told : bool
+        Whether the log carries the rate of the table.
+    site : Site
+        Gravity.
+
+    Raises
+    ------
+    FoucaultError
+        No gyros, no rates, an axis that is not vertical, other placements than declared, a sense
+        reversed, a wrong unit, a rate that was not commanded.
+    """
+    if readings.gyro is None:
+        raise error("rate_table.no_gyro")
+    if not told and not len(commanded.rates):
+        raise error("rate_table.no_rates")
+    up = _up(readings, commanded, told)
+    placement = _runs(up)
+    if commanded.axes:
+        _as_declared(up, placement, commanded.axes)
+    seen = _along(readings.gyro, up)
+    rate = readings.rate
+    if told:
+        _one_sense(rate, seen, up)
+    else:
+        rate = _matched(seen, placement, up, commanded.rates)
+    findings = _missing(rate, placement, up, commanded.rates)
+    steps = Steps(
+        up, placement, rate, readings.time, readings.gyro, readings.gyro_cov,
+        mean_force_of_steps(up, placement, rate, readings.accel, site),
+    )  # fmt: skip
+    return steps, findings
+
+
+def name_of(up: FloatArray) -> str:
+    """Return the name of a placement, given its `up`, shape (3,) [1]."""
+    axis = int(np.abs(up).argmax())
+    return f"{AXES[axis]} {'up' if up[axis] > 0 else 'down'}"
+
+
+def _unit(name: str) -> FloatArray:
+    axis, sense = name.split()
+    return np.asarray((1.0 if sense == "up" else -1.0) * np.eye(3)[AXES.index(axis)])
+
+
+def _nearest_axis(v: FloatArray) -> FloatArray:
+    """Return the axis nearest to each of `v`, shape (n, 3), with its sense."""
+    axis = np.abs(v).argmax(axis=1)
+    return np.asarray(np.eye(3)[axis] * np.sign(v[np.arange(len(v)), axis])[:, None])
+
+
+def _up(readings: Readings, commanded: Commanded, told: bool) -> FloatArray:
+    assert readings.gyro is not None
+    n, axes = len(readings), commanded.axes
+    if readings.accel is not None:
+        f = readings.accel / np.linalg.norm(readings.accel, axis=1, keepdims=True)
+        off = np.flatnonzero(np.abs(f).max(axis=1) < ON_AXIS)
+        if len(off):
+            k = int(off[0])
+            lean = np.degrees(np.arccos(np.abs(f[k]).max()))
+            raise error(
+                "rate_table.between_axes", step=k + 1, start=f"{readings.start[k]:.1f}",
+                axis=AXES[int(np.abs(f[k]).argmax())], lean=f"{lean:.0f}",
+            )  # fmt: skip
+        return _nearest_axis(f)
+    if axes:
+        per = len(commanded.rates) if len(commanded.rates) else n // len(axes)
+        if n != per * len(axes):
+            raise error("rate_table.count", given=n, placements=len(axes), rates=per)
+        return np.asarray(np.repeat([_unit(name) for name in axes], per, axis=0))
+    if not told:
+        raise error("rate_table.no_up")
+    # Each axis is level in most steps: the median of its readings is about its bias.
+    turning = (readings.gyro - np.median(readings.gyro, axis=0)) * np.sign(readings.rate)[:, None]
+    spins = np.flatnonzero(readings.spin)
+    if not len(spins):
+        raise error("rate_table.no_up")
+    nearest = np.abs(np.arange(n)[:, None] - spins).argmin(axis=1)
+    return _nearest_axis(turning[spins[nearest]])
+
+
+def _runs(up: FloatArray) -> IntArray:
+    """Number the runs of steps with the same axis up, from 0."""
+    change = np.any(up[1:] != up[:-1], axis=1)
+    return np.concatenate([[0], np.cumsum(change)]).astype(np.int64)
+
+
+def _as_declared(up: FloatArray, placement: IntArray, axes: Sequence[str]) -> None:
+    seen = [name_of(up[placement == p][0]) for p in np.unique(placement)]
+    wanted = [a for k, a in enumerate(axes) if k == 0 or a != axes[k - 1]]
+    if seen != wanted:
+        raise error("rate_table.axes", seen=", ".join(seen), declared=", ".join(axes))
+
+
+def _along(gyro: FloatArray, up: FloatArray) -> FloatArray:
+    """Return the rate that the gyros say along up, less about their bias, shape (n,) [rad/s]."""
+    level = np.abs(up) < 0.5
+    bias = [np.median(gyro[rows, i]) if rows.any() else 0.0 for i, rows in enumerate(level.T)]
+    return np.asarray(np.sum((gyro - np.array(bias)) * up, axis=1))
+
+
+def _degrees(rate: float) -> str:
+    return plain(float(np.degrees(rate)), 4)
+
+
+def _one_sense(rate: FloatArray, seen: FloatArray, up: FloatArray) -> None:
+    """Refuse rates of the table that turn against the gyros."""
+    clear = np.abs(rate) > 2 * SLOW
+    against = np.flatnonzero(clear & (seen * rate < 0))
+    if len(against):
+        k = int(against[0])
+        steps = f"{len(against)} of {int(clear.sum())} steps"
+        raise error(
+            "rate_table.sense", steps=steps, step=k + 1, placement=name_of(up[k]),
+            told=_degrees(rate[k]), seen=_degrees(seen[k]),
+        )  # fmt: skip
+
+
+def _matched(
+    seen: FloatArray, placement: IntArray, up: FloatArray, rates: FloatArray
+) -> FloatArray:
+    """Give every step the commanded rate nearest to what the gyros say."""
+    _right_unit(seen, rates)
+    near = rates[np.abs(seen[:, None] - rates).argmin(axis=1)]
+    for p in np.unique(placement):
+        _not_reversed(seen[placement == p], rates, near[placement == p], up[placement == p][0])
+    off = np.flatnonzero(np.abs(seen - near) > OTHER_RATE * np.abs(near) + SLOW)
+    if len(off):
+        k = int(off[0])
+        raise error(
+            "rate_table.other_rate", step=k + 1, placement=name_of(up[k]), seen=_degrees(seen[k]),
+            nearest=_degrees(near[k]),
+        )  # fmt: skip
+    return np.asarray(near)
+
+
+def _right_unit(seen: FloatArray, rates: FloatArray) -> None:
+    ratio = float(np.abs(rates).max() / max(np.abs(seen).max(), 1e-12))
+    one = np.degrees(1.0)
+    for factor, is_unit, says in ((one, "deg/s", "rad/s"), (1 / one, "rad/s", "deg/s")):
+        if abs(np.log(ratio / factor)) < np.log(1 + OTHER_RATE):
+            raise error(
+                "rate_table.unit", told=_degrees(np.abs(rates).max()),
+                seen=_degrees(np.abs(seen).max()), likely=is_unit, given=says,
+            )  # fmt: skip
+
+
+def _not_reversed(seen: FloatArray, rates: FloatArray, near: FloatArray, up: FloatArray) -> None:
+    """Refuse a placement whose steps, in order, turn as commanded but the other way."""
+    allowed = OTHER_RATE * np.abs(rates) + SLOW
+    listed = len(seen) == len(rates)
+    as_told = listed and bool((np.abs(seen - rates) <= allowed).all())
+    mirrored = listed and bool((np.abs(seen + rates) <= allowed).all())
+    # Rates that were commanded one way only and seen the other way only.
+    far = np.abs(seen - near) > OTHER_RATE * np.abs(near) + SLOW
+    other = -rates[np.abs(seen[:, None] + rates).argmin(axis=1)]
+    turned = bool((np.abs(seen - other) <= OTHER_RATE * np.abs(other) + SLOW).all())
+    if (mirrored and not as_told) or (far.all() and turned):
+        k = int(np.abs(seen).argmax())
+        raise error(
+            "rate_table.sense", steps=f"{len(seen)} of {len(seen)} steps", step=k + 1,
+            placement=name_of(up), told=_degrees(rates[k] if listed else -seen[k]),
+            seen=_degrees(seen[k]),
+        )  # fmt: skip
+
+
+def _missing(
+    rate: FloatArray, placement: IntArray, up: FloatArray, rates: FloatArray
+) -> list[Finding]:
+    """Name the steps that were commanded and are not there."""
+    words = []
+    for p in np.unique(placement):
+        mine = placement == p
+        there = rate[mine][:, None]
+        gone = [r for r in rates if not (np.abs(there - r) <= 0.05 * abs(r) + 1e-6).any()]
+        if gone:
+            listed = ", ".join(_degrees(r) for r in gone)
+            words.append(f"{listed} deg/s with {name_of(up[mine][0])}")
+    return [finding("rate_table.missing", steps="; ".join(words))] if words else []
+
+
+# -- can they be told apart? ----------------------------------------------------------------------
+
+
+def require_determined(steps: Steps, names: tuple[str, ...], problem: Problem) -> None:
+    """Refuse steps that cannot separate the coefficients.
+
+    Parameters
+    ----------
+    steps : Steps
+        What was measured [SI].
+    names : tuple of str
+        Coefficients to estimate.
+    problem : Problem
+        The same as a least-squares problem.
+    """
+    at = _with_prior(problem, problem.linearise(problem.start, np.ones(problem.n_blocks)))
+    root = gauss_newton.eliminate(at, len(names))
+    size = np.linalg.norm(root, axis=0)
+    _, s, directions = np.linalg.svd(root / np.where(size > 0, size, 1.0))
+    weak = directions[s < s[0] / BLURRED]
+    if not len(weak):
+        return
+    seen_in = np.linalg.norm(weak, axis=0)
+    blind = [n for n, share in zip(names, seen_in, strict=True) if share > 0.2]
+    listed = ", ".join(blind)
+    tied = all(n.startswith(("gyro.g_sensitivity.", "gyro.bias.")) for n in blind)
+    if tied and any(n.startswith("gyro.g_sensitivity.") for n in blind):
+        seen = dict.fromkeys(name_of(u) for u in steps.up)
+        raise error("rate_table.g_sensitivity", placements=", ".join(seen), names=listed)
+    reason = "; ".join(_lacking(steps))
+    raise error(
+        "rate_table.undetermined", steps=len(steps), names=listed,
+        reason=f": {reason}" if reason else "",
+    )  # fmt: skip
+
+
+def _with_prior(problem: Problem, at: Linearised) -> Linearised:
+    """Add what is known of the coefficients beforehand."""
+    if problem.prior is None:
+        return at
+    known = np.flatnonzero(np.isfinite(problem.prior.prior_sd))
+    rows = np.zeros((len(known), at.jacobian.shape[1]))
+    rows[np.arange(len(known)), known] = 1.0 / problem.prior.prior_sd[known]
+    return Linearised(
+        np.concatenate([at.residuals, np.zeros(len(known))]),
+        np.concatenate([at.jacobian, rows]),
+        np.concatenate([at.blocks, np.full(len(known), -1)]),
+    )
+
+
+def _lacking(steps: Steps) -> list[str]:
+    out = []
+    for i, a in enumerate(AXES):
+        speed = (steps.rate * steps.sense)[steps.axis == i]
+        if not speed.any():
+            out.append(f"no step turns about {a}")
+            continue
+        if (speed >= 0).all() or (speed <= 0).all():
+            out.append(f"about {a} all steps turn the same way")
+        if np.ptp(np.abs(speed)) < 0.05 * np.abs(speed).max():
+            out.append(f"about {a} all steps have the same speed")
+    return out

@@ -1,0 +1,81 @@
+"""What a log says about the table that the instrument stands on, and rows that are means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from foucault.errors import Finding, error
+from foucault.logs.own import ANGLES
+from foucault.tables import FloatArray, Log, TableColumns
+
+
+def whole_numbers(position: FloatArray, path: Path) -> FloatArray:
+    """Refuse positions that are no whole numbers; an empty cell is -1.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n,)
+        Numbers as in the file [1].
+    path : Path
+        The file, for the error text.
+    """
+    position = np.where(np.isnan(position), -1.0, position)
+    wrong = position != np.rint(position)
+    if wrong.any():
+        raise error("log.position_number", file=path.name, value=f"{position[wrong][0]:g}")
+    return np.maximum(position, -1.0)
+
+
+def table_of(data: dict[str, FloatArray]) -> TableColumns | None:
+    """Return what the blocks of a log say about the table, None where nothing.
+
+    Parameters
+    ----------
+    data : dict of str to ndarray
+        Blocks by name, each shape (n,) [SI].
+    """
+    if not data.keys() & {*ANGLES, "table_rate", "position"}:
+        return None
+    none = np.full(len(data["time"]), np.nan)
+    position = data.get("position")
+    return TableColumns(
+        np.column_stack([data.get(name, none) for name in ANGLES]),
+        data.get("table_rate"),
+        None if position is None else position.astype(np.int64),
+    )
+
+
+def means_log(
+    data: dict[str, FloatArray],
+    kind: str,
+    findings: tuple[Finding, ...],
+    source: dict[str, Any],
+) -> Log:
+    """Make a log of rows that are means: nothing is known of what happened between them.
+
+    Parameters
+    ----------
+    data : dict of str to ndarray
+        Blocks by name, each shape (n,) or (n, 3) [SI].
+    kind : {"rate", "increment"}
+        Means, or sums over the time of each row.
+    findings : tuple of Finding
+        What was noticed before.
+    source : dict
+        Where the log came from.
+    """
+    length = data["averaged"]
+    wrong = np.flatnonzero(~(length > 0))
+    if len(wrong):
+        row = int(wrong[0])
+        raise error("log.averaged", file=source.get("file", "the log"), row=row,
+                    value=f"{length[row]:g}")  # fmt: skip
+    if kind == "increment":
+        for name in ("gyro", "accel"):
+            if name in data:
+                data[name] = data[name] / length[:, None]
+    return Log(data["time"], data.get("gyro"), data.get("accel"), "rate", data.get("temperature"),
+              findings, source, table_of(data), length)  # fmt: skip

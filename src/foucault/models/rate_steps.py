@@ -1,0 +1,101 @@
+"""What gyros said on a rate table: one mean per constant rate, and what was true of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.earth import Site
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What the gyros said at constant rates of the table.
+
+    Attributes
+    ----------
+    up : ndarray, shape (n, 3)
+        Axis that is along the vertical, with its sense; fixture axes [1].
+    placement : ndarray of int, shape (n,)
+        Number of the placement; up is the same in all steps of one [1].
+    rate : ndarray, shape (n,)
+        Rate of the table, counter-clockwise seen from above [rad/s].
+    time : ndarray, shape (n,)
+        How long was averaged [s].
+    gyro : ndarray, shape (n, 3)
+        Mean rate as measured [rad/s].
+    cov : ndarray, shape (n, 3, 3)
+        Covariance of the noise of these means [(rad/s)^2].
+    force : ndarray, shape (n, 3)
+        True mean specific force, fixture axes, for the g-sensitivity [m/s^2].
+    """
+
+    up: FloatArray
+    placement: IntArray
+    rate: FloatArray
+    time: FloatArray
+    gyro: FloatArray
+    cov: FloatArray
+    force: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rate)
+
+    @property
+    def axis(self) -> IntArray:
+        """Which axis is along the vertical, 0, 1 or 2, shape (n,)."""
+        return np.asarray(np.abs(self.up).argmax(axis=1))
+
+    @property
+    def sense(self) -> FloatArray:
+        """1 where that axis points up, -1 where it points down, shape (n,)."""
+        return np.asarray(np.sign(np.take_along_axis(self.up, self.axis[:, None], 1)[:, 0]))
+
+    @property
+    def turns(self) -> FloatArray:
+        """Turns averaged, shape (n,) [1]."""
+        return np.asarray(np.abs(self.rate) * self.time / (2 * np.pi))
+
+
+def mean_force_of_steps(
+    up: FloatArray,
+    placement: IntArray,
+    rate: FloatArray,
+    accel: FloatArray | None,
+    site: Site,
+) -> FloatArray:
+    """Return the true specific force of each step, fixture axes, shape (n, 3) [m/s^2].
+
+    Gravity along up, and what grows with the square of the rate across it: the accelerometers see
+    the centripetal acceleration of their place, and the gyros are taken to be there too.
+
+    Parameters
+    ----------
+    up : ndarray, shape (n, 3)
+        Axis that is along the vertical, with its sense [1].
+    placement : ndarray of int, shape (n,)
+        Number of the placement [1].
+    rate : ndarray, shape (n,)
+        Rate of the table [rad/s].
+    accel : ndarray, shape (n, 3), or None
+        Mean specific force as measured [m/s^2].
+    site : Site
+        Gravity.
+    """
+    force = site.gravity * up
+    if accel is None:
+        return force
+    for p in np.unique(placement):
+        mine = placement == p
+        square = rate[mine] ** 2
+        spread = square - square.mean()
+        if spread @ spread > 0:
+            slope = spread @ (accel[mine] - accel[mine].mean(axis=0)) / (spread @ spread)
+            slope -= (slope @ up[mine][0]) * up[mine][0]
+            force[mine] += square[:, None] * slope
+    return np.asarray(force)

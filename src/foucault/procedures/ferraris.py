@@ -1,0 +1,274 @@
+"""Calibrate an IMU from rests on its six faces and a whole turn about each axis.
+
+Rest the instrument with each axis up and down, and turn it on the spot once about each axis, with
+a rest before and after. The rests calibrate the accelerometers and the gyro biases, the turns the
+gyros: what they add up to is the angle. The likelihood uses what is redundant, models the Earth's
+rotation where the latitude is given, and carries errors of placement, of the level of the support
+and of the angle into every uncertainty. The published solution can be had instead, to compare.
+
+References
+----------
+.. [1] F. Ferraris, U. Grimaldi, M. Parvis, "Procedure for effortless in-field calibration of
+   three-axial rate gyro and accelerometers", Sensors and Materials 7(5), 1995.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, field_validator
+
+from foucault.diagnose.whole_turns import find_turns
+from foucault.errors import error
+from foucault.estimate.ferraris import published, scale_and_rotation
+from foucault.estimate.six_position import Scene, State
+from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.procedures import face_settings, on_faces
+from foucault.procedures.face_settings import Angle, FaceSession, FaceSettings, Seconds
+from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.on_faces import Solution
+from foucault.result import Result
+from foucault.simulate.ferraris import face_plan
+from foucault.simulate.ferraris import simulate as simulate_plan
+from foucault.simulate.hand_rotated import Simulation
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+
+WHOLE = 1e-6
+"""An angle this near to whole turns is whole turns [1]."""
+
+
+class Settings(FaceSettings):
+    """What can be chosen; the defaults suit most logs."""
+
+    solution: Literal["likelihood", "published"] = Field(
+        default="likelihood",
+        description="likelihood: all readings, weighed by their uncertainty; published: the closed "
+        "form of Ferraris, as other programs have it, with g-sensitivity.",
+    )
+    angle: Angle = Field(
+        default=-2 * np.pi,
+        description="Angle of each turn about its positive axis: whole turns, negative for "
+        "clockwise as seen against the axis.",
+    )
+    angle_sd: Angle | None = Field(
+        default=None,
+        ge=0,
+        examples=["0.5 deg"],
+        description="How nearly a turn ends where it began. Left out: like the placement.",
+    )
+    level_sd: Angle | None = Field(
+        default=None,
+        ge=0,
+        examples=["5 arcmin"],
+        description="How nearly vertical the axis of a turn is (the level of the support). Left "
+        "out: like the placement.",
+    )
+    sections: dict[str, list[int]] | None = Field(
+        default=None,
+        examples=[{"x_p": [540, 1271], "x_a": [1620, 2361], "x_rot": [6770, 7093]}],
+        description="First sample and the sample after the last of every rest and turn, by name: "
+        "x_p, x_a, y_p, y_a, z_p, z_a, x_rot, y_rot, z_rot. Left out: found in the log.",
+    )
+
+    @field_validator("angle")
+    @classmethod
+    def _whole(cls, angle: float) -> float:
+        turns = angle / (2 * np.pi)
+        if round(turns) == 0 or abs(turns - round(turns)) > WHOLE:
+            raise ValueError('it should be one or more whole turns, such as "-360 deg"')
+        return angle
+
+
+class Session(FaceSession):
+    """The session that `simulate` makes."""
+
+    turn_time: Seconds = Field(default=5.0, gt=0, description="Length of each turn.")
+    angle_sd: Angle | None = Field(
+        default=None,
+        ge=0,
+        examples=["0.5 deg"],
+        description="Error of the angle of a turn; default: as placement_sd.",
+    )
+    level_sd: Angle | None = Field(
+        default=None,
+        ge=0,
+        examples=["5 arcmin"],
+        description="Tilt of the axis of a turn; default: as placement_sd.",
+    )
+
+
+def simulate(
+    session: Session,
+    *,
+    settings: Settings | None = None,
+    model: ImuModel,
+    noise: ImuNoise,
+    site: Site,
+    seed: int,
+) -> Simulation:
+    """Simulate a session.
+
+    Parameters
+    ----------
+    session : Session
+        Its lengths and rate.
+    settings : Settings or None
+        For the angle of the turns.
+    model : ImuModel
+        Errors of the instrument.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity and latitude.
+    seed : int, shape ()
+        Seed of plan and noise [1].
+    """
+    plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
+    sds = (session.level_sd, session.angle_sd)
+    level, angle = (session.placement_sd if sd is None else sd for sd in sds)
+    plan = face_plan(
+        rest_time=session.rest_time, move_time=session.move_time, turn_time=session.turn_time,
+        angle=(settings or Settings()).angle, placement_sd=session.placement_sd, level_sd=level,
+        angle_sd=angle, seed=int(plan_seed),
+    )  # fmt: skip
+    return simulate_plan(
+        plan, model=model, noise=noise, site=site, rate=session.rate, sampled=session.kind,
+        seed=int(noise_seed),
+    )  # fmt: skip
+
+
+def names_of(settings: Settings) -> tuple[str, ...]:
+    """Return the coefficients that are estimated.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    """
+    if settings.solution == "published":
+        names = (*LINEAR_LOWER, *(n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")))
+        return tuple(n for n in LAYOUT.names if n in names)
+    return face_settings.names_of(settings, turns=True)
+
+
+def calibrate(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate an IMU from six rests and three turns.
+
+    Parameters
+    ----------
+    log : Log
+        Readings with accelerometers and gyros [SI].
+    site : Site
+        Local gravity, and latitude where the Earth's rotation is to be modelled.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it in the rests.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with covariance, checks and a verdict [SI].
+
+    Raises
+    ------
+    FoucaultError
+        A face or a turn missing, a turn that is not whole or in the other sense, a rest on no
+        face: see `foucault.symptoms`.
+    """
+    started = clock.monotonic()
+    settings = settings or Settings()
+    if settings.solution == "published" and prior:
+        raise error("ferraris.prior")
+    if not settings.earth_rate:
+        site = replace(site, latitude=None)
+    progress(0.1, "finding faces and turns")
+    faces = on_faces.found_faces(log, site, settings)
+    faces, turns = find_turns(log, faces, settings.angle, settings.sections)
+    progress(0.5, "calibrating")
+    given = (settings.placement_sd, settings.level_sd, settings.angle_sd)
+    solution = on_faces.solve(
+        log, faces, turns, site, names_of(settings), on_faces.noise_of(log, faces, turns, noise),
+        noise is not None, given, prior or {},
+    )  # fmt: skip
+    extra: dict[str, Any] = {}
+    if settings.solution == "published":
+        solution, extra = _published(solution)
+    progress(1.0, "done")
+    seconds = clock.monotonic() - started
+    result = on_faces.result_of("ferraris", log, solution, instrument or {}, seconds)
+    return replace(result, diagnostics=result.diagnostics | extra)
+
+
+def _published(solution: Solution) -> tuple[Solution, dict[str, Any]]:
+    """Put the published solution in the place of the likelihood's, with its own covariance."""
+    e, names = solution.evidence, solution.names
+
+    def solved(readings: FloatArray) -> ImuModel:
+        n, _, _ = e.scene.sizes
+        rests, turns = e.scene.rests, e.scene.turns
+        assert turns is not None
+        rests = replace(rests, accel=readings[:n], gyro=readings[n : 2 * n])
+        turns = replace(turns, gyro=readings[2 * n :])
+        return published(rests, turns, e.scene.site, e.scene.spread)
+
+    model_k = solved(e.scene.readings)
+    model, C_bk = model_k.in_gauge(Gauge.LOWER)
+    gain = _slope(lambda x: solved(x).in_gauge(Gauge.LOWER)[0].coefficients(names).values, e.scene)
+    cov = gain @ e.cov @ gain.T
+    vector = replace(model.coefficients(names), cov=cov)
+    # The residuals and the redundancy stay those of the likelihood: this solution has none.
+    estimate = replace(e.estimate, coefficients=vector, state=State(model, C_bk))
+    K_a, R_a = scale_and_rotation(model_k.accel_matrix)
+    K_g, R_g = scale_and_rotation(model_k.gyro_matrix)
+    terms = {
+        "K_a": K_a, "R_a": R_a, "b_a": model_k.accel_bias, "K_g": K_g, "R_g": R_g,
+        "b_g": model_k.gyro_bias, "K_ga": model_k.g_sensitivity,
+    }  # fmt: skip
+    parts = {name: _variance(gain, part) for name, part in solution.parts.items()}
+    extra = {
+        "published": {name: value.tolist() for name, value in terms.items()},
+        "budget": {name: value.tolist() for name, value in parts.items() if value.any()},
+    }
+    return replace(solution, evidence=replace(e, estimate=estimate)), extra
+
+
+def _variance(gain: FloatArray, cov: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ij,jk,ik->i", gain, cov, gain))
+
+
+def _slope(values: Any, scene: Scene) -> FloatArray:
+    """Derivative of the solution with respect to every reading, by central differences."""
+    at = scene.readings
+    n, _, _ = scene.sizes
+    out = []
+    for k in range(at.size):
+        step = np.zeros(at.size)
+        step[k] = 1e-4 * (scene.site.gravity if k < 3 * n else 1e-2 if k < 6 * n else 1.0)
+        moved = step.reshape(at.shape)
+        out.append((values(at + moved) - values(at - moved)) / (2 * step[k]))
+    return np.stack(out, axis=1)

@@ -1,0 +1,183 @@
+"""Simulate rests on the six faces, with whole turns about the vertical where they are wanted.
+
+A rest on a face is off by a random angle about each of two level axes, the placement. A turn is
+about an axis that is off the vertical by another one, for the support is not level, and its angle
+is not quite what it should be::
+
+    C_nb(t) = C_s Exp(phi s(t))      phi = angle axis_b for a turn, log(C_s' C_e) for a move
+
+with a smooth s from 0 to 1, so that the true rate is ``phi s'``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.earth import Site, earth_rate_n
+from foucault.models.faces import SIX
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.models.rotation import aligning, exp, log
+from foucault.simulate.hand_rotated import Simulation
+from foucault.simulate.noise import draw_noise, quantise
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+
+# Gauss-Legendre nodes and weights on [-1, 0], for the mean over the interval before a sample.
+_NODES = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) - 1.0) / 2.0
+_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+@dataclass(frozen=True)
+class FacePlan:
+    """Rests, and the rotations between them.
+
+    Attributes
+    ----------
+    C_nb : ndarray, shape (n, 3, 3)
+        Attitude of each rest, body to East-North-Up [1].
+    rotation : ndarray, shape (n - 1, 3)
+        Rotation vector from each rest to the next, of any size, body axes [rad].
+    rest_time : ndarray, shape (n,)
+        Length of each rest [s].
+    move_time : ndarray, shape (n - 1,)
+        Length of each rotation [s].
+    """
+
+    C_nb: FloatArray
+    rotation: FloatArray
+    rest_time: FloatArray
+    move_time: FloatArray
+
+    @property
+    def edges(self) -> tuple[FloatArray, FloatArray]:
+        """Beginning and end of each rest, shape (n,) each [s]."""
+        moves = np.concatenate([[0.0], self.move_time])
+        starts = np.cumsum(moves) + np.concatenate([[0.0], np.cumsum(self.rest_time)[:-1]])
+        return starts, starts + self.rest_time
+
+
+def face_plan(
+    *,
+    rest_time: float = 10.0,
+    move_time: float = 2.0,
+    turn_time: float = 5.0,
+    angle: float | None = None,
+    placement_sd: float = 0.0,
+    level_sd: float = 0.0,
+    angle_sd: float = 0.0,
+    seed: int = 0,
+) -> FacePlan:
+    """Plan the six faces, and a turn and another rest on each face with an axis up.
+
+    Parameters
+    ----------
+    rest_time, move_time, turn_time : float
+        Length of each rest, of a move to another face and of a turn [s].
+    angle : float or None
+        Angle of the turns about the axis that is up; None plans no turns [rad].
+    placement_sd, level_sd, angle_sd : float
+        Standard deviation of the tilt of each placement about each axis, of the axis of a turn
+        against the vertical, and of its angle [rad].
+    seed : int, shape ()
+        Seed of headings and errors [1].
+    """
+    rng = np.random.default_rng(seed)
+    z = np.array([0.0, 0.0, 1.0])
+    attitudes: list[FloatArray] = []
+    rotations: list[FloatArray] = []
+    times: list[float] = []
+    for axis, sign in (*SIX[4:], *SIX[:4]):  # z up first, as logs are described by default
+        u = sign * np.eye(3)[axis]
+        up_b = _tilted(u, placement_sd, rng)
+        C = exp(rng.uniform(-np.pi, np.pi) * z) @ aligning(up_b, z)
+        if attitudes:
+            rotations.append(log(attitudes[-1].T @ C))
+            times.append(move_time)
+        attitudes.append(C)
+        if angle is not None and sign > 0:
+            turned = (angle + angle_sd * rng.standard_normal()) * _tilted(up_b, level_sd, rng)
+            rotations.append(turned)
+            times.append(turn_time)
+            attitudes.append(C @ exp(turned))
+    return FacePlan(
+        np.array(attitudes), np.array(rotations), np.full(len(attitudes), rest_time),
+        np.array(times),
+    )  # fmt: skip
+
+
+def _tilted(u: FloatArray, sd: float, rng: np.random.Generator) -> FloatArray:
+    """Turn a unit vector by random angles about two axes across it."""
+    draw = sd * rng.standard_normal(3)
+    return np.asarray(exp(draw - (draw @ u) * u) @ u)
+
+
+def simulate(
+    plan: FacePlan,
+    *,
+    model: ImuModel,
+    noise: ImuNoise,
+    site: Site,
+    rate: float = 100.0,
+    sampled: Literal["rate", "increment"] = "rate",
+    seed: int = 0,
+) -> Simulation:
+    """Simulate the log of a plan.
+
+    Parameters
+    ----------
+    plan : FacePlan
+        Rests and rotations.
+    model : ImuModel
+        Errors of the instrument.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity, and latitude if the Earth's rotation is to be felt.
+    rate : float
+        Sample rate [Hz].
+    sampled : {"rate", "increment"}
+        Instantaneous rates, or means over the interval before each sample.
+    seed : int, shape ()
+        Seed of the noise [1].
+    """
+    starts, ends = plan.edges
+    n = int(np.floor(ends[-1] * rate + 1e-9)) + 1
+    time = np.arange(n) / rate
+    if sampled == "rate":
+        f_b, w_b = _truth(plan, site, time)
+    else:
+        parts = [_truth(plan, site, time + node / rate) for node in _NODES]
+        f_b = sum(w * part[0] for w, part in zip(_WEIGHTS, parts, strict=True))
+        w_b = sum(w * part[1] for w, part in zip(_WEIGHTS, parts, strict=True))
+    accel, gyro = model.measure(f_b, w_b)
+    rng = np.random.default_rng(seed)
+    accel = quantise(accel + draw_noise(noise.accel, time, rng), noise.accel.quantisation)
+    gyro = quantise(gyro + draw_noise(noise.gyro, time, rng), noise.gyro.quantisation)
+    first = np.ceil(starts * rate - 1e-9).astype(np.int64)
+    last = np.floor(ends * rate + 1e-9).astype(np.int64) + 1
+    if sampled == "increment":
+        first[1:] += 1  # the first interval that lies in the rest as a whole
+    return Simulation(Log(time, gyro, accel, sampled), model, first, np.minimum(last, n), plan.C_nb)
+
+
+def _truth(plan: FacePlan, site: Site, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return true specific force and rate, frame b, shape (n, 3) each, at any times."""
+    starts, ends = plan.edges
+    leg = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
+    moving = np.flatnonzero((time > ends[leg]) & (leg < len(starts) - 1))
+    C_nb, w_b = plan.C_nb[leg], np.zeros((len(time), 3))
+    j = leg[moving]
+    span = plan.move_time[j][:, None]
+    tau = (time[moving] - ends[j])[:, None] / span
+    s = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    C_nb[moving] = plan.C_nb[j] @ exp(plan.rotation[j] * s)
+    w_b[moving] = plan.rotation[j] * (30 * tau**2 * (1 - tau) ** 2 / span)
+    if site.latitude is not None:
+        w_b += np.einsum("nji,j->ni", C_nb, earth_rate_n(site.latitude))
+    return site.gravity * C_nb[:, 2, :], w_b

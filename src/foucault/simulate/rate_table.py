@@ -1,0 +1,228 @@
+"""Simulate an instrument on a rate table: several constant rates about each of its axes.
+
+In each placement one axis is along the vertical spin axis; between placements the instrument is
+taken off and mounted anew, a little out of square. What happens in one placement is what
+`simulate.turntable_log` simulates on a table whose other two axes stand still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.readings import mean_variance
+from foucault.models.turntable import TablePlan
+from foucault.simulate.turntable import Rig, simulate_readings
+from foucault.simulate.turntable_log import simulate
+from foucault.tables import Log, TableColumns
+
+FloatArray = npt.NDArray[np.float64]
+
+_QUARTER = np.pi / 2
+ANGLES = {
+    "x up": (0.0, -_QUARTER),
+    "x down": (0.0, _QUARTER),
+    "y up": (_QUARTER, 0.0),
+    "y down": (-_QUARTER, 0.0),
+    "z up": (0.0, 0.0),
+    "z down": (0.0, np.pi),
+}
+"""Middle and inner angle that stand for each placement [rad]."""
+
+
+@dataclass(frozen=True)
+class RatePlan:
+    """What is done on the table.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Placements in order, keys of `ANGLES`.
+    rates : ndarray, shape (k,)
+        Rates in each placement, counter-clockwise seen from above; 0 for a rest [rad/s].
+    least : float
+        Each step takes whole turns that last at least so long [s].
+    """
+
+    axes: tuple[str, ...]
+    rates: FloatArray
+    least: float
+
+    @property
+    def time(self) -> FloatArray:
+        """How long each rate is held, shape (k,) [s]."""
+        speed = np.abs(self.rates)
+        turn = 2 * np.pi / np.where(speed > 0, speed, np.inf)
+        turns = np.maximum(np.ceil(self.least * speed / (2 * np.pi) - 1e-9), 1.0)
+        return np.where(speed > 0, turns * np.where(speed > 0, turn, 0.0), self.least)
+
+    def placement(self, name: str) -> TablePlan:
+        """Return what the table does with the instrument placed as `name` says."""
+        angles = np.tile([0.0, *ANGLES[name]], (len(self.rates), 1))
+        return TablePlan(name, angles, self.rates, self.time)
+
+
+@dataclass(frozen=True)
+class TableErrors:
+    """What is wrong with table and fixture.
+
+    Attributes
+    ----------
+    rate_error : float
+        Relative error of all rates, true over said minus 1 [1].
+    rate_jitter : float
+        Sd of another relative error of each step [1].
+    fixture_sd : float
+        Sd of the rotation of the instrument in each placement, about each axis [rad].
+    """
+
+    rate_error: float = 0.0
+    rate_jitter: float = 0.0
+    fixture_sd: float = 0.0
+
+
+@dataclass(frozen=True)
+class RateTableSimulation:
+    """A simulated session on a rate table.
+
+    Attributes
+    ----------
+    log : Log
+        What the instrument and the table said [SI].
+    model : ImuModel
+        The errors the instrument had: the truth.
+    plan : RatePlan
+        What was done.
+    errors : TableErrors
+        What was wrong with the table.
+    mounting : ndarray, shape (p, 3)
+        Rotation of the instrument in each placement [rad].
+    """
+
+    log: Log
+    model: ImuModel
+    plan: RatePlan
+    errors: TableErrors
+    mounting: FloatArray
+
+    def truth_json(self) -> dict[str, Any]:
+        """Return the truth beside the coefficients."""
+        return {
+            "placements": list(self.plan.axes),
+            "rates": self.plan.rates.tolist(),
+            "time": self.plan.time.tolist(),
+            "mounting": self.mounting.tolist(),
+            "rate_error": self.errors.rate_error,
+        }
+
+
+def simulate_rate_table(
+    plan: RatePlan,
+    *,
+    model: ImuModel,
+    noise: ImuNoise,
+    site: Site,
+    errors: TableErrors | None = None,
+    rate: float = 20.0,
+    means: bool = False,
+    seed: int = 0,
+) -> RateTableSimulation:
+    """Simulate a session.
+
+    Parameters
+    ----------
+    plan : RatePlan
+        Placements and rates.
+    model : ImuModel
+        Errors of the instrument.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity, and latitude if the Earth's rotation is to be felt.
+    errors : TableErrors or None
+        What is wrong with table and fixture.
+    rate : float
+        Sample rate [Hz].
+    means : bool
+        Whether the log holds one mean per step instead of samples.
+    seed : int, shape ()
+        Seed of noise, mounting and jitter [1].
+    """
+    errors = errors or TableErrors()
+    rng = np.random.default_rng(seed)
+    mounting = errors.fixture_sd * rng.standard_normal((len(plan.axes), 3))
+    parts = []
+    for name, turned in zip(plan.axes, mounting, strict=True):
+        rig = Rig(rate_error=errors.rate_error, rate_jitter=errors.rate_jitter, mounting=turned)
+        one, number = plan.placement(name), int(rng.integers(2**31))
+        if means:
+            parts.append(_means(one, model, noise, site, rig, rate, number))
+        else:
+            log = simulate(
+                one, model=model, noise=noise, site=site, rig=rig, rate=rate, seed=number
+            ).log
+            parts.append(log)
+    return RateTableSimulation(_joined(parts), model, plan, errors, mounting)
+
+
+def _means(
+    plan: TablePlan, model: ImuModel, noise: ImuNoise, site: Site, rig: Rig, rate: float, seed: int
+) -> Log:
+    """Return one mean per step: the truth, then the instrument and its noise."""
+    rng = np.random.default_rng([seed, 1])
+    true = simulate_readings(
+        plan, models=ImuModel(), noise=ImuNoise(), site=site, rig=rig, seed=seed
+    )
+    accel, gyro = model.measure(true.accel[0], true.gyro[0])
+    accel = accel + _noise(noise.accel, plan.time, rate, rng)
+    gyro = gyro + _noise(noise.gyro, plan.time, rate, rng)
+    table = TableColumns(plan.angles, plan.rate)
+    return Log(np.cumsum(plan.time + 10.0), gyro, accel, table=table, averaged=plan.time)
+
+
+def _noise(
+    noise: TriadNoise, time: FloatArray, rate: float, rng: np.random.Generator
+) -> FloatArray:
+    drawn = rng.standard_normal((len(time), 3))
+    if noise == TriadNoise():
+        return np.zeros_like(drawn)
+    return np.asarray(np.sqrt(mean_variance(noise, time, 1.0 / rate))[:, None] * drawn)
+
+
+def _joined(parts: Sequence[Log]) -> Log:
+    """Join the logs of the placements, as if the logger had been paused in between.
+
+    A table of one axis tells that axis only.
+    """
+    start, time, outer = 0.0, [], []
+    for part in parts:
+        assert part.table is not None
+        time.append(part.time + start)
+        outer.append(part.table.angles[:, 0])
+        step = part.interval if part.averaged is None else float(part.averaged[-1])
+        start = float(time[-1][-1]) + step
+    first = parts[0]
+    angle = np.concatenate(outer)
+    angles = np.column_stack([angle, np.full((len(angle), 2), np.nan)])
+    return replace(
+        first,
+        time=np.concatenate(time),
+        gyro=np.concatenate([p.gyro for p in parts if p.gyro is not None]),
+        accel=np.concatenate([p.accel for p in parts if p.accel is not None]),
+        averaged=None
+        if first.averaged is None
+        else np.concatenate([p.averaged for p in parts if p.averaged is not None]),
+        table=TableColumns(
+            angles,
+            np.concatenate([
+                p.table.rate for p in parts if p.table is not None and p.table.rate is not None
+            ]),
+        ),
+    )  # fmt: skip

@@ -1,0 +1,67 @@
+"""The command fleet: what it prints and writes, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner, Result
+
+from foucault.cli import app
+
+
+def run(*words: object) -> Result:
+    result = CliRunner().invoke(app, [str(w) for w in words])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    made = run("simulate", "norm_observation", "-o", tmp_path, "--instruments", 10, "--seed", 4)
+    assert made.exit_code == 0 and "10 instruments in 24 positions" in made.output
+    file = tmp_path / "campaign.toml"
+    text = file.read_text()
+    assert 'serial = "serial"' in text and "seed = 4" in text
+    file.write_text(text.replace('solution = "likelihood"', 'solution = "linear"'))
+    return file
+
+
+def test_all_pass(bench: Path, tmp_path: Path) -> None:
+    result = run("fleet", bench, "-o", tmp_path / "out", "--reports")
+    assert result.exit_code == 0
+    assert "10 of 10 instruments have a result, 10 solved in one batch." in result.output
+    page = (tmp_path / "out" / "fleet.html").read_text()
+    assert 'href="instruments/SN010/report.html"' in page
+    assert (tmp_path / "out" / "instruments" / "SN010" / "report.html").is_file()
+
+
+def test_json_with_a_tolerance_and_a_broken_instrument(bench: Path, tmp_path: Path) -> None:
+    means = tmp_path / "means.parquet"
+    table = pq.read_table(means)
+    keep = pc.invert(pc.and_(pc.equal(table["serial"], "SN006"), pc.equal(table["position"], 2)))
+    pq.write_table(pa.table(table.filter(keep)), means)
+    limits = tmp_path / "limits.toml"
+    limits.write_text('"accel.bias" = "500 mg"\n')
+    result = run("fleet", bench, "-o", tmp_path / "out", "--tolerance", limits, "--json")
+    assert result.exit_code == 3
+    said = json.loads(result.stdout)
+    assert said["counts"] == {"pass": 9, "fail": 0, "undecided": 0, "broken": 1}
+    assert said["broken"][0]["serial"] == "SN006"
+    assert said["broken"][0]["code"] == "fleet.positions"
+    assert Path(said["page"]).is_file() and said["tolerance"]["file"] == "limits.toml"
+    shown = run("fleet", bench, "-o", tmp_path / "out")
+    assert shown.exit_code == 3
+    assert "SN006: Its readings are not in the positions" in shown.output
+
+
+def test_a_wrong_tolerance_ends_before_the_work(bench: Path, tmp_path: Path) -> None:
+    limits = tmp_path / "limits.toml"
+    limits.write_text('"accel.bais" = "5 mg"\n')
+    result = run("fleet", bench, "-o", tmp_path / "out", "--tolerance", limits)
+    assert result.exit_code == 1 and not (tmp_path / "out").exists()

@@ -1,0 +1,70 @@
+"""Distributions over a fleet, and who stands out of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from foucault.diagnose import fleet
+
+NAMES = ("accel.bias.x", "accel.bias.y", "gyro.bias.x")
+
+
+def test_median_spread_and_extremes():
+    x = np.array([[1.0], [2.0], [3.0], [4.0], [100.0], [np.nan]])
+    (d,) = fleet.distributions(NAMES[:1], x, 0.1 * x)
+    assert (d.count, d.median, d.lowest, d.highest) == (5, 3.0, 1.0, 100.0)
+    assert d.spread == pytest.approx(stats.median_abs_deviation(x[:5, 0], scale="normal"))
+    assert d.sd == pytest.approx(0.3)
+
+
+def test_a_column_of_nothing_has_no_distribution():
+    assert fleet.distributions(NAMES[:1], np.full((3, 1), np.nan), np.ones((3, 1))) == []
+
+
+def test_outlying_instruments_are_named_with_what_differs():
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(60, 3)) * [1.0, 5.0, 1e-3] + [10.0, 0.0, 1.0]
+    x[7, 0] += 20.0
+    x[31, 2] -= 0.012
+    found = fleet.outlying(NAMES, x)
+    assert [(o.index, o.name) for o in found] == [(7, "accel.bias.x"), (31, "gyro.bias.x")]
+    assert found[0].z > 15 and -18 < found[1].z < -8
+    assert found[0].value == x[7, 0]
+
+
+@pytest.mark.parametrize("n", [8, 12, 60])
+def test_one_fleet_in_a_hundred_has_a_false_outlier(n):
+    rng = np.random.default_rng(n)
+    fleets, p = 1500, 21
+    names = [str(k) for k in range(p)]
+    alarms = sum(bool(fleet.outlying(names, rng.normal(size=(n, p)))) for _ in range(fleets))
+    # The tail of a ratio to a MAD is not quite Student's: at most a factor of three.
+    assert alarms <= stats.binom.ppf(0.999, fleets, 0.03)
+
+
+def test_few_instruments_and_instruments_all_alike_have_no_outliers():
+    x = np.array([[0.0], [0.0], [0.0], [9.0]])
+    assert fleet.outlying(NAMES[:1], x) == []
+    same = np.zeros((20, 1))
+    same[3] = 9.0
+    assert fleet.outlying(NAMES[:1], same) == []
+
+
+def test_limits_grow_with_fewer_instruments_and_with_more_tests():
+    assert fleet.limit_of_z(60, 60) < fleet.limit_of_z(10, 60)
+    assert fleet.limit_of_z(60, 60) < fleet.limit_of_z(60, 6000)
+    assert fleet.limit_of_z(10**9, 1, 0.05) == pytest.approx(1.959964, abs=1e-5)
+
+
+def test_noisy_instruments_are_named():
+    rng = np.random.default_rng(4)
+    chi = rng.chisquare(11, size=(50, 2))
+    chi[5, 1] = 80.0
+    red = np.full((50, 2), 11.0)
+    (found,) = fleet.noisy(chi, red)
+    assert (found.index, found.name) == (5, "noise of the gyros")
+    assert found.value == pytest.approx(np.sqrt(80 / 11)) and found.z > 1
+    assert fleet.noisy(chi, np.zeros((50, 2))) == []
+    assert fleet.noisy(np.full((2, 2), np.nan), red[:2]) == []

@@ -1,0 +1,283 @@
+"""The likelihood of a session on a table: exact without noise, honest with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.errors import Status
+from foucault.estimate.turntable_likelihood import Observed, angle_start, free_start, whitening
+from foucault.models.earth import EARTH_RATE
+from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
+from foucault.models.rotation import log as rotation_vector
+from foucault.simulate.hand_rotated import draw_errors
+from foucault.simulate.turntable import Rig
+from make_table import ARCSEC, SITE, plan_of, silent, simulated, solved, trusting
+
+DEG = np.pi / 180
+ARM = np.array([0.2, -0.1, 0.15])
+# Errors of a degree in everything of the table, and a mounting of several.
+BAD = Rig(
+    common=np.array([0.8, -0.5, 0.7, -1.1, 0.9, -0.6]) * DEG, position_sd=1.0 * DEG,
+    mounting=np.array([3.0, -2.0, 4.0]) * DEG, lever_arm=ARM, heading=0.3,
+)  # fmt: skip
+# The norm of a tilted axis sees another share of the Earth's rate: no plumb error for `Free`.
+LEVEL = replace(BAD, common=BAD.common * [0, 0, 1, 1, 1, 1])
+
+
+def big_model(seed=3):
+    """30 mg, 1 %, half a degree, 1500 deg/h."""
+    return draw_errors("mems", seed)
+
+
+def errors_of(estimate, model, names=LINEAR_LOWER):
+    """Estimate minus truth, in relative units."""
+    unit = np.where([n.startswith("accel.bias") for n in names], 9.81, 1.0)
+    unit[[n.startswith("gyro.bias") for n in names]] = 0.17
+    return (estimate.coefficients.values - model.coefficients(names).values) / unit
+
+
+# -- without noise -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plan", ["icosahedron 12", "dodecahedron 20"])
+@pytest.mark.parametrize("senses", [False, True])
+def test_nothing_believed_recovers_the_truth_exactly(plan, senses):
+    r, s = silent(plan_of(plan, both_senses=senses), big_model(), rig=LEVEL)
+    got = solved(r)
+    assert got.status is Status.CONVERGED
+    assert np.abs(errors_of(got, big_model())).max() < 1e-12
+    np.testing.assert_allclose(got.state.lever_arm, ARM, atol=1e-10)
+    np.testing.assert_allclose(got.state.geometry.o, s.direction[0], atol=1e-12)
+    assert abs(got.state.level) < 1e-12
+
+
+def test_a_tilted_outer_axis_is_seen_as_less_gravity_in_spins():
+    tilted = replace(BAD, common=BAD.common * [1, 1, 0, 0, 0, 0])
+    r, _ = silent(plan_of(), big_model(), rig=tilted)
+    got = solved(r)
+    # cos of the tilt; and the accelerometers keep their truth.
+    cos = np.cos(BAD.common[0]) * np.cos(BAD.common[1])
+    assert got.state.level == pytest.approx(np.log(cos), abs=1e-10)
+    accel = [n.startswith("accel.") for n in LINEAR_LOWER]
+    assert np.abs(errors_of(got, big_model())[accel]).max() < 1e-11
+
+
+@pytest.mark.parametrize("plan", ["icosahedron 12", "dodecahedron 20"])
+def test_angles_off_by_a_degree_inside_their_prior_do_not_matter(plan):
+    # Readings good to 1e-9 against a prior of a degree: what is left of it is 1e-16.
+    r, s = silent(plan_of(plan), big_model(), rig=BAD)
+    got = solved(r, trusting(1.0 * DEG, 1.0 * DEG))
+    assert got.status is Status.CONVERGED
+    assert np.abs(errors_of(got, big_model())).max() < 1e-11
+    np.testing.assert_allclose(got.state.lever_arm, ARM, atol=1e-9)
+    np.testing.assert_allclose(got.state.geometry.directions(), s.direction[0], atol=1e-11)
+
+
+def test_a_table_that_is_right_gives_mounting_heading_and_instrument():
+    perfect = replace(BAD, common=np.zeros(6), position_sd=0.0)
+    r, _ = silent(plan_of(), big_model(), rig=perfect)
+    for trust in (trusting(0.0, 0.0), trusting(ARCSEC, 0.0), trusting(ARCSEC, ARCSEC)):
+        got = solved(r, trust)
+        assert np.abs(errors_of(got, big_model())).max() < 1e-12
+        np.testing.assert_allclose(
+            -rotation_vector(got.state.geometry.C_bk), BAD.mounting, atol=1e-11
+        )
+        assert got.state.geometry.heading == pytest.approx(0.3, abs=1e-7)
+        np.testing.assert_allclose(got.state.geometry.common, 0.0, atol=1e-14)
+
+
+def test_accelerometers_alone():
+    r, _ = silent(plan_of(spins=False), big_model(), rig=LEVEL)
+    r = replace(r, gyro=None)
+    names = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))
+    got = solved(r, names=names)
+    assert np.abs(errors_of(got, big_model(), names)).max() < 1e-12
+
+
+# -- one error at a time ----------------------------------------------------------------------
+
+SQUARES = tuple(f"accel.quadratic.{a}" for a in "xyz")
+
+
+@pytest.mark.parametrize("name", LINEAR_LOWER)
+def test_one_coefficient_comes_back_alone(name):
+    values = np.where(np.array(LINEAR_LOWER) == name, 1e-3, 0.0)
+    model = ImuModel.from_coefficients(
+        replace(ImuModel().coefficients(LINEAR_LOWER), values=values)
+    )
+    r, _ = silent(plan_of(), model)
+    for trust in (None, trusting(10 * ARCSEC, 10 * ARCSEC)):
+        got = solved(r, trust)
+        np.testing.assert_allclose(got.coefficients.values, values, atol=2e-13)
+        np.testing.assert_allclose(got.state.lever_arm, 0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "name", [*SQUARES, *(n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity"))]
+)
+def test_one_further_coefficient_comes_back_alone(name):
+    names = tuple(
+        n for n in LAYOUT.names
+        if n in LINEAR_LOWER or n in SQUARES or n.startswith("gyro.g_sensitivity")
+    )  # fmt: skip
+    values = np.where(np.array(names) == name, 1e-5, 0.0)
+    model = ImuModel.from_coefficients(replace(ImuModel().coefficients(names), values=values))
+    # At one rate a g-sensitivity and a gyro matrix look alike: both senses tell them apart.
+    r, _ = silent(plan_of("dodecahedron 20", both_senses=True), model)
+    for trust in (None, trusting(10 * ARCSEC, 10 * ARCSEC)):
+        got = solved(r, trust, names)
+        np.testing.assert_allclose(got.coefficients.values, values, atol=1e-12)
+
+
+@pytest.mark.parametrize("which", range(6))
+def test_one_error_of_the_table_comes_back_alone(which):
+    common = np.zeros(6)
+    common[which] = 20 * ARCSEC
+    r, _ = silent(plan_of("dodecahedron 20"), ImuModel(), rig=Rig(common=common, heading=0.3))
+    # A table without position errors, whose common ones are hardly known.
+    got = solved(r, trusting(1 * DEG, 0.0))
+    mounting = -rotation_vector(got.state.geometry.C_bk)
+    np.testing.assert_allclose(got.coefficients.values, 0.0, atol=1e-11)
+    if which == 5:  # a zero error of the inner angle is a rotation of what is mounted there
+        mounting[1], common[which] = mounting[1] - common[which], 0.0
+    np.testing.assert_allclose(got.state.geometry.common, common, atol=1e-11)
+    np.testing.assert_allclose(mounting, 0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_one_component_of_lever_arm_or_mounting_comes_back_alone(axis):
+    one = np.eye(3)[axis]
+    for trust in (None, trusting(ARCSEC, ARCSEC)):
+        r, _ = silent(plan_of(), ImuModel(), rig=Rig(lever_arm=0.1 * one, heading=0.3))
+        got = solved(r, trust)
+        np.testing.assert_allclose(got.state.lever_arm, 0.1 * one, atol=1e-11)
+        np.testing.assert_allclose(got.coefficients.values, 0.0, atol=1e-12)
+    r, _ = silent(plan_of(), ImuModel(), rig=Rig(mounting=0.1 * one, heading=0.3))
+    got = solved(r, trusting(ARCSEC, ARCSEC))
+    np.testing.assert_allclose(-rotation_vector(got.state.geometry.C_bk), 0.1 * one, atol=1e-12)
+    np.testing.assert_allclose(got.coefficients.values, 0.0, atol=1e-12)
+
+
+# -- with noise ---------------------------------------------------------------------------------
+
+DRAWS = 160
+
+
+@cache
+def drawn(kind, sigma, draws):
+    """Errors and covariances of many sessions, as `Free` or as `Angles` sees them."""
+    models = [draw_errors("tactical", k) for k in range(draws)]
+    s = simulated(plan_of(), models, common=sigma, position=sigma, seed=4)
+    errors, covs = [], []
+    for k, model in enumerate(models):
+        got = solved(s.readings(k), None if kind == "free" else trusting(sigma, sigma))
+        errors.append(got.coefficients.values - model.coefficients(LINEAR_LOWER).values)
+        covs.append(got.coefficients.cov)
+    return np.array(errors), np.array(covs)
+
+
+@pytest.mark.parametrize("kind", ["free", "angles"])
+def test_errors_have_the_size_that_was_promised(kind):
+    errors, covs = drawn(kind, 5 * ARCSEC, DRAWS)
+    low, high = chi_square_limits(errors.size, tests=2)
+    assert low < nees(errors, covs).sum() < high
+    # Ten percent in the covariance are seen.
+    assert nees(errors, 0.9 * covs).sum() > high
+    assert nees(errors, 1.1 * covs).sum() < low
+
+
+@pytest.mark.parametrize("sigma", [5 * ARCSEC, 600 * ARCSEC])
+def test_joint_estimate_is_never_worse_than_the_norms_on_the_same_readings(sigma):
+    n = DRAWS if sigma < 10 * ARCSEC else 30
+    (norm, covs), (joint, _) = (drawn(kind, sigma, n) for kind in ("free", "angles"))
+    sd = np.sqrt(np.diagonal(covs, axis1=1, axis2=2))
+    ratio = np.mean((joint / sd) ** 2, axis=0) / np.mean((norm / sd) ** 2, axis=0)
+    # Paired variances of correlation rho: ln(ratio) has the variance 4 (1 - rho^2) / n.
+    rho = np.array([np.corrcoef(a, b)[0, 1] for a, b in zip(norm.T, joint.T, strict=True)])
+    limit = np.exp(3.6 * np.sqrt(4 * (1 - rho**2) / n))  # 3.6: 1 % over 21 coefficients, two runs
+    assert (ratio < limit).all()
+    if sigma < 10 * ARCSEC:
+        assert ratio.mean() < 0.95  # and better where the table is good
+
+
+def test_joint_estimate_finds_the_errors_of_the_table_within_their_sd():
+    n, sigma = 40, 20 * ARCSEC
+    s = simulated(
+        plan_of(), [draw_errors("tactical", k) for k in range(n)], noise="navigation",
+        common=sigma, position=2 * ARCSEC, seed=6,
+    )  # fmt: skip
+    truth = np.random.default_rng(6).normal(size=(n, 6)) * sigma
+    errors, covs = [], []
+    for k in range(n):
+        got = solved(s.readings(k), trusting(sigma, 2 * ARCSEC))
+        at = len(LINEAR_LOWER) + 3 + 3
+        errors.append(got.state.geometry.common - truth[k])
+        covs.append(got.state_cov[at : at + 6, at : at + 6])
+    low, high = chi_square_limits(6 * n)
+    assert low < nees(np.array(errors), np.array(covs)).sum() < high
+    sd = np.sqrt(np.mean(np.diagonal(np.array(covs), axis1=1, axis2=2), axis=0))
+    assert (sd < 0.5 * sigma).sum() >= 4  # it learned something of most of them
+
+
+# -- starts and covariances ---------------------------------------------------------------------
+
+
+def test_jitter_and_unknown_earth_rate_are_in_the_covariance_of_the_rates():
+    r, _ = silent(plan_of(), ImuModel(), rig=Rig(heading=0.3))
+    start = free_start(r, SITE, True)
+    got = Observed.of(r, SITE, start, rate_sd=1e-5, gyro_at_rest=True)
+    o = start.geometry.o
+    h = np.radians(10) + EARTH_RATE * np.sin(SITE.latitude)
+    spin, rest = r.spin, ~r.spin
+    along = np.einsum("ni,nij,nj->n", o, got.gyro_cov, o)
+    np.testing.assert_allclose(along[spin], (1e-5 * h) ** 2, rtol=1e-4)
+    earth = (EARTH_RATE * np.cos(SITE.latitude)) ** 2
+    np.testing.assert_allclose(along[rest], r.gyro_cov[0, 0, 0], rtol=1e-4)
+    trace = np.trace(got.gyro_cov, axis1=1, axis2=2)
+    np.testing.assert_allclose(trace[rest], 2 * earth, rtol=1e-6)
+    assert got.gyro_used.all()
+    assert np.array_equal(Observed.of(r, SITE, start, gyro_at_rest=False).gyro_used, spin)
+    assert np.array_equal(got.accel_cov, r.accel_cov)
+
+
+def test_whitening_is_the_inverse_root():
+    rng = np.random.default_rng(1)
+    a = rng.normal(size=(4, 3, 3))
+    cov = a @ np.swapaxes(a, 1, 2) + np.eye(3)
+    root = whitening(cov)
+    np.testing.assert_allclose(
+        root @ cov @ np.swapaxes(root, 1, 2), np.broadcast_to(np.eye(3), (4, 3, 3)), atol=1e-13
+    )
+
+
+@pytest.mark.parametrize("plan", ["6 faces", "8 corners"])
+def test_positions_that_determine_nothing_have_no_start(plan):
+    r, _ = silent(plan_of(plan), ImuModel())
+    assert free_start(r, SITE, True) is None
+
+
+def test_angles_of_one_axis_only_have_no_start():
+    angles = np.zeros((12, 3))
+    angles[:, 1] = np.linspace(0, 5, 12)
+    r, _ = silent(plan_of(angles), ImuModel())
+    assert angle_start(r, SITE, trusting(0, 0)) is None
+
+
+def test_six_faces_are_enough_where_the_angles_are_believed():
+    r, _ = silent(plan_of("6 faces"), big_model(), rig=Rig(mounting=BAD.mounting, heading=0.3))
+    got = solved(r, trusting(0, 0))
+    assert np.abs(errors_of(got, big_model())).max() < 1e-12
+
+
+@pytest.mark.parametrize("heading", [-3.0, -1.0, 0.5, 2.5])
+def test_heading_is_found_from_the_rests(heading):
+    r, _ = silent(plan_of(), big_model(), rig=Rig(heading=heading))
+    start = angle_start(r, SITE, trusting(0, 0))
+    assert start.geometry.heading == pytest.approx(heading, abs=0.2)
+    got = solved(r, trusting(0, 0))
+    assert np.sin(got.state.geometry.heading - heading) == pytest.approx(0, abs=1e-7)

@@ -1,0 +1,279 @@
+"""The rate table as a procedure: what was put in comes out, as surely as is promised."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from foucault import campaign, procedures, report, run_folder
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.consistency import nees
+from foucault.errors import FoucaultError, Status
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.models.earth import Site
+from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
+from foucault.models.noise import ImuNoise, grade
+from foucault.procedures.rate_table import (
+    Session,
+    Settings,
+    calibrate,
+    from_readings,
+    in_si,
+    names_of,
+    simulate,
+)
+from foucault.simulate.hand_rotated import draw_errors
+from make_rates import LATITUDE, make_readings, make_steps
+
+SITE = Site.at(LATITUDE)
+NAMES = names_of(Settings())
+ALL = names_of(Settings(g_sensitivity=True))
+SIZE = {"bias": 0.02, "scale": 0.02, "misalignment": 0.01, "g_sensitivity": 2e-4,
+        "asymmetry": 1e-3, "cubic": 1e-3}  # fmt: skip
+MEANS = Session(rows="means")
+QUIET = {"repeatability": False, "loss": "squares"}
+
+
+def model_of(values):
+    return ImuModel.from_coefficients(CoefficientVector.zeros(LAYOUT).with_values(values))
+
+
+def solved(model, **settings):
+    steps = make_steps(model, sd=1e-12, g=SITE.gravity)
+    return from_readings(make_readings(steps), Settings(**QUIET, **settings), told=True, site=SITE)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_one_error_returns_exactly_that_error(name):
+    value = SIZE[name.split(".")[1]]
+    found = solved(model_of({name: value}), g_sensitivity=True)
+    assert found.status is Status.CONVERGED
+    want = np.where(np.array(ALL) == name, value, 0.0)
+    assert np.abs(found.coefficients.values - want).max() < 1e-12
+
+
+def test_all_errors_at_once_return_exactly():
+    rng = np.random.default_rng(5)
+    values = {n: SIZE[n.split(".")[1]] * float(rng.uniform(-1, 1)) for n in ALL}
+    found = solved(model_of(values), g_sensitivity=True)
+    want = np.array([values[n] for n in ALL])
+    assert np.abs(found.coefficients.values - want).max() < 1e-12
+
+
+def test_simulated_means_without_noise_return_what_was_drawn():
+    made = simulate(MEANS, model=draw_errors("mems", 4), noise=ImuNoise(), site=SITE, seed=4)
+    result = calibrate(made.log, site=SITE, noise=ImuNoise(), settings=Settings(**QUIET))
+    want = made.model.coefficients(NAMES).values
+    assert np.abs(result.coefficients.values - want).max() < 1e-12
+    assert made.model.gyro_asymmetry.all()
+    assert made.model.gyro_cubic.all()
+
+
+def test_samples_without_noise_return_what_was_drawn():
+    session = Session(rates=("40 deg/s", "-40 deg/s", "100 deg/s", "-100 deg/s"), step_time=10.0)
+    made = simulate(session, model=draw_errors("mems", 5), noise=ImuNoise(), site=SITE, seed=5)
+    result = calibrate(made.log, site=SITE, noise=ImuNoise(), settings=Settings(**QUIET))
+    assert len(result.tables["rate_steps"]["rate"]) == 24
+    error = result.coefficients.values - made.model.coefficients(NAMES).values
+    # Means between samples, and the Earth's rate going round in them: 1e-9 of 100 deg/s.
+    assert np.abs(error).max() < 5e-9
+
+
+@cache
+def trials(name, count, **_):
+    settings = Settings(rate_sd=5e-6, table_rate_sd=2e-5, fixture_sd=5e-5, repeatability=False)
+    noise = grade(name).noise
+    errors, covs = [], []
+    for k in range(count):
+        made = simulate(
+            MEANS, settings=settings, model=draw_errors(name, k), noise=noise, site=SITE, seed=k
+        )
+        found = calibrate(made.log, site=SITE, noise=noise, settings=settings)
+        errors.append(found.coefficients.values - made.model.coefficients(NAMES).values)
+        covs.append(found.coefficients.cov)
+    return np.array(errors), np.array(covs)
+
+
+@pytest.mark.parametrize("name", ["mems", "tactical"])
+def test_errors_have_the_size_that_was_promised(name):
+    errors, covs = trials(name, 120)
+    low, high = chi_square_limits(errors.size, tests=2)
+    assert low < nees(errors, covs).sum() < high
+
+
+@pytest.mark.parametrize("factor", [1.2, 1 / 1.2])
+def test_the_test_sees_a_wrong_covariance(factor):
+    errors, covs = trials("tactical", 120)
+    low, high = chi_square_limits(errors.size, tests=2)
+    assert not low < nees(errors, covs * factor).sum() < high
+
+
+def test_rates_from_the_campaign_where_the_log_has_none():
+    noise = grade("tactical").noise
+    made = simulate(MEANS, model=draw_errors("tactical", 1), noise=noise, site=SITE, seed=1)
+    told = calibrate(made.log, site=SITE, noise=noise)
+    listed = Settings(rates=MEANS.rates, axes=MEANS.axes)
+    bare = replace(made.log, table=None)
+    found = calibrate(bare, site=SITE, noise=noise, settings=listed)
+    np.testing.assert_allclose(found.coefficients.values, told.coefficients.values, rtol=1e-9)
+    blind = replace(bare, accel=None)
+    found = calibrate(blind, site=SITE, noise=noise, settings=listed)
+    np.testing.assert_allclose(found.coefficients.values, told.coefficients.values, rtol=1e-9)
+    with pytest.raises(FoucaultError, match="no rate of the table"):
+        calibrate(bare, site=SITE, noise=noise)
+
+
+def test_samples_without_a_table_give_the_same_but_for_the_noise():
+    noise = grade("tactical").noise
+    session = Session(rates=("40 deg/s", "-40 deg/s", "100 deg/s", "-100 deg/s"), step_time=20.0)
+    made = simulate(session, model=draw_errors("tactical", 2), noise=noise, site=SITE, seed=2)
+    settings = Settings(rates=session.rates, axes=session.axes)
+    found = calibrate(replace(made.log, table=None), site=SITE, settings=settings)
+    assert found.verdict.level == "pass"
+    assert found.diagnostics["noise"]["source"] == "measured in the steps"
+    white = found.diagnostics["noise"]["gyro_white"]
+    assert white == pytest.approx([noise.gyro.white] * 3, rel=0.15)
+    error = found.coefficients.values - made.model.coefficients(NAMES).values
+    assert nees(error[None], found.coefficients.cov)[0] < chi_square_limits(18)[1]
+
+
+def test_g_sensitivity_with_accelerometers_off_the_axis():
+    noise = ImuNoise()
+    values = {n: 1e-5 for n in ALL if "g_sensitivity" in n} | {"gyro.scale.x": 1e-3}
+    made = simulate(MEANS, model=model_of(values), noise=noise, site=SITE, seed=3)
+    settings = Settings(g_sensitivity=True, **QUIET)
+    arm = np.array([0.05, -0.1, 0.15])
+    log = made.log
+    rate = log.table.rate
+    up = log.accel / np.linalg.norm(log.accel, axis=1, keepdims=True)
+    force = -(rate**2)[:, None] * (arm - (up @ arm)[:, None] * up)
+    off = replace(log, accel=log.accel + force, gyro=log.gyro + force @ made.model.g_sensitivity.T)
+    found = calibrate(off, site=SITE, noise=noise, settings=settings)
+    want = made.model.coefficients(ALL).values
+    assert np.abs(found.coefficients.values - want).max() < 1e-10
+
+
+def test_figures_of_the_standards():
+    model = model_of({"gyro.scale.x": 1e-3, "gyro.asymmetry.x": 200e-6, "gyro.cubic.y": 1e-4})
+    found = solved(model)
+    x, y = (found.diagnostics["rate_table"][a] for a in "xy")
+    assert x["asymmetry"] == pytest.approx(2 * 200e-6, rel=1e-3)  # the whole difference
+    assert x["scale_factor"] == pytest.approx(1.001, abs=1e-6)
+    assert x["full_scale"] == pytest.approx(np.radians(100.0), rel=1e-4)
+    # The line through y = c w^3 by least squares, w as turned at, twelve steps.
+    w = found.tables["rate_steps"]["rate_true"][12:24]
+    line = np.polyval(np.polyfit(w, w + 1e-4 * w**3, 1), w)
+    worst = np.abs(w + 1e-4 * w**3 - line).max()
+    assert y["nonlinearity"] == pytest.approx(worst / np.abs(w).max(), rel=1e-3)
+
+
+def test_the_table_of_steps_says_before_and_after():
+    model = model_of({"gyro.scale.x": 1e-3, "gyro.bias.x": 1e-4, "gyro.asymmetry.x": 1e-4})
+    steps = solved(model).tables["rate_steps"]
+    assert steps["axis"][:12].tolist() == ["x"] * 12
+    x = slice(0, 12)
+    true = steps["rate_true"][x]
+    want = 1e-3 * true + 1e-4 + 1.001 * 1e-4 * np.abs(true)
+    np.testing.assert_allclose(steps["before"][x], want, atol=1e-13)
+    assert np.abs(steps["after"]).max() < 1e-13
+    assert np.abs(steps["line"][x]).max() > 1e-5
+    np.testing.assert_allclose(steps["after_sd"][x], 1e-12 / 1.001, rtol=1e-2)
+
+
+def test_budget_adds_up_and_the_bound_is_that_of_the_noise():
+    settings = Settings(rate_sd=5e-6, table_rate_sd=2e-5, fixture_sd=5e-5)
+    steps = make_steps(sd=1e-6)
+    result = from_readings(make_readings(steps), settings, told=True, site=SITE)
+    parts = result.diagnostics["budget"]
+    assert set(parts) == {"gyro noise", "rate jitter", "rate of the table", "fixture"}
+    total = np.sum([np.array(v) for v in parts.values()], axis=0)
+    np.testing.assert_allclose(total, result.coefficients.sd**2, rtol=1e-6)
+    plain = from_readings(make_readings(steps), Settings(), told=True, site=SITE)
+    np.testing.assert_allclose(plain.diagnostics["bound"], plain.coefficients.sd, rtol=1e-6)
+    np.testing.assert_allclose(result.diagnostics["bound"], plain.coefficients.sd, rtol=1e-4)
+
+
+def test_same_seed_same_bits_and_another_seed_others():
+    noise = grade("mems").noise
+    one, again, other = (
+        simulate(MEANS, model=draw_errors("mems", 1), noise=noise, site=SITE, seed=s)
+        for s in (1, 1, 2)
+    )
+    assert one.log.gyro.tobytes() == again.log.gyro.tobytes()
+    assert one.log.gyro.tobytes() != other.log.gyro.tobytes()
+    assert one.truth_json() == again.truth_json()
+
+
+def test_simulated_tables_have_the_errors_of_the_settings():
+    settings = Settings(table_rate_sd=1e-3, fixture_sd=1e-3)
+    made = simulate(MEANS, settings=settings, model=ImuModel(), noise=ImuNoise(), site=SITE, seed=1)
+    steps = calibrate(made.log, site=SITE, noise=ImuNoise()).tables["rate_steps"]
+    ratio = steps["gyro"] / steps["rate_true"]
+    assert made.errors.rate_error != 0
+    assert np.median(ratio) - 1 == pytest.approx(made.errors.rate_error, abs=3e-4)
+    # z up: up in body axes is turned by minus the mounting.
+    k = int(np.flatnonzero((steps["axis"] == "z") & (steps["up"] > 0) & (steps["rate"] > 1.7))[0])
+    turned = made.mounting[4]
+    across = made.log.gyro[k, :2] / made.log.gyro[k, 2]
+    np.testing.assert_allclose(across, [turned[1] * -1, turned[0]], rtol=2e-2, atol=3e-6)
+
+
+def test_a_model_with_terms_keeps_them():
+    model = model_of({"gyro.asymmetry.x": 5e-4, "gyro.cubic.y": 1e-5})
+    made = simulate(MEANS, model=model, noise=ImuNoise(), site=SITE, seed=1)
+    np.testing.assert_array_equal(made.model.gyro_asymmetry, model.gyro_asymmetry)
+    np.testing.assert_array_equal(made.model.gyro_cubic, model.gyro_cubic)
+
+
+def test_what_is_estimated_follows_the_settings():
+    assert len(NAMES) == 18
+    assert len(ALL) == 27
+    linear = Settings(asymmetry=False, cubic=False)
+    assert len(names_of(linear)) == 12
+    steps = make_readings(make_steps())
+    assert from_readings(steps, linear, told=True, site=SITE).equation == EQUATION
+    assert from_readings(steps, Settings(), told=True, site=SITE).equation == SCALE_EQUATION
+
+
+def test_result_is_saved_applied_and_reported(tmp_path):
+    noise = grade("tactical").noise
+    made = simulate(MEANS, model=draw_errors("tactical", 3), noise=noise, site=SITE, seed=3)
+    result = calibrate(made.log, site=SITE, noise=noise, instrument={"name": "G"})
+    run_folder.save(result, tmp_path / "run", "")
+    again = run_folder.load_result(tmp_path / "run")
+    np.testing.assert_array_equal(again.coefficients.values, result.coefficients.values)
+    np.testing.assert_array_equal(
+        again.tables["rate_steps"]["axis"], ["x"] * 16 + ["y"] * 16 + ["z"] * 16
+    )
+    out = again.apply(made.log)
+    along = np.linalg.norm(out.gyro, axis=1)
+    np.testing.assert_allclose(along, np.abs(result.tables["rate_steps"]["rate_true"]), atol=3e-5)
+    page = report.html(again)
+    assert "Rates before and after" in page
+    assert "Asymmetry: difference of the scale factors" in page
+
+
+def test_it_is_listed_and_its_template_runs(tmp_path):
+    assert procedures.load("rate_table").__name__.endswith("rate_table")
+    text = campaign.template("rate_table")
+    text = text.replace('rows = "samples"', 'rows = "means"')
+    described = campaign.parse(text, tmp_path / "campaign.toml")
+    campaign.save_session(campaign.simulate(described), tmp_path)
+    result = campaign.calibrate(tmp_path / "campaign.toml")
+    assert result.verdict.level == "pass"
+
+
+def test_a_rate_without_unit_is_named_with_its_place():
+    text = campaign.template("rate_table").replace(
+        'name = "rate_table"', 'name = "rate_table"\nrates = ["1 deg/s", "5"]'
+    )
+    text = text.replace("\nrates = []", "", 1)
+    with pytest.raises(FoucaultError) as caught:
+        campaign.parse(text)
+    assert "procedure.rates" in str(caught.value)
+    with pytest.raises(FoucaultError, match="wants a number and a unit"):
+        Settings(rates=("5",))
+    np.testing.assert_allclose(in_si(("180 deg/s", "-1 rad/s")), [np.pi, -1.0])
