@@ -12,6 +12,7 @@ with a smooth s from 0 to 1, so that the true rate is ``phi s'``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -23,14 +24,9 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import aligning, exp, log
 from foucault.simulate.hand_rotated import Simulation
-from foucault.simulate.noise import draw_noise, quantise
-from foucault.tables import Log
+from foucault.simulate.noise import sampled_log
 
 FloatArray = npt.NDArray[np.float64]
-
-# Gauss-Legendre nodes and weights on [-1, 0], for the mean over the interval before a sample.
-_NODES = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) - 1.0) / 2.0
-_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 @dataclass(frozen=True)
@@ -148,22 +144,15 @@ def simulate(
     """
     starts, ends = plan.edges
     n = int(np.floor(ends[-1] * rate + 1e-9)) + 1
-    time = np.arange(n) / rate
-    if sampled == "rate":
-        f_b, w_b = _truth(plan, site, time)
-    else:
-        parts = [_truth(plan, site, time + node / rate) for node in _NODES]
-        f_b = sum(w * part[0] for w, part in zip(_WEIGHTS, parts, strict=True))
-        w_b = sum(w * part[1] for w, part in zip(_WEIGHTS, parts, strict=True))
-    accel, gyro = model.measure(f_b, w_b)
-    rng = np.random.default_rng(seed)
-    accel = quantise(accel + draw_noise(noise.accel, time, rng), noise.accel.quantisation)
-    gyro = quantise(gyro + draw_noise(noise.gyro, time, rng), noise.gyro.quantisation)
+    readout = sampled_log(
+        partial(_truth, plan, site), samples=n, rate=rate, sampled=sampled,
+        model=model, noise=noise, rng=np.random.default_rng(seed),
+    )  # fmt: skip
     first = np.ceil(starts * rate - 1e-9).astype(np.int64)
     last = np.floor(ends * rate + 1e-9).astype(np.int64) + 1
     if sampled == "increment":
         first[1:] += 1  # the first interval that lies in the rest as a whole
-    return Simulation(Log(time, gyro, accel, sampled), model, first, np.minimum(last, n), plan.C_nb)
+    return Simulation(readout, model, first, np.minimum(last, n), plan.C_nb)
 
 
 def _truth(plan: FacePlan, site: Site, time: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ s from 0 to 1 and a smooth bump b, so that the true rate is known in closed form
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -19,14 +20,10 @@ from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.rotation import exp, log
 from foucault.plans.hand_rotated import HandPlan
-from foucault.simulate.noise import draw_noise, quantise
+from foucault.simulate.noise import sampled_log
 from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
-
-# Gauss-Legendre nodes and weights on [-1, 0], for the mean over the interval before a sample.
-_NODES = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) - 1.0) / 2.0
-_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 @dataclass(frozen=True)
@@ -111,23 +108,16 @@ def simulate(
         Seed of the noise [1].
     """
     n = int(np.floor(plan.duration * rate)) + 1
-    time = np.arange(n) / rate
-    if sampled == "rate":
-        f_b, w_b = _truth(plan, site, time)
-    else:
-        parts = [_truth(plan, site, time + node / rate) for node in _NODES]
-        f_b = sum(w * part[0] for w, part in zip(_WEIGHTS, parts, strict=True))
-        w_b = sum(w * part[1] for w, part in zip(_WEIGHTS, parts, strict=True))
-    accel, gyro = model.measure(f_b, w_b)
-    rng = np.random.default_rng(seed)
-    accel = quantise(accel + draw_noise(noise.accel, time, rng), noise.accel.quantisation)
-    gyro = quantise(gyro + draw_noise(noise.gyro, time, rng), noise.gyro.quantisation)
+    readout = sampled_log(
+        partial(_truth, plan, site), samples=n, rate=rate, sampled=sampled,
+        model=model, noise=noise, rng=np.random.default_rng(seed),
+    )  # fmt: skip
     starts, ends = _rest_edges(plan)
     first = np.ceil(starts * rate - 1e-9).astype(np.int64)
     last = np.floor(ends * rate + 1e-9).astype(np.int64) + 1
     if sampled == "increment":
         first[1:] += 1  # the first interval that lies in the rest as a whole
-    return Simulation(Log(time, gyro, accel, sampled), model, first, np.minimum(last, n), plan.C_nb)
+    return Simulation(readout, model, first, np.minimum(last, n), plan.C_nb)
 
 
 def _rest_edges(plan: HandPlan) -> tuple[FloatArray, FloatArray]:

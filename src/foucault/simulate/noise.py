@@ -1,13 +1,65 @@
-"""Draw sensor noise: white, first-order Markov, random walk; quantise."""
+"""From what is true to what the log says: sampling, sensor noise, rounding."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.models.noise import TriadNoise
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
+Truth = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+# Gauss-Legendre nodes and weights on [-1, 0], for the mean over the interval before a sample.
+_NODES = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) - 1.0) / 2.0
+_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+def sampled_log(
+    truth: Truth,
+    *,
+    samples: int,
+    rate: float,
+    sampled: Literal["rate", "increment"],
+    model: ImuModel,
+    noise: ImuNoise,
+    rng: np.random.Generator,
+) -> Log:
+    """Sample a motion as an instrument with errors and noise does.
+
+    Parameters
+    ----------
+    truth : callable
+        Times, shape (n,) [s] -> true specific force and rate, frame b, shape (n, 3) each [SI].
+    samples : int, shape ()
+        Number of samples, from time zero [1].
+    rate : float
+        Sample rate [Hz].
+    sampled : {"rate", "increment"}
+        Instantaneous rates, or means over the interval before each sample.
+    model : ImuModel
+        Errors of the instrument.
+    noise : ImuNoise
+        Its noise [SI].
+    rng : Generator
+        Source of random numbers.
+    """
+    time = np.arange(samples) / rate
+    if sampled == "rate":
+        f_b, w_b = truth(time)
+    else:
+        parts = [truth(time + node / rate) for node in _NODES]
+        f_b = sum(w * part[0] for w, part in zip(_WEIGHTS, parts, strict=True))
+        w_b = sum(w * part[1] for w, part in zip(_WEIGHTS, parts, strict=True))
+    accel, gyro = model.measure(f_b, w_b)
+    accel = quantise(accel + draw_noise(noise.accel, time, rng), noise.accel.quantisation)
+    gyro = quantise(gyro + draw_noise(noise.gyro, time, rng), noise.gyro.quantisation)
+    return Log(time, gyro, accel, sampled)
 
 
 def draw_noise(noise: TriadNoise, time: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -17,6 +17,7 @@ since the last term is part of gravity.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -36,16 +37,12 @@ from foucault.models.turntable import (
     chain,
     earth_rate_t,
 )
-from foucault.simulate.noise import draw_noise, quantise
+from foucault.simulate.noise import sampled_log
 from foucault.simulate.turntable import Rig, SimulatedReadings, simulate_readings
 from foucault.tables import Log, TableColumns
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
-# Gauss-Legendre nodes and weights on [-1, 0], for the mean over the interval before a sample.
-_NODES = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6) - 1.0) / 2.0
-_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 _PEAK = 1.875  # highest rate of the S-shaped move over its mean rate
 _SETTLE = 1.0  # standstill before a spin [s]
@@ -165,21 +162,15 @@ def simulate(
     position, true_rate = (drawn[0] for drawn in rig.draw(plan, 1, rng))
     said, true, edges = _motions(plan, position, true_rate, move_rate)
     n = int(np.floor(said.end * rate)) + 1
-    time = np.arange(n) / rate
-    if sampled == "rate":
-        f_b, w_b = _felt(true, rig, site, time)
-    else:
-        parts = [_felt(true, rig, site, time + node / rate) for node in _NODES]
-        f_b = sum(w * part[0] for w, part in zip(_WEIGHTS, parts, strict=True))
-        w_b = sum(w * part[1] for w, part in zip(_WEIGHTS, parts, strict=True))
-    accel, gyro = model.measure(f_b, w_b)
-    accel = quantise(accel + draw_noise(noise.accel, time, rng), noise.accel.quantisation)
-    gyro = quantise(gyro + draw_noise(noise.gyro, time, rng), noise.gyro.quantisation)
+    readout = sampled_log(
+        partial(_felt, true, rig, site), samples=n, rate=rate, sampled=sampled,
+        model=model, noise=noise, rng=rng,
+    )  # fmt: skip
     first = np.ceil(edges[:, 0] * rate - 1e-9).astype(np.int64)
     last = np.minimum(np.floor(edges[:, 1] * rate + 1e-9).astype(np.int64) + 1, n)
     if sampled == "increment":
         first[edges[:, 0] > 0] += 1  # the first interval that lies in the position as a whole
-    log = Log(time, gyro, accel, sampled, table=_said(said, time, first, last, accumulate))
+    log = replace(readout, table=_said(said, readout.time, first, last, accumulate))
     return Simulation(
         log, model, plan, rig, first, last, position, true_rate,
         _directions(plan, rig, position),
