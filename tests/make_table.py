@@ -11,7 +11,7 @@ from foucault.estimate.turntable_likelihood import Observed, angle_start, fit, f
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.noise import ImuNoise, grade
-from foucault.models.table_state import Trust
+from foucault.models.table_geometry import Trust
 from foucault.plans.turntable import table_plan
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.simulate.turntable import Rig, simulate_readings

@@ -30,7 +30,8 @@ from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.readings import Readings
-from foucault.models.table_state import State, Trust
+from foucault.models.table_geometry import Trust
+from foucault.models.table_state import State
 from foucault.plans.turntable import table_plan
 from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings as NormSettings

@@ -22,7 +22,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.readings import Readings
 from foucault.models.rotation import log
-from foucault.models.table_state import Trust
+from foucault.models.table_geometry import Trust
 from foucault.plans.turntable import table_plan
 from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings, solve

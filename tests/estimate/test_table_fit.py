@@ -181,7 +181,7 @@ def test_scatter_is_added_and_taken_away_again():
 def test_kinds_of_readings():
     r = session("icosahedron 12", spins=True)
     got = kinds_of(r, np.array([0, 12, 24, 36, -1]))
-    assert [KINDS[k] for k in got[:4]] == list(KINDS)
+    assert [KINDS[k] for k in got[:4]] == list(KINDS[:4])
     assert got[4] == -1
 
 

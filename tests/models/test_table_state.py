@@ -13,16 +13,8 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.readings import Readings
 from foucault.models.rotation import exp
-from foucault.models.table_state import (
-    Angles,
-    Free,
-    State,
-    Trust,
-    Unknowns,
-    moved,
-    predict,
-    tangents,
-)
+from foucault.models.table_geometry import Angles, Free, Trust, tangents
+from foucault.models.table_state import State, Unknowns, moved, predict
 
 SITE = Site(9.81, np.radians(48.0))
 NAMES = tuple(n for n in LAYOUT.names if not n.startswith(("gyro.asymmetry", "gyro.cubic")))

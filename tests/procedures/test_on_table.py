@@ -404,7 +404,7 @@ def test_without_declared_noise_the_residuals_tell_it():
     ratios = []
     for seed in range(1, 7):
         known, measured = run(seed=seed), run(seed=seed, noise=None)
-        assert set(measured.diagnostics["noise"]["scatter"]) == {"accel", "gyro in spins"}
+        assert {"accel", "gyro in spins"} <= set(measured.diagnostics["noise"]["scatter"])
         assert measured.verdict.level is Level.PASS
         ratios.append(measured.coefficients.sd / known.coefficients.sd)
     mean = np.mean(ratios, axis=0)

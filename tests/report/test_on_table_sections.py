@@ -163,7 +163,11 @@ def test_chi_square_of_every_kind_of_reading():
     (items,) = [b for b in section.blocks if isinstance(b, Items)]
     assert items.items == [
         ("good", "Specific force at rest: chi-square 3, inside 1 to 9 (4 degrees of freedom)."),
-        ("warning", "Angular rate in spins: chi-square 30, outside 1 to 9 (4 degrees of freedom)."),
+        (
+            "warning",
+            "Angular rate in spins, across the axis: chi-square 30, outside 1 to 9 (4 degrees of "
+            "freedom).",
+        ),
     ]
 
 

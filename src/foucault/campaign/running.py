@@ -199,7 +199,7 @@ def save_session(session: Session, folder: str | Path) -> Path:
     with atomic(folder / TRUTH_FILE) as temporary:
         temporary.write_text(json.dumps(_truth(session), indent=1) + "\n", encoding="utf-8")
     averaged = session.simulation.log.averaged is not None
-    own = log_table(session.campaign.procedure, averaged=averaged)
+    own = log_table(session.campaign.procedure, averaged=averaged, own=True)
     text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = with_seed(text, session.seed)

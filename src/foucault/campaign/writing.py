@@ -49,7 +49,7 @@ AVERAGED = 'averaged = { column = "averaged", unit = "s" }   # every row is a me
 """Line of a log that holds means."""
 
 
-def log_table(procedure: str, *, averaged: bool = False) -> str:
+def log_table(procedure: str, *, averaged: bool = False, own: bool = False) -> str:
     """Write the table [log] for a log as `foucault simulate` writes it.
 
     Parameters
@@ -58,8 +58,14 @@ def log_table(procedure: str, *, averaged: bool = False) -> str:
         A key of `procedures.PROCEDURES`; one that uses a table says what its log has more.
     averaged : bool
         Whether the log holds means.
+    own : bool
+        Whether it is for a log that was simulated; what a user's log may lack is commented out
+        otherwise.
     """
     more: str = getattr(procedures.load(procedure), "LOG_LINES", "")
+    if not own:
+        lines = more.splitlines()
+        more = "".join(f"{'# ' * (line[:1] not in ('#', ''))}{line}\n" for line in lines)
     return LOG_TABLE + AVERAGED * averaged + more
 
 

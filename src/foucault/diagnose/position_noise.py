@@ -2,7 +2,10 @@
 
 As `diagnose.rests.measure_noise` does it: neighbouring cells give the noise of short means, the
 quarters of a rest that of long ones, and steps of the output that the noise does not blur give a
-constant error. A spin has its own noise, for the table is not perfectly even; the harmonics of the
+constant error. It is the same wherever the signal is the same, and gyros at rest read their bias
+every time. An error of variance v that m readings share is no more than independent errors of
+variance m v, in every combination of them: that is what they are given here, so that averaging
+does not pretend to know more than one rounding tells. A spin has its own noise, for the table is not perfectly even; the harmonics of the
 outer angle, which average out over whole turns, are removed first.
 """
 
@@ -15,7 +18,7 @@ import numpy as np
 from foucault.diagnose.position_cells import Cells, Reduced, held
 from foucault.diagnose.position_stretches import Stretch
 from foucault.diagnose.position_turns import Window
-from foucault.diagnose.rests import Rests, measure_noise
+from foucault.diagnose.rests import Rests, measure_noise, resolution
 from foucault.tables import FloatArray, Log
 
 HARMONICS = 2
@@ -24,13 +27,16 @@ HARMONICS = 2
 KEPT = 500
 """Samples of each reading that are looked at for rounding [1]."""
 
+THINNED = 40_000
+"""Most samples of the whole log that are looked at for the steps of the output [1]."""
+
 LEAST = 1e-24
 """Least variance of a mean [SI]."""
 
 
 @dataclass
 class Glimpses:
-    """The first samples of each reading, kept while the log passes by.
+    """The first samples of each reading, and some of the whole log, kept while it passes by.
 
     Attributes
     ----------
@@ -40,6 +46,9 @@ class Glimpses:
 
     windows: list[Window]
     kept: list[list[Log]] = field(default_factory=list)
+    some: list[Log] = field(default_factory=list)
+    every: int = 1
+    rows: int = 0
 
     def __post_init__(self) -> None:
         self.kept = [[] for _ in self.windows]
@@ -51,6 +60,29 @@ class Glimpses:
             i, j = (int(k) for k in np.searchsorted(log.time, [window.start, window.end]))
             if more > 0 and j > i:
                 kept.append(held(log[i : min(j, i + more)]))
+        self.some.append(held(_every(log, self.every, -self.rows % self.every)))
+        self.rows += len(log)
+        while sum(len(part) for part in self.some) > THINNED:
+            self.some = _halved(self.some)
+            self.every *= 2
+
+    def steps(self, name: str) -> FloatArray:
+        """Return the steps of the output, 0 where it is not rounded, shape (3,) [unit].
+
+        A coarse axis does not move at rest; only with the moves and spins does it show its steps.
+
+        Parameters
+        ----------
+        name : {"accel", "gyro"}
+            Which triad.
+        """
+        whole = [getattr(part, name) for part in self.some]
+        rests = [getattr(part, name) for kept in self.kept for part in kept]
+        out = np.zeros(3)
+        for i in range(3):
+            seen = [lattice(np.concatenate([p[:, i] for p in x])) for x in (whole, rests) if x]
+            out[i] = min((step for step in seen if step > 0), default=0.0)
+        return out
 
     def rounding(self, name: str, which: list[int], interval: float) -> FloatArray:
         """Return the constant error of rounding in some readings, sd, shape (3,) [unit].
@@ -72,7 +104,63 @@ class Glimpses:
         last = np.cumsum([len(part) for part in x])
         none = np.empty(0)
         rests = Rests(last - [len(p) for p in x], last, none, none, none, np.nan, 1)
-        return measure_noise(np.concatenate(x), interval, rests).rounding
+        return measure_noise(np.concatenate(x), interval, rests, self.steps(name)).rounding
+
+    def shared(self, name: str) -> FloatArray:
+        """Return with how many readings each shares its rounding, itself included, (n, 3) [1].
+
+        Signals within a step of each other count as the same.
+
+        Parameters
+        ----------
+        name : {"accel", "gyro"}
+            Which triad.
+        """
+        steps, n = self.steps(name), len(self.kept)
+        out = np.full((n, 3), float(n))
+        seen = [k for k in range(n) if self.kept[k]]
+        if not seen:
+            return out
+        means = np.array(
+            [np.concatenate([getattr(p, name) for p in self.kept[k]]).mean(axis=0) for k in seen]
+        )
+        for i in range(3):
+            x, near = np.sort(means[:, i]), 0.99 * steps[i]
+            above = np.searchsorted(x, means[:, i] + near, side="right")
+            out[seen, i] = above - np.searchsorted(x, means[:, i] - near, side="left")
+        return np.maximum(out, 1.0)
+
+
+def lattice(x: FloatArray) -> float:
+    """Return the step of a rounded signal [unit], 0 where its values are not whole steps apart.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Readings of one axis, thinned beforehand [unit].
+    """
+    step = resolution(x, most=len(x) or 1)
+    if step == 0:
+        return 0.0
+    apart = np.diff(np.unique(x)) / step
+    apart = apart[(apart > 0.5) & (apart < 50)]  # far apart, written digits may end too early
+    whole = np.abs(apart - np.round(apart)) < 0.1
+    return step if whole.mean() > 0.8 else 0.0
+
+
+def _every(log: Log, step: int, first: int) -> Log:
+    def thin(x: FloatArray | None) -> FloatArray | None:
+        return None if x is None else x[first::step]
+
+    return Log(log.time[first::step], thin(log.gyro), thin(log.accel), log.sampled)
+
+
+def _halved(parts: list[Log]) -> list[Log]:
+    out, rows = [], 0
+    for part in parts:
+        out.append(held(_every(part, 2, rows % 2)))
+        rows += len(part)
+    return out
 
 
 def covariance(
@@ -99,13 +187,14 @@ def covariance(
     kinds = [which for which in (rests, spins) if which]
     measured = [_power(name, data.cells, [runs[k] for k in w], [windows[k] for k in w])
                 for w in kinds]  # fmt: skip
+    shared = seen.shared(name)
     for i, which in enumerate(kinds):
         power, freedom = measured[i]
         if freedom < 10 and len(measured) == 2 and measured[1 - i][1] > freedom:
             power = measured[1 - i][0]
         time = np.array([windows[k].end - windows[k].start for k in which])
         rounding = seen.rounding(name, which, data.interval)
-        out[which] = power / time[:, None] + rounding**2
+        out[which] = power / time[:, None] + rounding**2 * shared[which]
     return np.maximum(out, LEAST)[:, :, None] * np.eye(3)
 
 

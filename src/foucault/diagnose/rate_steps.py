@@ -96,7 +96,7 @@ def rate_steps(
     findings = _missing(rate, placement, up, commanded.rates)
     steps = Steps(
         up, placement, rate, readings.time, readings.gyro, readings.gyro_cov,
-        mean_force_of_steps(up, placement, rate, readings.accel, site),
+        mean_force_of_steps(up, placement, rate, readings.accel, site), readings.start,
     )  # fmt: skip
     return steps, findings
 

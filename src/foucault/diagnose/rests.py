@@ -254,7 +254,9 @@ class RestNoise:
     rounding: FloatArray
 
 
-def measure_noise(x: FloatArray, interval: float, rests: Rests) -> RestNoise:
+def measure_noise(
+    x: FloatArray, interval: float, rests: Rests, steps: FloatArray | None = None
+) -> RestNoise:
     """Measure the noise of one triad in the rests of a log.
 
     Parameters
@@ -265,6 +267,8 @@ def measure_noise(x: FloatArray, interval: float, rests: Rests) -> RestNoise:
         Sample interval [s].
     rests : Rests
         Where the instrument rested.
+    steps : ndarray, shape (3,), or None
+        Steps of the output, where `x` alone does not show them [unit].
     """
     from scipy.stats import f as f_distribution
 
@@ -290,7 +294,8 @@ def measure_noise(x: FloatArray, interval: float, rests: Rests) -> RestNoise:
         limit = f_distribution.ppf(0.99, slow_n, max(fast_n, 1))
         of_mean = np.where(measured > limit * psd, measured, psd)
     sd = np.sqrt(square / max(n, 1))
-    steps = np.array([resolution(x[:, i]) for i in range(3)])
+    if steps is None:
+        steps = np.array([resolution(x[:, i]) for i in range(3)])
     # What is rounded moves by less than it seems, for rounding adds a variance of its own. A
     # signal that hardly leaves two steps says nothing of how much it moves: take it for still.
     before = np.sqrt(np.maximum(sd**2 - steps**2 / 12, 0.0))

@@ -14,20 +14,28 @@ from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.table_fit import ENOUGH, GROUPS, KINDS, TableFit
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
-from foucault.models.table_state import Angles
+from foucault.models.table_geometry import Angles
 from foucault.result import Check, Level
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
 
-UNITS = {"accel": (1 / 9.80665e-6, "ug"), "gyro": (180 / np.pi * 3600, "deg/h")}
-"""How people read the two kinds of reading."""
+UNITS = {
+    "accel": (1 / 9.80665e-6, "ug"),
+    "gyro": (180 / np.pi * 3600, "deg/h"),
+    "rate": (1e6, "ppm"),
+}
+"""How people read scatter."""
+
+TOO_MUCH = 5.0
+"""Residuals this many times the noise are no scatter of a good table: a term is missing [1]."""
 
 UNKNOWN_NOISE = "readings.noise_unknown"
 """Finding of a log of means for which no noise was declared."""
 
-LARGE = {"accel": 0.05, "gyro": np.radians(0.1)}
-"""Scatter beyond the noise that is no longer a calibration: 5 mg [m/s^2], 0.1 deg/s [rad/s]."""
+LARGE = {"accel": 0.05, "gyro": np.radians(0.1), "rate": 1e-2}
+"""Scatter beyond the noise that is no longer a calibration: 5 mg [m/s^2], 0.1 deg/s [rad/s], 1 %
+of the rate [1]."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,7 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
         *plausible_scales(estimate.coefficients),
     ]
     out += [_explained(e, kind) for kind in KINDS if kind in e.fit.before]
-    out += _scatter(e)
+    out += _scatter(e) + _g_sensitivity(e)
     out += [_outliers(e), _controlled(e)]
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)
@@ -110,7 +118,8 @@ _WHAT = {
     "accel at rest": "specific force at rest",
     "accel in spins": "specific force in spins",
     "gyro at rest": "angular rate at rest",
-    "gyro in spins": "angular rate in spins",
+    "gyro in spins": "angular rate in spins, across the axis",
+    "rate of spins": "angular rate in spins, along the axis",
 }
 
 
@@ -144,6 +153,12 @@ def _explained(e: TableEvidence, kind: str) -> Check:
                 "; so few readings are redundant that one wrong reading would look like this too. "
                 "The scatter is part of the uncertainties; measure more positions to tell."
             )
+        elif ratio > TOO_MUCH:
+            words += (
+                ": the model lacks something, such as errors of the table, a drifting bias, "
+                "g-sensitivity of the gyros, or quadratic terms. The scatter is part of the "
+                "uncertainties, but such errors do not average out."
+            )
         else:
             words += "; the scatter was estimated and is part of the uncertainties."
     else:
@@ -151,7 +166,7 @@ def _explained(e: TableEvidence, kind: str) -> Check:
             f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof}), and "
             f"the uncertainties do not know it."
         )
-    told = added and c.redundancy >= ENOUGH
+    told = added and c.redundancy >= ENOUGH and ratio <= TOO_MUCH
     fine = inside or (not declared and (told or c.chi_square < c.low))
     return Check(name, c.chi_square, c.low, c.high, fine, words)
 
@@ -162,6 +177,7 @@ def _scatter(e: TableEvidence) -> list[Check]:
         "accel": "specific force",
         "gyro at rest": "rate at rest",
         "gyro in spins": "rate in spins",
+        "rate of spins": "rate of the spins",
     }
     for group, sd in e.fit.scatter.items():
         triad = group.split()[0]
@@ -178,6 +194,76 @@ def _scatter(e: TableEvidence) -> list[Check]:
         name = f"scatter of {what} [{unit}]"
         out.append(Check(name, sd * scale, None, limit * scale, fine, words, Level.UNUSABLE))
     return out
+
+
+@dataclass(frozen=True)
+class Slope:
+    """How the rates at rest depend on orientation: g-sensitivity where it is not the Earth's rate.
+
+    Attributes
+    ----------
+    slope : float
+        Largest change of an axis per g [rad/s].
+    sd : float
+        Its standard deviation [rad/s].
+    shift : float
+        What it does to gyro scale factors, 0 where spins in both senses tell the two apart [1].
+    """
+
+    slope: float
+    sd: float
+    shift: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance."""
+        return self.slope > 5 * self.sd
+
+
+def rest_slope(e: TableEvidence) -> Slope | None:
+    """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated.
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings and solution.
+    """
+    r, state = e.readings, e.fit.estimate.state
+    rest = ~r.spin
+    if r.gyro is None or rest.sum() < 9 or "gyro.g_sensitivity.xx" in e.fit.options.names:
+        return None
+    up = state.geometry.directions()[rest]
+    # Of the Earth's rotation what is known is taken away; the rest is scatter here.
+    earth = state.geometry.earth()[0][rest]
+    rows = np.column_stack([up, np.ones(len(up))])
+    rate = r.gyro[rest] - earth @ state.model.gyro_matrix.T
+    fit = np.linalg.lstsq(rows, rate)[0]
+    scatter = np.sqrt(np.sum((rate - rows @ fit) ** 2) / (3 * len(up) - 12))
+    slope, spins = float(np.abs(fit[:3]).max()), r.rate[r.spin]
+    one_sense = bool(np.all(spins > 0) or np.all(spins < 0))
+    shift = slope / float(np.median(np.abs(spins))) if one_sense else 0.0
+    return Slope(slope, float(scatter * np.sqrt(3 / len(up))), shift)
+
+
+def _g_sensitivity(e: TableEvidence) -> list[Check]:
+    found = rest_slope(e)
+    c = e.fit.estimate.coefficients
+    if found is None or "gyro.scale.x" not in c.layout:
+        return []
+    limit = 2 * float(c["gyro.scale"].sd.max())
+    fine = not found.significant or found.shift <= limit
+    size = f"{plain(np.degrees(found.slope) * 3600, 2)} deg/h per g"
+    sd = plain(np.degrees(found.sd) * 3600, 2)
+    words = f"The rates at rest change with orientation by {size} (sd {sd})"
+    words += (
+        "."
+        if fine
+        else f": g-sensitivity. With spins in one sense it shifts gyro scale factors by up to "
+        f"{found.shift * 1e6:.0f} ppm, which the uncertainties do not know. Set g_sensitivity = "
+        f"true, or spin both ways."
+    )
+    name = "g-sensitivity [deg/h per g]"
+    return [Check(name, np.degrees(found.slope) * 3600, None, None, fine, words)]
 
 
 def name_of(readings: Readings, block: int) -> str:
@@ -255,11 +341,9 @@ def detectable(e: TableEvidence) -> FloatArray:
     e : TableEvidence
         Readings and solution.
     """
-    s, n, o = e.fit.snooping, len(e.readings), e.fit.observed
-    cov = np.concatenate([o.accel_cov, o.gyro_cov])[s.blocks]
-    root = np.linalg.cholesky(cov)
-    size = np.linalg.norm(np.einsum("kij,kj->ki", root, s.direction), axis=1)
-    assert n > 0
+    s, o = e.fit.snooping, e.fit.observed
+    roots = np.concatenate([o.accel_root, o.gyro_root])[s.blocks]
+    size = np.linalg.norm(np.linalg.solve(roots, s.direction[:, :, None])[:, :, 0], axis=1)
     return np.asarray(s.detectable * size)
 
 

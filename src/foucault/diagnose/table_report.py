@@ -12,15 +12,17 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.held_out import norm_with_cov
 from foucault.diagnose.information import information
 from foucault.diagnose.rate_norm import rate_norm_sd
-from foucault.diagnose.table_checks import TableEvidence, detectable, name_of
+from foucault.diagnose.table_checks import TableEvidence, detectable, name_of, rest_slope
 from foucault.errors import Finding, finding
 from foucault.estimate.table_fit import Options, TableFit, inflated
+from foucault.estimate.table_fit import fit as fit_readings
 from foucault.estimate.turntable_likelihood import Observed, build
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import coefficient_slot, gravity_slope
 from foucault.models.readings import Readings
-from foucault.models.table_state import Angles, State
+from foucault.models.table_geometry import Angles, Trust
+from foucault.models.table_state import State
 from foucault.models.turntable import RIG
 from foucault.tables import AXES, Log
 
@@ -99,8 +101,9 @@ def bound(readings: Readings, site: Site, state: State, options: Options) -> dic
         readings, site, state, rate_sd=options.rate_sd, gyro_at_rest=options.gyro_at_rest
     )
     problem = build(
-        observed, options.names, state, lever_arm=options.lever_arm, level=options.level
-    )
+        observed, options.names, state, lever_arm=options.lever_arm, level=options.level,
+        offset=options.offset,
+    )  # fmt: skip
     at = problem.linearise(state, np.ones(problem.n_blocks))
     info = information(at, problem.layout)
     return {
@@ -247,13 +250,13 @@ def rig_table(fit: TableFit) -> dict[str, Any]:
     at = len(estimate.coefficients)
     sd = np.sqrt(np.diag(estimate.state_cov))
     rows: list[tuple[str, float, float, float]] = []
-    options = _found(fit)
-    if options["lever_arm"]:
+    options = fit.options
+    if options.lever_arm:
         rows += [
             (f"lever_arm.{a}", float(state.lever_arm[i]), float(sd[at + i]), np.inf)
             for i, a in enumerate(AXES)
         ]
-    at += 3 * options["lever_arm"] + options["level"]
+    at += 3 * options.lever_arm + options.level + 3 * options.offset
     g = state.geometry
     if isinstance(g, Angles):
         from foucault.models.rotation import log
@@ -288,13 +291,6 @@ def rig_table(fit: TableFit) -> dict[str, Any]:
     }
 
 
-def _found(fit: TableFit) -> dict[str, bool]:
-    """Tell from the size of the step what was unknown before the geometry."""
-    geometry = len(fit.estimate.state.geometry.prior()[0])
-    before = fit.at.jacobian.shape[1] - geometry - len(fit.estimate.coefficients)
-    return {"lever_arm": before >= 3, "level": before in (1, 4)}
-
-
 def hints(e: TableEvidence) -> list[Finding]:
     """Return findings about the session: outliers, scatter, a wrong g.
 
@@ -310,13 +306,46 @@ def hints(e: TableEvidence) -> list[Finding]:
         what = name_of(e.readings, block)
         size = np.sqrt(norms.test[row] / max(e.fit.estimate.weights[block], 1e-12))
         out.append(finding("readings.outlier", what=what, size=f"{size:.0f}"))
-    if "accel.scale.x" in e.fit.estimate.coefficients.layout:
-        values = e.fit.estimate.coefficients["accel.scale"].values
+    c = e.fit.estimate.coefficients
+    for code, triad in (("session.common_scale", "accel"), ("readings.common_rate", "gyro")):
+        if f"{triad}.scale.x" not in c.layout:
+            continue
+        values = c[f"{triad}.scale"].values
         mean = float(values.mean())
-        if abs(mean) > 1500e-6 and float(np.ptp(values)) < abs(mean) / 3:
-            gravity = f"{e.site.gravity:.5f}"
-            out.append(finding("session.common_scale", ppm=f"{mean * 1e6:.0f}", gravity=gravity))
-    return out
+        if abs(mean) > COMMON and float(np.ptp(values)) < abs(mean) / 3:
+            words = {"ppm": f"{mean * 1e6:.0f}", "gravity": f"{e.site.gravity:.5f}"}
+            out.append(finding(code, **words))
+    return out + _g_sensitivity(e) + _quadratic(e)
+
+
+COMMON = 1500e-6
+"""All three scale factor errors alike and larger than this look like a wrong reference [1]."""
+
+
+def _g_sensitivity(e: TableEvidence) -> list[Finding]:
+    """Tell of rates at rest that depend on orientation."""
+    found = rest_slope(e)
+    if found is None or not found.significant:
+        return []
+    size, shift = f"{np.degrees(found.slope) * 3600:.0f}", f"{found.shift * 1e6:.0f}"
+    return [finding("readings.g_sensitivity", size=size, shift=shift)]
+
+
+def _quadratic(e: TableEvidence) -> list[Finding]:
+    """Try whether quadratic terms explain what the noise does not."""
+    o, names = e.fit.options, tuple(f"accel.quadratic.{a}" for a in AXES)
+    before = [c for k, c in e.fit.before.items() if k.startswith("accel")]
+    square = sum(c.chi_square for c in before)
+    left = sum(c.redundancy for c in before) - len(names)
+    if "accel" not in e.fit.scatter or names[0] in o.names or left < 5 or o.prior is not None:
+        return []
+    more = replace(o, names=(*o.names, *names), repeatability=False, robust=False)
+    state = e.fit.estimate.state
+    after = fit_readings(e.readings, e.site, state, more).after
+    remains = sum(c.chi_square for k, c in after.items() if k.startswith("accel"))
+    if remains / left > 0.2 * square / (left + len(names)):
+        return []
+    return [finding("readings.quadratic", share=f"{100 * (1 - remains / square):.0f}")]
 
 
 def validity(readings: Readings, log: Log | None, site: Site) -> dict[str, Any]:
@@ -342,4 +371,65 @@ def validity(readings: Readings, log: Log | None, site: Site) -> dict[str, Any]:
     if log is not None and log.temperature is not None:
         out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
         out["temperature_mean"] = float(log.temperature.mean())
+    return out
+
+
+def unseen(
+    readings: Readings, site: Site, table_rate_sd: float, trust: Trust | None, quadratic: bool
+) -> list[str]:
+    """Say what a procedure on a table cannot see in principle, for result.json.
+
+    Parameters
+    ----------
+    readings : Readings
+        What was observed [SI].
+    site : Site
+        Gravity and its uncertainty.
+    table_rate_sd : float
+        Relative sd of an error that all spin rates share [1].
+    trust : Trust or None
+        What is believed of the table; None for nothing.
+    quadratic : bool
+        Whether the quadratic terms of the accelerometers are estimated.
+    """
+    g = (
+        f"its standard uncertainty, {site.gravity_sd / 1e-5:.3g} mGal, is part of every uncertainty"
+        if site.gravity_sd
+        else "it was taken as exact"
+    )
+    out = [
+        f"A wrong local gravity: 1 ppm of g is 1 ppm in all accelerometer scale factors; {g}.",
+        "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
+        "Specific force beyond 1 g: there the result is extrapolated.",
+        "Other temperatures than that of the session.",
+    ]
+    if readings.gyro is not None:
+        sd = table_rate_sd
+        rate = (
+            f"its standard uncertainty, {sd * 1e6:.3g} ppm, is part of every uncertainty"
+            if sd
+            else "it was taken as exact"
+        )
+        out.insert(1, f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scales; {rate}.")
+        spins = readings.rate[readings.spin]
+        if np.all(spins > 0) or np.all(spins < 0):
+            out.append(
+                "The g-sensitivity of the gyros: with spins in one sense it looks like a scale "
+                "factor and a misalignment. Spin both ways (both_senses), or estimate it."
+            )
+        rates = np.unique(np.round(np.abs(readings.rate[readings.spin]), 6))
+        if len(rates) == 1:
+            out.append("Gyro scale factors that change with the rate: all spins had the same.")
+        push = 0.01 * float(np.max(readings.rate**2)) / 9.80665e-6
+        out.append(
+            f"Accelerometers apart from one another: in spins each centimetre is up to {push:.0f} "
+            f"ug, and goes into scatter and bias."
+        )
+    if trust is not None and not np.any(trust.common_sd):
+        out.append(
+            "Errors of the table that all positions share, such as axes that are not square: they "
+            "go into the coefficients, and the uncertainties do not know them."
+        )
+    if not quadratic:
+        out.append("Quadratic terms of the accelerometers: about 0.6 of each goes into the bias.")
     return out

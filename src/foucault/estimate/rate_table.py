@@ -10,7 +10,8 @@ e is the error that all rates of the table share, v the Earth's rate along the v
 seen by the gyros alone, nor are the tilts: they enter with a prior, and so the covariance. The
 horizontal part of the Earth's rotation turns with the table: what a part of a turn leaves of it,
 ``w_ie cos(L) |sinc(turns)|``, and the jitter of the table from one step to the next are added to
-the covariance of each reading.
+the covariance of each reading. So is a bias that moves at random from step to step; where it moves
+slowly, each step has a bias of its own, with a prior that ties it to those of the steps near it.
 
 References
 ----------
@@ -53,12 +54,23 @@ class Trust:
         Sd of the tilt of each placement about either level axis; 0: none [rad].
     latitude : float or None
         Geodetic latitude, positive north; None where unknown [rad].
+    bias_sd : float
+        Sd of how far the bias of each gyro moves during the session; 0: not at all [rad/s].
+    bias_time : float
+        Correlation time of that; 0: another bias in every step [s].
     """
 
     rate_sd: float = 0.0
     rate_jitter: float = 0.0
     fixture_sd: float = 0.0
     latitude: float | None = None
+    bias_sd: float = 0.0
+    bias_time: float = 0.0
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the bias moves slowly, so that steps near one another share it."""
+        return self.bias_sd > 0 and self.bias_time > 0
 
     @property
     def vertical(self) -> float:
@@ -90,12 +102,30 @@ class State:
         The Earth's rate along up, beyond what is known of it [rad/s].
     tilt : ndarray, shape (p, 2)
         Tilt of the spin axis in each placement, towards the next two axes of the fixture [rad].
+    drift : ndarray, shape (n, 3), or None
+        What moves the bias from step to step, independent and of unit sd; None: it stays [1].
     """
 
     model: ImuModel
     rate_error: float
     vertical: float
     tilt: FloatArray
+    drift: FloatArray | None = None
+
+
+def drift_root(steps: Steps, trust: Trust) -> FloatArray:
+    """Return the root L of the covariance of a bias that moves slowly, shape (n, n) [rad/s].
+
+    Parameters
+    ----------
+    steps : Steps
+        The steps [SI].
+    trust : Trust
+        How far the bias moves, and how fast: a Gauss-Markov process.
+    """
+    apart = np.abs(steps.middle[:, None] - steps.middle)
+    alike = np.exp(-apart / trust.bias_time) + 1e-9 * np.eye(len(steps))
+    return np.asarray(trust.bias_sd * np.linalg.cholesky(alike))
 
 
 def tilts(steps: Steps) -> FloatArray:
@@ -136,8 +166,10 @@ def covariance(steps: Steps, trust: Trust) -> dict[str, FloatArray]:
     left = np.where(steps.rate == 0.0, 1.0, np.sqrt(0.5)) * left
     across = np.eye(3) - steps.up[:, :, None] * steps.up[:, None, :]
     turning = np.where((steps.rate != 0.0)[:, None], steps.gyro, 0.0)
+    moved = 0.0 if trust.drifts else trust.bias_sd
     return {
         "gyro noise": steps.cov,
+        "bias drift": np.broadcast_to(moved**2 * np.eye(3), steps.cov.shape),
         "rate jitter": trust.rate_jitter**2 * turning[:, :, None] * turning[:, None, :],
         "parts of turns": (left**2)[:, None, None] * across,
     }
@@ -165,7 +197,7 @@ class Unknowns:
     names : tuple of str
         Coefficients.
     prior_sd : ndarray, shape (m,)
-        Sd of what follows them: rate error, Earth's rate, tilts [SI].
+        Sd of what follows them: rate error, Earth's rate, tilts, drift [SI].
     sources : tuple of str
         Source of uncertainty that each of these m is.
     """
@@ -180,6 +212,7 @@ class Unknowns:
         rows = [("rate of the table", trust.rate_sd), ("unknown Earth rate", trust.vertical_sd)]
         if trust.fixture_sd > 0:
             rows += [("fixture", trust.fixture_sd)] * (2 * _placements(steps))
+        rows += [("bias drift", 1.0)] * (3 * len(steps) * trust.drifts)
         rows = [row for row in rows if row[1] > 0]
         return cls(names, np.array([sd for _, sd in rows]), tuple(name for name, _ in rows))
 
@@ -257,7 +290,8 @@ def fit(
 
 def _start(steps: Steps, trust: Trust) -> State:
     """Take the straight lines through all readings, where there are enough to have them."""
-    state = State(ImuModel(), 0.0, 0.0, np.zeros((_placements(steps), 2)))
+    drift = np.zeros((len(steps), 3)) if trust.drifts else None
+    state = State(ImuModel(), 0.0, 0.0, np.zeros((_placements(steps), 2)), drift)
     h, u = true_rate(steps, trust, state)
     size = float(np.abs(h).max()) or 1.0
     rows = np.column_stack([h[:, None] * u / size, np.ones(len(h))])
@@ -293,6 +327,10 @@ def _linearise(
         wide[np.arange(n), :, steps.placement] = mine
         parts.append(wide.reshape(n, 3, -1))
     miss = steps.gyro - model.measure(force, w)[1]
+    if trust.drifts and state.drift is not None:
+        lower = drift_root(steps, trust)
+        miss = miss - lower @ state.drift
+        parts.append(np.einsum("nk,ij->nikj", lower, np.eye(3)).reshape(n, 3, 3 * n))
     weighted = root * np.sqrt(weights)[:, None, None]
     # The priors of what is not known of table, fixture and place come last.
     m = len(unknowns.prior_sd)
@@ -312,6 +350,8 @@ def _nuisance(state: State, trust: Trust, unknowns: Unknowns) -> FloatArray:
     values = [state.rate_error] if trust.rate_sd > 0 else []
     values += [state.vertical] if trust.vertical_sd > 0 else []
     values += state.tilt.ravel().tolist() if trust.fixture_sd > 0 else []
+    if trust.drifts and state.drift is not None:
+        values += state.drift.ravel().tolist()
     return np.array(values) / unknowns.prior_sd
 
 
@@ -344,13 +384,14 @@ def _moved(unknowns: Unknowns, state: State, step: FloatArray) -> State:
     for name, value in zip(unknowns.names, step, strict=False):
         block, where = coefficient_slot(name)
         blocks[block][where] += value
-    rate, earth, tilt = (
+    rate, earth, tilt, drift = (
         step[unknowns.columns(source)]
-        for source in ("rate of the table", "unknown Earth rate", "fixture")
+        for source in ("rate of the table", "unknown Earth rate", "fixture", "bias drift")
     )
     return State(
         replace(model, **blocks),
         state.rate_error + float(rate.sum()),
         state.vertical + float(earth.sum()),
         state.tilt + (tilt.reshape(-1, 2) if len(tilt) else 0.0),
+        state.drift if state.drift is None else state.drift + drift.reshape(-1, 3),
     )

@@ -27,14 +27,17 @@ from foucault.result import Estimate, Linearised, Problem
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-KINDS = ("accel at rest", "accel in spins", "gyro at rest", "gyro in spins")
-"""The kinds of reading."""
+KINDS = ("accel at rest", "accel in spins", "gyro at rest", "gyro in spins", "rate of spins")
+"""The kinds of residual; in spins the rate along the axis, which is the table's, stands alone."""
+
+ACROSS, ALONG = 3, 4
 
 GROUPS = {
     "accel at rest": "accel",
     "accel in spins": "accel",
     "gyro at rest": "gyro at rest",
     "gyro in spins": "gyro in spins",
+    "rate of spins": "rate of spins",
 }
 """Kind of reading -> what has one scatter. Errors of the table act on gyros in proportion to the
 rate, on accelerometers alike at rest and in spins; one variance each for their rests and spins
@@ -45,44 +48,6 @@ ENOUGH = 8.0
 
 
 @dataclass(frozen=True)
-class TableFit:
-    """A solution and how well it fits.
-
-    Attributes
-    ----------
-    observed : Observed
-        Readings with the covariance that was used, scatter included [SI].
-    problem : Problem
-        The problem that was solved.
-    estimate : Estimate
-        Its solution.
-    at : Linearised
-        The problem linearised there, with full weights.
-    before, after : dict of str to Component
-        Fit of each kind of reading by the noise alone, and with the scatter.
-    scatter : dict of str to float
-        Sd that was added to each of `GROUPS`, per axis [SI].
-    snooping : Snooping
-        Tests of the readings at the solution, outliers left out.
-    outliers : tuple of int, shape (k,)
-        Readings that were left out: j for the specific force of reading j, n + j for its rate.
-    suspects : tuple of int, shape (k,)
-        Readings of which one is wrong, but it cannot be told which.
-    """
-
-    observed: Observed
-    problem: Problem
-    estimate: Estimate
-    at: Linearised
-    before: dict[str, Component]
-    after: dict[str, Component]
-    scatter: dict[str, float] = field(default_factory=dict)
-    snooping: Snooping = field(default=None)  # type: ignore[assignment]
-    outliers: tuple[int, ...] = ()
-    suspects: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
 class Options:
     """How to fit.
 
@@ -90,7 +55,7 @@ class Options:
     ----------
     names : tuple of str
         Coefficients to estimate.
-    lever_arm, level : bool
+    lever_arm, level, offset : bool
         Whether these are unknown, see `table_state.State`.
     prior : CoefficientVector or None
         Gaussian prior on the coefficients.
@@ -107,11 +72,53 @@ class Options:
     names: tuple[str, ...]
     lever_arm: bool
     level: bool
+    offset: bool = False
     prior: CoefficientVector | None = None
     rate_sd: float = 0.0
     robust: bool = True
     repeatability: bool = True
     gyro_at_rest: bool = False
+
+
+@dataclass(frozen=True)
+class TableFit:
+    """A solution and how well it fits.
+
+    Attributes
+    ----------
+    options : Options
+        How it was fitted.
+    observed : Observed
+        Readings with the covariance that was used, scatter included [SI].
+    problem : Problem
+        The problem that was solved.
+    estimate : Estimate
+        Its solution.
+    at : Linearised
+        The problem linearised there, with full weights.
+    before, after : dict of str to Component
+        Fit of each kind of reading by the noise alone, and with the scatter.
+    scatter : dict of str to float
+        Sd that was added to each of `GROUPS`, per axis [SI]; of the rate of spins relative [1].
+    snooping : Snooping
+        Tests of the readings at the solution, outliers left out.
+    outliers : tuple of int, shape (k,)
+        Readings that were left out: j for the specific force of reading j, n + j for its rate.
+    suspects : tuple of int, shape (k,)
+        Readings of which one is wrong, but it cannot be told which.
+    """
+
+    options: Options
+    observed: Observed
+    problem: Problem
+    estimate: Estimate
+    at: Linearised
+    before: dict[str, Component]
+    after: dict[str, Component]
+    scatter: dict[str, float] = field(default_factory=dict)
+    snooping: Snooping = field(default=None)  # type: ignore[assignment]
+    outliers: tuple[int, ...] = ()
+    suspects: tuple[int, ...] = ()
 
 
 def kinds_of(readings: Readings, blocks: IntArray) -> IntArray:
@@ -185,14 +192,14 @@ def _without_outliers(
 def _solve(observed: Observed, start: State, options: Options, weights: FloatArray) -> TableFit:
     problem = build(
         observed, options.names, start, lever_arm=options.lever_arm, level=options.level,
-        prior=options.prior,
+        offset=options.offset, prior=options.prior,
     )  # fmt: skip
     estimate = gauss_newton.solve(problem, loss=partial(_held, weights), weights=weights)
     # The test of a reading that was left out is that of a prediction: it keeps its tiny weight.
     at = problem.linearise(estimate.state, estimate.weights)
     components = _components(estimate, observed.readings)
     return TableFit(
-        observed, problem, estimate, at, components, components,
+        options, observed, problem, estimate, at, components, components,
         snooping=snoop(at, estimate.state_cov),
     )  # fmt: skip
 
@@ -205,8 +212,12 @@ def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
 def _components(estimate: Estimate, readings: Readings) -> dict[str, Component]:
     """Split the sum of squares by kind of reading, readings left out not counted."""
     kind = kinds_of(readings, estimate.blocks)
-    kept = estimate.weights[estimate.blocks] > 0.5
-    present = [k for k in range(4) if np.any((kind == k) & kept)]
+    used = estimate.blocks >= 0
+    first = np.zeros(len(kind), bool)
+    first[np.flatnonzero(used)[::3]] = True  # three rows per observation
+    kind[first & (kind == ACROSS)] = ALONG
+    kept = used & (estimate.weights[estimate.blocks] > 0.5)
+    present = [k for k in range(len(KINDS)) if np.any((kind == k) & kept)]
     out = {}
     for k in present:
         mine = (kind == k) & kept
@@ -230,15 +241,20 @@ def _worst(found: TableFit, readings: Readings) -> int | None:
     kept = found.estimate.weights[s.blocks] > 0.5
     score = np.zeros(len(s.blocks))
     bad = [name for name, c in found.after.items() if c.chi_square > c.high]
-    if bad:
-        bad = [max(bad, key=lambda name: found.after[name].ratio)]
-    for k, name in enumerate(KINDS):
+    worst_kind = max(bad, key=lambda name: found.after[name].ratio) if bad else None
+    for k, name in enumerate(KINDS[:ALONG]):
         mine = np.flatnonzero((kind == k) & kept & (s.dof > 0))
-        if not len(mine) or (bad and name not in bad):
+        parts = {name, KINDS[ALONG]} if k == ACROSS else {name}
+        if not len(mine) or (worst_kind is not None and worst_kind not in parts):
             continue
-        c = found.after[name]
-        left = np.maximum(c.redundancy - s.dof[mine], 0.0)
-        others = np.where(left > 0.5, (c.chi_square - s.test[mine]) / np.maximum(left, 0.5), 1.0)
+        components = [found.after[part] for part in parts if part in found.after]
+        # What the others say, of all their residuals and of each kind: one kind may be far worse.
+        others, left = np.ones(len(mine)), np.zeros(len(mine))
+        whole = [sum(c.chi_square for c in components), sum(c.redundancy for c in components)]
+        for square, redundancy in (*((c.chi_square, c.redundancy) for c in components), whole):
+            left = np.maximum(redundancy - s.dof[mine], 0.0)
+            rest = np.maximum(square - s.test[mine], 0.0) / np.maximum(left, 0.5)
+            others = np.where(left > 0.5, np.maximum(others, rest), others)
         # Noise may be too small for all, above all where it was measured; one reading must stand
         # out from the others then. Where it fits them, it is the better yardstick.
         top = np.array([chi_square_limits(max(n, 1e-3))[1] for n in left])
@@ -292,15 +308,19 @@ def _members(readings: Readings, group: str) -> npt.NDArray[np.bool_]:
     """Tell which readings are of a group."""
     if group == "accel":
         return np.ones(len(readings), bool)
-    return np.asarray(readings.spin == (group == "gyro in spins"))
+    return np.asarray(readings.spin == (group != "gyro at rest"))
 
 
 def _grown(base: Observed, group: str, scatter: float, c: Component) -> float:
     """Scale the total variance by its ratio and give the increase to the scatter."""
     cov = base.accel_cov if group == "accel" else base.gyro_cov
     mine = _members(base.readings, group)
-    white = float(np.median(np.trace(cov[mine], axis1=1, axis2=2)) / 3)
-    return float(np.sqrt(max((scatter**2 + white) * c.ratio - white, 0.0)))
+    white = np.trace(cov[mine], axis1=1, axis2=2) / 3
+    if group == "rate of spins":
+        w = base.readings.gyro[mine]  # type: ignore[index]
+        white = np.einsum("ni,nij,nj->n", w, cov[mine], w) / np.sum(w**2, axis=1) ** 2
+    usual = float(np.median(white))
+    return float(np.sqrt(max((scatter**2 + usual) * c.ratio - usual, 0.0)))
 
 
 def inflated(observed: Observed, scatter: dict[str, float], sign: float = 1.0) -> Observed:
@@ -311,12 +331,17 @@ def inflated(observed: Observed, scatter: dict[str, float], sign: float = 1.0) -
     observed : Observed
         Readings and their covariance [SI].
     scatter : dict of str to float
-        Group of readings -> sd to add, per axis [SI].
+        Group of readings -> sd to add, per axis [SI]; that of the rate of spins is relative.
     sign : float
         -1 takes it away again [1].
     """
     accel, gyro = observed.accel_cov.copy(), observed.gyro_cov.copy()
     for group, sd in scatter.items():
         cov = accel if group == "accel" else gyro
-        cov[_members(observed.readings, group)] += sign * sd**2 * np.eye(3)
+        mine = _members(observed.readings, group)
+        added = np.broadcast_to(np.eye(3), cov[mine].shape)
+        if group == "rate of spins":
+            w = observed.readings.gyro[mine]  # type: ignore[index]
+            added = w[:, :, None] * w[:, None, :]
+        cov[mine] += sign * sd**2 * added
     return replace(observed, accel_cov=accel, gyro_cov=gyro)

@@ -1,9 +1,9 @@
 """The likelihood of readings on a table, whatever is believed of the table.
 
-Where nothing is believed of it (`table_state.Free`) this is norm observation for accelerometers
+Where nothing is believed of it (`table_geometry.Free`) this is norm observation for accelerometers
 and gyros with the unification of their frames, all at once. Where the angles are believed exactly
 it is the traditional multi-position method, and with errors of known size
-(`table_state.Angles`) the joint estimate of instrument and table.
+(`table_geometry.Angles`) the joint estimate of instrument and table.
 
 The covariance of a reading is that of its noise and of what is not modelled: the run-to-run jitter
 of the spin rate, and at rest the horizontal part of the Earth's rotation where the heading is
@@ -25,16 +25,8 @@ from foucault.models import turntable
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.readings import Readings
-from foucault.models.table_state import (
-    Angles,
-    Free,
-    Geometry,
-    State,
-    Trust,
-    Unknowns,
-    moved,
-    predict,
-)
+from foucault.models.table_geometry import Angles, Free, Geometry, Trust, tangents
+from foucault.models.table_state import State, Unknowns, moved, predict
 from foucault.result import Estimate, Linearised, Problem
 
 FloatArray = npt.NDArray[np.float64]
@@ -69,10 +61,15 @@ class Observed:
 
     @cached_property
     def gyro_root(self) -> FloatArray:
-        """Matrices that whiten the residuals of the rates, shape (n, 3, 3) [1 / SI]."""
+        """Matrices that whiten the residuals of the rates, shape (n, 3, 3) [1 / SI].
+
+        In spins the first row is along the axis, where errors of the table's rate act.
+        """
         if self.readings.gyro is None:  # nothing to whiten: their covariance is empty
             return np.broadcast_to(np.eye(3), self.gyro_cov.shape)
-        return whitening(self.gyro_cov)
+        w = self.readings.gyro
+        axis = np.where(self.readings.spin[:, None], w, [1.0, 0.0, 0.0])
+        return whitening(self.gyro_cov, axis / np.linalg.norm(axis, axis=1, keepdims=True))
 
     @classmethod
     def of(
@@ -128,15 +125,21 @@ def _unknown_earth(up: FloatArray, site: Site) -> FloatArray:
     return np.asarray(size * (eye - up[:, :, None] * up[:, None, :]))
 
 
-def whitening(cov: FloatArray) -> FloatArray:
-    """Return the inverse Cholesky factors of covariances, shape (n, 3, 3) [1 / SI].
+def whitening(cov: FloatArray, first: FloatArray | None = None) -> FloatArray:
+    """Return inverse Cholesky factors of covariances, shape (n, 3, 3) [1 / SI].
 
     Parameters
     ----------
     cov : ndarray, shape (n, 3, 3)
         Covariances [SI].
+    first : ndarray, shape (n, 3), or None
+        Unit vectors along which the first white residual is taken; None takes x [1].
     """
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(cov)))
+    if first is None:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(cov)))
+    B = np.concatenate([first[:, :, None], tangents(first)], axis=2)
+    across = np.swapaxes(B, 1, 2)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(across @ cov @ B)) @ across)
 
 
 def build(
@@ -146,6 +149,7 @@ def build(
     *,
     lever_arm: bool,
     level: bool,
+    offset: bool = False,
     prior: CoefficientVector | None = None,
 ) -> Problem:
     """Build the least-squares problem.
@@ -158,12 +162,12 @@ def build(
         Coefficients to estimate.
     start : State
         Where to start; its geometry says what is believed of the table.
-    lever_arm, level : bool
+    lever_arm, level, offset : bool
         Whether these are unknown, see `table_state.State`.
     prior : CoefficientVector or None
         Gaussian prior on the coefficients.
     """
-    unknowns = Unknowns(names, lever_arm, level)
+    unknowns = Unknowns(names, lever_arm, level, offset)
     return Problem(
         layout=LAYOUT.subset(names),
         start=start,
@@ -318,6 +322,7 @@ def fit(
     *,
     lever_arm: bool,
     level: bool,
+    offset: bool = False,
     prior: CoefficientVector | None = None,
     loss: gauss_newton.Loss = gauss_newton.huber,
 ) -> tuple[Problem, Estimate]:
@@ -331,14 +336,16 @@ def fit(
         Coefficients to estimate.
     start : State
         Where to start.
-    lever_arm, level : bool
+    lever_arm, level, offset : bool
         Whether these are unknown.
     prior : CoefficientVector or None
         Gaussian prior on the coefficients.
     loss : callable
         ``norms -> weights``, see `gauss_newton.solve`.
     """
-    problem = build(observed, names, start, lever_arm=lever_arm, level=level, prior=prior)
+    problem = build(
+        observed, names, start, lever_arm=lever_arm, level=level, offset=offset, prior=prior
+    )
     return problem, gauss_newton.solve(problem, loss=loss)
 
 

@@ -33,6 +33,8 @@ class Steps:
         Covariance of the noise of these means [(rad/s)^2].
     force : ndarray, shape (n, 3)
         True mean specific force, fixture axes, for the g-sensitivity [m/s^2].
+    start : ndarray, shape (n,), or None
+        When each step began; None: one right after the other [s].
     """
 
     up: FloatArray
@@ -42,6 +44,7 @@ class Steps:
     gyro: FloatArray
     cov: FloatArray
     force: FloatArray
+    start: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.rate)
@@ -55,6 +58,15 @@ class Steps:
     def sense(self) -> FloatArray:
         """1 where that axis points up, -1 where it points down, shape (n,)."""
         return np.asarray(np.sign(np.take_along_axis(self.up, self.axis[:, None], 1)[:, 0]))
+
+    @property
+    def middle(self) -> FloatArray:
+        """When each step was half over, shape (n,) [s]."""
+        ends = np.concatenate([[0.0], np.cumsum(self.time)])
+        start = self.start
+        if start is None or not np.isfinite(start).all() or (np.diff(start) <= 0).any():
+            start = ends[:-1]
+        return np.asarray(start + self.time / 2)
 
     @property
     def turns(self) -> FloatArray:

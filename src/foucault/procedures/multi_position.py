@@ -9,7 +9,7 @@ the angles.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -17,7 +17,7 @@ from pydantic import Field
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.models.table_state import Trust
+from foucault.models.table_geometry import Trust
 from foucault.procedures import on_table
 from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent
@@ -26,6 +26,7 @@ from foucault.procedures.turntable_session import TableSession, TableSettings
 from foucault.procedures.turntable_session import simulate as simulate
 from foucault.result import Result
 from foucault.tables import Log
+from foucault.units import Quantity
 
 
 class Settings(TableSettings):
@@ -38,8 +39,26 @@ class Settings(TableSettings):
     )
 
 
+ARCSEC = float(np.pi / 648000)
+
+
 class Session(TableSession):
-    """The session that `simulate` makes."""
+    """The session that `simulate` makes: on a table as good as this method wants it."""
+
+    plumb_sd: Annotated[float, Quantity("angle")] = Field(
+        default=1 * ARCSEC, ge=0, description="Sd of the tilt of the outer axis."
+    )
+    orthogonality_sd: Annotated[float, Quantity("angle")] = Field(
+        default=1 * ARCSEC, ge=0, description="Sd of the angles between the table's axes."
+    )
+    zero_sd: Annotated[float, Quantity("angle")] = Field(
+        default=1 * ARCSEC, ge=0, description="Sd of the zero errors of middle and inner angle."
+    )
+    position_sd: Annotated[float, Quantity("angle")] = Field(
+        default=1 * ARCSEC,
+        ge=0,
+        description="Sd of the middle and inner angle from one position to the next.",
+    )
 
 
 names_of = on_table.names_of

@@ -29,7 +29,8 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
-from foucault.models.table_state import State, Trust
+from foucault.models.table_geometry import Trust
+from foucault.models.table_state import State
 from foucault.models.turntable import up_k
 from foucault.plans.efficiency import refuse_singular
 from foucault.plans.turntable import table_plan
@@ -212,16 +213,20 @@ def from_readings(
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))
     free = task.trust is None
+    at_rest = readings.gyro is not None and (task.settings.g_sensitivity or not free)
     options = Options(
         names,
         # With free directions and no gyros, a lever arm only turns the axis of each spin.
         lever_arm=task.settings.lever_arm and spins and (readings.gyro is not None or not free),
         level=free and spins and rests >= NORM_NEEDS,
+        # Rests and spins are minutes apart: with noise that is only measured, the bias may have
+        # moved by more than it says.
+        offset=spins and rests > 0 and at_rest and not readings.declared,
         prior=_prior(names, prior or {}),
         rate_sd=task.settings.rate_sd,
         robust=task.settings.loss == "robust",
         repeatability=task.repeatability,
-        gyro_at_rest=task.settings.g_sensitivity or not free,
+        gyro_at_rest=at_rest,
     )
     start = _start(readings, task, site, options)
     solution = fit(readings, site, start, options)
@@ -366,50 +371,8 @@ def _diagnostics(
         "chi_square_of_noise_alone": squares(solution.before),
         "coverage": coverage_json(covered, int(np.sum(~e.readings.spin))),
         "budget": table_report.budget(solution, site, _common_rate_sd(e.readings, task, site)),
-        "unseen": unseen(e.readings, task, site),
+        "unseen": table_report.unseen(
+            e.readings, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
+        ),
         **table_report.bound(e.readings, site, estimate.state, options),
     }
-
-
-def unseen(readings: Readings, task: Task, site: Site) -> list[str]:
-    """Say what a procedure on a table cannot see in principle, for result.json.
-
-    Parameters
-    ----------
-    readings : Readings
-        What was observed [SI].
-    task : Task
-        Which procedure, with its settings.
-    site : Site
-        Gravity and its uncertainty.
-    """
-    g = (
-        f"its standard uncertainty, {site.gravity_sd / 1e-5:.3g} mGal, is part of every uncertainty"
-        if site.gravity_sd
-        else "it was taken as exact"
-    )
-    out = [
-        f"A wrong local gravity: 1 ppm of g is 1 ppm in all accelerometer scale factors; {g}.",
-        "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
-        "Specific force beyond 1 g: there the result is extrapolated.",
-        "Other temperatures than that of the session.",
-    ]
-    if readings.gyro is not None:
-        sd = task.settings.table_rate_sd
-        rate = (
-            f"its standard uncertainty, {sd * 1e6:.3g} ppm, is part of every uncertainty"
-            if sd
-            else "it was taken as exact"
-        )
-        out.insert(1, f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scales; {rate}.")
-        rates = np.unique(np.round(np.abs(readings.rate[readings.spin]), 6))
-        if len(rates) == 1:
-            out.append("Gyro scale factors that change with the rate: all spins had the same.")
-    if task.trust is not None and not np.any(task.trust.common_sd):
-        out.append(
-            "Errors of the table that all positions share, such as axes that are not square: they "
-            "go into the coefficients, and the uncertainties do not know them."
-        )
-    if not task.settings.accel_quadratic:
-        out.append("Quadratic terms of the accelerometers: about 0.6 of each goes into the bias.")
-    return out

@@ -167,7 +167,9 @@ class Batch:
         task = task_of(self.settings)
         return {
             "coverage": coverage_json(covered, int(np.sum(~first.spin))),
-            "unseen": on_table.unseen(first, task, self.site),
+            "unseen": table_report.unseen(
+                first, self.site, task.settings.table_rate_sd, None, quadratic=False
+            ),
         }
 
     def problem(self, i: int) -> FoucaultError | None:

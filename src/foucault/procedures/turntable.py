@@ -17,7 +17,7 @@ from pydantic import Field
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.models.table_state import Trust
+from foucault.models.table_geometry import Trust
 from foucault.procedures import on_table
 from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent

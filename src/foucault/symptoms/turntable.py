@@ -361,5 +361,20 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A prior given to the published solution, which has no place for it",
      "The published solution cannot use [prior].",
      'Leave [prior] out, or set solution = "likelihood" in [procedure].'),
+    ("readings.common_rate", "warning",
+     "All gyro scale factors off by the same amount (a wrong rate of the table)",
+     "All three gyro scale factor errors are close to {ppm} ppm. A wrong rate of the table looks "
+     "exactly like this.",
+     "Check `spin_rate` in [procedure], or log the outer angle of the table."),
+    ("readings.g_sensitivity", "warning",
+     "Gyro readings at rest that depend on orientation more than the Earth's rotation explains",
+     "The rates at rest change with orientation by up to {size} deg/h per g. Not estimated, this "
+     "shifts gyro scale factors by up to {shift} ppm.",
+     "Set g_sensitivity = true in [procedure], or spin both ways (both_senses = true)."),
+    ("readings.quadratic", "warning",
+     "Residuals that quadratic terms of the accelerometers explain",
+     "Quadratic terms would explain {share} % of the squared residuals of the accelerometers.",
+     "Set accel_quadratic = true in [procedure] and calibrate again; it needs 14 positions or "
+     "more, 20 are good."),
 )
 # fmt: on
