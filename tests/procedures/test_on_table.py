@@ -463,3 +463,18 @@ def test_progress_is_told():
     )
     assert told == sorted(told)
     assert told[-1] == 1.0
+
+
+def test_a_large_log_stays_on_disk_and_gives_the_same(tmp_path, monkeypatch):
+    from foucault import campaign
+    from foucault.campaign import running
+
+    text = campaign.template("turntable").replace('rest_time = "60 s"', 'rest_time = "10 s"')
+    made = campaign.save_session(campaign.simulate(campaign.parse(text)), tmp_path)
+    in_memory = campaign.calibrate(made)
+    monkeypatch.setattr(running, "STREAMED", 0)
+    on_disk = campaign.calibrate(made)
+    difference = in_memory.coefficients.values - on_disk.coefficients.values
+    assert np.abs(difference / in_memory.coefficients.sd).max() < 1e-6
+    assert on_disk.provenance["input"]["sha256"] == in_memory.provenance["input"]["sha256"]
+    assert on_disk.verdict == in_memory.verdict
