@@ -150,19 +150,22 @@ def test_a_missing_position_is_named_with_its_angles():
 def test_a_repeated_position_is_named():
     got = checked(RESTS, done=only(RESTS, [0, 1, 2, 3, 4, 5, 6, 7, 3, 8, 9, 10, 11]))
     assert codes(got) == ["positions.repeated"]
-    assert "number 4 (outer 90, middle 0, inner 31.72 deg) (reading 9 at" in got.findings[0].message
+    assert "number 4 (outer 90, middle 0, inner 31.72 deg) (rest 9 (" in got.findings[0].message
     assert len(got) == 13
 
 
-def test_an_extra_position_is_named_and_has_no_angles():
+@pytest.mark.parametrize("matter", [True, False])
+def test_an_extra_position_is_named_and_left_out_where_its_angles_are_needed(matter):
     extra = np.vstack([ICO[:5], [[0, 0, 0]], ICO[5:]])
     made = Session(plan_of(extra, 0.0, time=5.0), **MEMS)
     log = made.log(())
-    got = check_readings(find_readings(log, plan=RESTS), RESTS, log)
-    assert codes(got) == ["positions.extra"]
-    assert "reading 6 at" in got.findings[0].message
-    assert np.isnan(got.angles[5]).all()
-    np.testing.assert_array_equal(np.delete(got.angles, 5, axis=0), ICO)
+    got = check_readings(find_readings(log, plan=RESTS), RESTS, log, angles_matter=matter)
+    assert codes(got) == ["positions.left_out" if matter else "positions.extra"]
+    assert "plan: rest 6 (" in got.findings[0].message
+    if not matter:
+        assert np.isnan(got.angles[5]).all()
+        got = got[np.arange(13) != 5]
+    np.testing.assert_array_equal(got.angles, ICO)
 
 
 def test_another_order_is_told_and_matched():
@@ -180,18 +183,144 @@ def test_gyros_that_turn_the_other_way_in_all_spins_are_refused(by):
     with pytest.raises(FoucaultError, match="In all 12 spins the gyros turn clockwise") as problem:
         check_readings(find_readings(log, plan=plan), plan, log)
     assert problem.value.code == "spin.sense"
-    for words in ('"-" before the outer column', '"-" before each of `columns` in [log.gyro]'):
-        assert words in problem.value.cure
+    assert '"-" before each of `columns` in [log.gyro]' in problem.value.cure
+    assert ('"-" before the outer column' in problem.value.cure) == (by == "table")
+    assert f"the other way than the {'plan' if by == 'plan' else 'outer column'}" in str(
+        problem.value
+    )
 
 
 def test_spins_in_both_senses_are_used_as_they_were():
     rates = np.where(np.arange(12) % 2, -1, 1) * SPINS.rate
     got = checked(SPINS, done=only(SPINS, np.arange(12), rates), logged=False)
     assert codes(got) == ["spin.sense_some"]
-    assert "6 spins have the other sense" in got.findings[0].message
+    assert (
+        "6 of 12 spins have the other sense than the plan says: spin 2 (" in got.findings[0].message
+    )
     np.testing.assert_allclose(got.rate, rates)
     want = rates[:, None] * plain_up(ICO) + Session(SPINS, **MEMS).gyro_bias
     np.testing.assert_allclose(got.gyro, want, atol=5e-4)
+
+
+@pytest.mark.parametrize("matter", [True, False])
+def test_spins_in_both_senses_instead_of_one_are_matched_by_position(matter):
+    angles, rates = np.repeat(ICO, 2, axis=0), np.tile([10 * DEG, -10 * DEG], 12)
+    log = Session(plan_of(angles, rates, turns=1.2), **MEMS).log(())
+    got = check_readings(find_readings(log, plan=SPINS), SPINS, log, angles_matter=matter)
+    assert codes(got) == ["spin.sense_some"]
+    assert "12 of 24 spins" in got.findings[0].message
+    np.testing.assert_allclose(got.rate, rates)
+    np.testing.assert_array_equal(got.angles, angles)
+
+
+def test_a_repeated_rest_has_the_angles_of_the_plan_where_none_are_logged():
+    rows = [*range(12), 2]
+    got = checked(RESTS, done=only(RESTS, rows), logged=False)
+    assert codes(got) == ["positions.repeated"]
+    np.testing.assert_array_equal(got.angles, ICO[rows])
+
+
+@pytest.mark.parametrize("logged", [True, False], ids=["angles", "no angles"])
+def test_other_positions_than_planned_are_no_mistake(logged):
+    rng = np.random.default_rng(3)
+    own = rng.uniform(-np.pi, np.pi, (16, 3)) * [0, 0.5, 1]
+    log = Session(plan_of(own, 0.0, time=5.0), **MEMS).log(("angles",) if logged else ())
+    found = find_readings(log, plan=RESTS)
+    free = check_readings(found, RESTS, log, angles_matter=False)
+    assert codes(free) == ["positions.other"]
+    assert "needs no angles" in free.findings[0].message
+    if not logged:
+        assert np.isnan(free.angles).all()
+        with pytest.raises(FoucaultError) as problem:
+            check_readings(found, RESTS, log)
+        assert problem.value.code == "table.directions"
+        return
+    used = check_readings(found, RESTS, log)
+    assert codes(used) == ["positions.other"]
+    assert "angles of the log were used" in used.findings[0].message
+    off = np.angle(np.exp(1j * (used.angles[:, 1:] - own[:, 1:])))
+    np.testing.assert_allclose(off, 0, atol=1e-5)
+
+
+def test_logged_angles_that_nobody_needs_and_that_fit_nothing_are_not_used():
+    log = Session(RESTS, **MEMS).log(("angles",))
+    rng = np.random.default_rng(5)
+    odd = rng.uniform(-3, 3, (1, 3)) * (np.floor(log.time / 9)[:, None] % [3, 5, 7])
+    wrong = replace(log, table=TableColumns(np.where(np.arange(3) == 0, log.table.angles, 0 * odd)))
+    found = find_readings(log, plan=RESTS)
+    found = replace(found, angles=rng.uniform(-3, 3, found.angles.shape))
+    got = check_readings(found, RESTS, wrong, angles_matter=False)
+    assert codes(got) == ["table.unused"]
+    np.testing.assert_array_equal(got.angles[:, 1:], np.full((12, 2), np.nan))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("degrees", [90, 180])
+@pytest.mark.parametrize("logged", [True, False], ids=["angles", "no angles"])
+def test_an_instrument_mounted_turned_is_nothing_odd_where_angles_do_not_matter(
+    axis, degrees, logged
+):
+    from scipy.spatial.transform import Rotation
+
+    both = TablePlan("", np.vstack([ICO, ICO]), np.r_[RESTS.rate, SPINS.rate], np.r_[
+        RESTS.time, SPINS.time])  # fmt: skip
+    rows = [k for k in range(24) if k != 5]  # one is missing: no one-to-one order
+    log = Session(only(both, rows), **MEMS).log(("angles",) if logged else ())
+    C = Rotation.from_rotvec(degrees * DEG * np.eye(3)[axis]).as_matrix()
+    log = replace(log, accel=log.accel @ C.T, gyro=log.gyro @ C.T)
+    got = check_readings(find_readings(log, plan=both), both, log, angles_matter=False)
+    assert codes(got) == ["positions.missing"]
+    assert "in 1 of the 24" in got.findings[0].message
+    np.testing.assert_allclose(np.cos(got.angles[:, 1:] - both.angles[rows, 1:]), 1, atol=1e-9)
+
+
+def test_another_order_and_another_mounting_together_are_told():
+    order = [7, 3, 0, 11, 5, 1, 9, 2, 10, 4, 8, 6]
+    log = Session(only(RESTS, order), **MEMS).log(())
+    log = replace(log, **{k: getattr(log, k)[:, [1, 2, 0]] for k in ("accel", "gyro")})
+    got = check_readings(find_readings(log, plan=RESTS), RESTS, log, angles_matter=False)
+    assert codes(got) == ["positions.order"]
+
+
+def test_a_wrong_sign_of_the_outer_column_is_told_from_reversed_gyros():
+    log = Session(SPINS, **MEMS).log(("angles",))
+    table = TableColumns(log.table.angles * [-1, 1, 1])
+    words = []
+    for wrong in (replace(log, table=table), replace(log, gyro=-log.gyro)):
+        with pytest.raises(FoucaultError) as problem:
+            check_readings(find_readings(wrong, plan=SPINS), SPINS, wrong)
+        assert problem.value.code == "spin.sense"
+        assert "the other way than the outer column" in str(problem.value)
+        words.append((str(problem.value), problem.value.cure))
+    assert "plan says the same as the gyros" in words[0][0]
+    assert words[0][1].startswith('Probably the table counts the wrong way round: write "-"')
+    assert "plan says the same as the log" in words[1][0]
+    assert words[1][1].startswith("Probably the gyros are reversed")
+
+
+def test_a_plan_in_the_wrong_order_is_not_blamed_on_columns_that_are_not_there():
+    swapped = TablePlan("", ICO[:, [0, 2, 1]], RESTS.rate, RESTS.time)
+    with pytest.raises(FoucaultError) as problem:
+        checked(swapped, done=RESTS, logged=False)
+    assert problem.value.code == "table.order"
+    assert "[log.table]" not in problem.value.cure
+    assert "`plan` or `positions`" in problem.value.cure
+
+
+def test_a_log_on_disk_tells_by_its_description_what_it_has_of_the_table():
+    from foucault.logs import LogDescription
+
+    found, _ = session(SPINS)
+    for table, said in (
+        (None, "the plan"),
+        ({"rate": "r", "rate_unit": "rad/s"}, "the outer column"),
+        ({"columns": ["o", "", ""], "unit": "rad"}, "the outer column"),
+    ):
+        described = LogDescription(file="log.csv", table=table)
+        wrong = replace(found, gyro=-found.gyro)
+        with pytest.raises(FoucaultError, match=f"the other way than {said}") as problem:
+            check_readings(wrong, SPINS, described)
+        assert problem.value.code == "spin.sense"
 
 
 def test_gyros_alone_can_be_matched_and_checked():

@@ -14,9 +14,11 @@ import pytest
 from foucault.campaign import parse
 from foucault.campaign.running import simulate as simulate_campaign
 from foucault.campaign.writing import template
-from foucault.errors import FoucaultError
+from foucault.diagnose.faces import _creeping, find_faces
+from foucault.errors import FoucaultError, finding
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.procedures import ferraris, six_position
 from foucault.result import Level
@@ -85,7 +87,11 @@ def test_published_solution_gives_the_other_programs_numbers():
 def test_the_likelihood_finds_faces_and_turns_of_the_real_log_itself():
     log, sections = session()
     found = calibrate(log, Site(9.81), None)
-    assert found.verdict.level is Level.PASS
+    # One turn about each axis: 2.8 % of scale may be 10 deg that were not turned.
+    assert found.verdict.level is Level.DOUBTFUL
+    assert "A single turn cannot tell" in " ".join(found.verdict.reasons)
+    told = calibrate(log, Site(9.81), None, angle_sd=np.radians(0.5))
+    assert told.verdict.level is Level.PASS
     assert len(found.diagnostics["faces"]) == 13
     assert found.diagnostics["turns"] == [
         f"about {a}, {a} up, clockwise seen from above" for a in "xyz"
@@ -186,6 +192,82 @@ def test_a_turn_that_went_too_far_is_doubted():
     assert not check.passed and "deg that were turned too much" in check.sentence
 
 
+def level_of(log, **settings):
+    result = calibrate(log, **settings)
+    (check,) = [c for c in result.checks if c.name == "whole turns"]
+    return result, check
+
+
+def test_a_single_turn_cannot_tell_its_scale_from_its_end():
+    """350 deg and a good gyro look like 360 deg and a gyro that is 2.8 % off."""
+    log, _ = short_log(seed=2, model=ImuModel(), angle=TURN * 350 / 360)
+    result, check = level_of(log)
+    assert result.verdict.level is Level.DOUBTFUL
+    assert check.value == pytest.approx(-10 / 360, abs=1e-3)
+    assert "A single turn cannot tell" in check.sentence
+    # Declared, the uncertainty knows it: 5 deg of 360.
+    result, check = level_of(log, angle_sd=np.radians(5.0))
+    assert check.passed
+    sd = result.coefficients["gyro.scale"].sd
+    assert sd == pytest.approx([5 / 360 * 350 / 360] * 3, rel=0.01)
+    assert np.abs(result.coefficients["gyro.scale"].values / sd).max() < 3
+    # Known beforehand, it is no turn that is doubted.
+    site = {"site": SITE, "noise": MEMS, "settings": ferraris.Settings()}
+    good, _ = short_log(seed=2, model=ImuModel(gyro_matrix=1.028 * np.eye(3)))
+    assert not level_of(good)[1].passed
+    known = ferraris.calibrate(good, prior={"gyro.scale": (0.028, 1e-3)}, **site)
+    assert next(c for c in known.checks if c.name == "whole turns").passed
+
+
+def test_accelerometers_see_the_tilt_after_a_turn_and_not_the_heading():
+    short, _ = short_log(seed=2, model=ImuModel(), angle=TURN * 350 / 360)
+    whole, _ = short_log(seed=2, model=ImuModel())
+    said = [level_of(log)[0] for log in (short, whole)]
+    for r in said:
+        accel = next(c for c in r.checks if c.name == "noise of specific force at rest")
+        assert accel.passed
+        assert r.diagnostics["placement_sd"] < ARCMIN
+    rests = find_faces(whole, SITE.gravity)
+    k = int(
+        np.flatnonzero(
+            rests.adjacent
+            & (rests.readings.up_k @ [1, 1, 1] > 0)
+            & np.append((np.diff(rests.readings.up_k, axis=0) == 0).all(1), False)
+        )[0]
+    )
+    tilted = moved(
+        whole,
+        rests.first[k + 1] - 5,
+        rests.last[k + 1] + 5,
+        accel=SITE.gravity * np.radians(0.5) * np.roll(rests.readings.up_k[k], 1),
+    )
+    words = " ".join(c.sentence for c in level_of(tilted)[0].checks)
+    assert "Rests on the same face differ by" in words
+
+
+def test_a_turn_at_a_constant_rate_is_no_rest():
+    """Its middle is as quiet as a rest, and so is that of a slow turn."""
+    log, _ = short_log(seed=2, rest_time=4.0, turn_time=4.0, model=ImuModel())
+    rests = find_faces(log, SITE.gravity)
+    for k in np.flatnonzero(rests.adjacent).tolist():
+        a, b = rests.last[k], rests.first[k + 1]
+        c = (a + b) // 2
+        steady = log.gyro[c - 120 : c + 120]
+        noise = steady - np.median(steady, axis=0)
+        flat = steady.mean(axis=0) + 0.01 * noise / max(np.abs(noise).max(), 1e-9)
+        log.gyro[c - 120 : c + 120] = flat
+    found = find_faces(log, SITE.gravity)
+    assert len(found.rests.left_out)
+    assert not [f for f in found.findings if f.code == "rest.moving"]
+    # Slow and short: nobody meant to turn.
+    creeping = replace(
+        found.rests,
+        left_out=np.array([[np.radians(2.0), 10.0]]),
+        findings=(finding("rest.moving", start="1", end="11", rate="2"),),
+    )
+    assert len(_creeping(creeping)) == 1
+
+
 def test_repeated_turns_are_tested():
     """Both after one another on one face: a turn too far shows in the residuals."""
     one, _ = short_log(seed=2)
@@ -259,8 +341,11 @@ def test_angle_must_be_whole_turns():
 def test_the_template_simulates_and_calibrates(name):
     campaign = parse(template(name))
     made = simulate_campaign(campaign, 5)
+    settings = campaign.settings
+    if name == "ferraris":
+        settings = settings.model_copy(update={"angle_sd": np.radians(0.1)})
     result = {"six_position": six_position, "ferraris": ferraris}[name].calibrate(
-        made.simulation.log, site=campaign.site, settings=campaign.settings, noise=campaign.noise
+        made.simulation.log, site=campaign.site, settings=settings, noise=campaign.noise
     )
     assert result.verdict.level is Level.PASS
     truth = np.array([made.truth.value(n) for n in result.coefficients.names])

@@ -119,3 +119,14 @@ def test_a_bias_that_moves_between_rests_and_spins_does_no_harm():
     truth = model.coefficients(LINEAR_LOWER).values
     # The bias given is that in spins.
     assert np.all(np.abs(c.values - truth) < 4.5 * c.sd)
+
+
+def test_the_published_recovery_is_called_doubtful_where_its_bias_shows():
+    r = readings(draw_errors("mems", 3))
+    verdicts = {}
+    for solution in ("published", "linear"):
+        settings = norm_observation.Settings(plan="dodecahedron 20", solution=solution)
+        result = on_table.from_readings(r, norm_observation.task_of(settings), site=SITE)
+        check = next(c for c in result.checks if c.name == "agreement with the likelihood")
+        verdicts[solution] = (result.verdict.level.value, check.passed)
+    assert verdicts == {"published": ("doubtful", False), "linear": ("pass", True)}

@@ -117,10 +117,11 @@ def inspect(
             tell(0.9, "drawing")
             quick.write(seen, plots)
     screen.table("", ("log", str(log)), _overview(seen, start))
-    screen.table("readings", ("axis", "mean", "sd", "min", "max", "noise at rest"), _axes(seen))
-    screen.table(
-        "rests", ("rest", "start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)"), _rests(seen)
-    )
+    titles = ("axis", "mean", "sd", "min", "max", "noise at rest")
+    means = seen.log.averaged is not None
+    screen.table("readings", titles[:-1] if means else titles, _axes(seen))
+    kind = "mean" if means else "rest"
+    screen.table(f"{kind}s", (kind, *_TITLES, *_table_columns(seen)), _rests(seen))
     screen.findings(seen.findings)
     if plots is not None:
         screen.say(f"Plots are in {plots}.")
@@ -145,11 +146,18 @@ def from_start(log: Log) -> tuple[Log, float]:
     return replace(log, time=log.time - start), start
 
 
+_TITLES = ("start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)", "state")
+
+
 def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
     from foucault.units import plain, span
 
     log = seen.log
+    if log.averaged is not None:
+        took = f"{span(float(log.averaged.min()))} to {span(float(log.averaged.max()))}"
+        return [("means", f"{len(log)}, each over {took}")]
     kind = {"rate": "instantaneous", "increment": "means over each interval"}[log.sampled]
+    still = int(np.count_nonzero(~seen.turning))
     rows = [
         ("samples", f"{len(log)}"),
         ("duration", f"{log.duration:.2f} s"),
@@ -157,13 +165,15 @@ def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
         ("interval", f"{span(seen.shortest)} to {span(seen.longest)}"),
         ("gaps", f"{seen.gaps}"),
         ("readings", kind),
-        ("rests found", f"{len(seen.rests)} (level below {seen.rests.threshold:.3g} x the quiet)"),
+        ("rests found", f"{still} (level below {seen.rests.threshold:.3g} x the quiet)"),
     ]
+    if seen.turning.any():
+        rows.append(("steady turns", f"{int(seen.turning.sum())}, listed among the rests"))
     if start:
         rows.insert(1, ("starts at", f"{plain(start, 13)} s; times below count from there"))
     f = _means(seen, "accel")
     if f is not None and len(f):
-        size = np.linalg.norm(f, axis=1)
+        size = np.linalg.norm(f if seen.turning.all() else f[~seen.turning], axis=1)
         rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (gravity: 9.8)"))
     return rows
 
@@ -183,7 +193,8 @@ def _axes(seen: Inspection) -> list[tuple[str, ...]]:
             columns = (axes.mean, axes.sd, axes.lowest, axes.highest)
             numbers = [f"{convert(float(c[i]), kind, unit):.4g}" for c in columns]
             noise = convert(float(axes.noise[i]), noise_kind, noise_unit)
-            rows.append((f"{name} {axis} ({unit})", *numbers, f"{noise:.3g} {noise_unit}"))
+            last = () if seen.log.averaged is not None else (f"{noise:.3g} {noise_unit}",)
+            rows.append((f"{name} {axis} ({unit})", *numbers, *last))
     return rows
 
 
@@ -202,8 +213,24 @@ def _rests(seen: Inspection) -> list[tuple[str, ...]]:
         if w is not None:
             turning = f"{np.degrees(np.linalg.norm(w[k])):.3f}"
         start, end = (f"{seen.rest_rows[c][k]:.2f} s" for c in ("start", "end"))
-        rows.append((str(k + 1), start, end, up, size, turning))
+        if seen.log.averaged is not None:
+            end = f"{seen.rest_rows['start'][k] + seen.log.averaged[k]:.2f} s"
+        state = "turning" if seen.turning[k] else "rest"
+        columns = (f"{x[k]:.3f}" for x in _table_columns(seen).values())
+        rows.append((str(k + 1), start, end, up, size, turning, state, *columns))
     return rows
+
+
+def _table_columns(seen: Inspection) -> dict[str, Any]:
+    """Return angles and rate of the table in degrees, of logs that are means."""
+    table = seen.log.table
+    if table is None or seen.log.averaged is None:
+        return {}
+    names = ("outer (deg)", "middle (deg)", "inner (deg)")
+    columns = dict(zip(names, np.degrees(table.angles.T), strict=True))
+    if table.rate is not None:
+        columns["table (deg/s)"] = np.degrees(table.rate)
+    return {name: x for name, x in columns.items() if np.isfinite(x).any()}
 
 
 def _means(seen: Inspection, triad: str) -> Any:
@@ -218,7 +245,8 @@ def _means(seen: Inspection, triad: str) -> Any:
 def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
     """What `inspect` found, in SI; times count from `start`."""
     log = seen.log
-    keep = ("mean", "sd", "lowest", "highest", "noise")
+    samples = log.averaged is None
+    keep = ("mean", "sd", "lowest", "highest", *(["noise"] if samples else []))
     triads = {
         name: {key: getattr(axes, key).tolist() for key in keep}
         for name, axes in (("accel", seen.accel), ("gyro", seen.gyro))
@@ -229,12 +257,12 @@ def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
         "samples": len(log),
         "start": start,
         "duration": log.duration,
-        "rate": log.rate,
-        "interval": [seen.shortest, seen.longest],
-        "gaps": seen.gaps,
+        **({"rate": log.rate} if log.averaged is None else {"averaged": log.averaged.tolist()}),
+        **({"interval": [seen.shortest, seen.longest], "gaps": seen.gaps} if samples else {}),
         "sampled": log.sampled,
         **triads,
-        "threshold": seen.rests.threshold,
-        "rests": {name: column.tolist() for name, column in seen.rest_rows.items()},
+        **({"threshold": seen.rests.threshold} if samples else {}),
+        "rests": {name: column.tolist() for name, column in seen.rest_rows.items()}
+        | {"turning": seen.turning.tolist()},
         "findings": [item.as_dict() for item in seen.findings],
     }

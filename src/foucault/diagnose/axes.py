@@ -46,6 +46,32 @@ class Match:
     scale: float
 
 
+def exchanges() -> list[FloatArray]:
+    """Return the 48 signed permutations of three axes, the identity first, each shape (3, 3)."""
+    out = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            exchange = np.zeros((3, 3))
+            exchange[np.arange(3), order] = signs
+            out.append(exchange)
+    return out
+
+
+def exchange_words(exchange: FloatArray) -> str:
+    """Return an exchange of axes as text, body axis = declared column.
+
+    Parameters
+    ----------
+    exchange : ndarray, shape (3, 3)
+        Signed permutation that takes the declared columns to body axes [1].
+    """
+    return ", ".join(
+        f"{AXES[i]} = {'-' if row[k] < 0 else '+'}{AXES[k]}"
+        for i, row in enumerate(exchange)
+        for k in np.flatnonzero(row)
+    )
+
+
 def _miss(
     log: Log, rate: FloatArray, up_b: FloatArray, first: IntArray, last: IntArray
 ) -> tuple[float, FloatArray]:
@@ -88,13 +114,10 @@ def explain_turns(
         return declared, declared
     best = declared
     for scale in (1.0, 180 / np.pi, np.pi / 180, log.rate, log.interval):
-        for order in permutations(range(3)):
-            for signs in product((1.0, -1.0), repeat=3):
-                exchange = np.zeros((3, 3))
-                exchange[np.arange(3), order] = signs
-                miss, _ = _miss(log, scale * rate @ exchange.T, up_b, first, last)
-                if miss < best.miss * 0.999:
-                    best = Match(miss, exchange, scale)
+        for exchange in exchanges():
+            miss, _ = _miss(log, scale * rate @ exchange.T, up_b, first, last)
+            if miss < best.miss * 0.999:
+                best = Match(miss, exchange, scale)
     return declared, best
 
 
@@ -116,11 +139,7 @@ def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:
         "better": f"{np.degrees(best.miss):.1f}",
     }
     if not np.array_equal(best.exchange, np.eye(3)):
-        words = ", ".join(
-            f"{AXES[i]} = {'-' if row[k] < 0 else '+'}{AXES[k]}"
-            for i, row in enumerate(best.exchange)
-            for k in np.flatnonzero(row)
-        )
+        words = exchange_words(best.exchange)
         left_handed = np.linalg.det(best.exchange) < 0
         code = "gyro.left_handed" if left_handed else "gyro.axes"
         if np.array_equal(best.exchange, -np.eye(3)):

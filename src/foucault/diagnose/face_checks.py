@@ -30,6 +30,9 @@ ROUGH = np.radians(1.0)
 PARTIAL = 0.03
 """A gyro scale factor error beyond this looks like a turn that was not whole [1]."""
 
+SINGLE = 0.025
+"""The same, where one turn about an axis is all there is and nobody says how it ended [1]."""
+
 ARCMIN = np.degrees(1.0) * 60
 
 
@@ -59,6 +62,8 @@ class FaceEvidence:
         Covariance of all readings [SI].
     snooping : Snooping
         Tests of the single readings.
+    angle_given : bool
+        Whether it was declared how nearly the turns ended where they began.
     """
 
     scene: Scene
@@ -71,6 +76,7 @@ class FaceEvidence:
     found: Mapping[str, Scatter]
     cov: FloatArray
     snooping: Snooping
+    angle_given: bool = False
 
     def component(self, kind: str) -> tuple[float, float]:
         """Return sum of squares and redundancy of the "accel", "gyro" or "turns" residuals [1]."""
@@ -214,19 +220,30 @@ def _turns(e: FaceEvidence) -> Check:
 
 
 def _whole(e: FaceEvidence) -> Check:
-    names = [n for n in e.estimate.coefficients.names if n.startswith("gyro.scale.")]
-    values = [e.estimate.coefficients.value(n) for n in names]
-    k = int(np.argmax(np.abs(values)))
-    value, fine = float(values[k]), bool(abs(values[k]) <= PARTIAL)
+    """Doubt a turn that a plausible scale factor hardly explains: one turn cannot tell the two."""
+    vector, turns = e.estimate.coefficients, e.scene.turns
+    assert turns is not None
+    names = [f"gyro.scale.{a}" for a in AXES]
+    values = np.array([vector.value(n) for n in names])
+    known = np.array([np.isfinite(vector.prior_sd[vector.names.index(n)]) for n in names])
+    single = np.bincount(turns.axis, minlength=3) == 1
+    alone = single & ~known & (not e.angle_given)
+    limits = np.where(alone, SINGLE, PARTIAL)
+    k = int(np.argmax(np.abs(values) / limits))
+    value, limit = float(values[k]), float(limits[k])
+    fine = abs(value) <= limit
+    sd = f"{plain(e.belief.angle * ARCMIN, 2)} arcmin"
     words = f"The turns, as the data show: {'; '.join(turns_in_words(e.scene))}. They are as whole "
-    words += "as the scale factors of the gyros allow to say."
+    words += f"as the scale factors of the gyros allow to say; they count as exact to {sd} (sd)"
+    words += ", as declared." if e.angle_given else ", like the placements: declare `angle_sd`."
     if not fine:
         words = (
             f"The turn about {AXES[k]} is {100 * value:+.1f} % off: a scale factor error of the "
-            f"gyro, or {abs(360 * value):.0f} deg that were turned too much or too little. Turn "
-            "against a stop, or declare `angle_sd`."
+            f"gyro, or {abs(360 * value):.0f} deg that were turned too much or too little. "
         )
-    return Check("whole turns", value, -PARTIAL, PARTIAL, fine, words)
+        words += "A single turn cannot tell. " if alone[k] else ""
+        words += "Turn against a stop, and twice about each axis, or declare `angle_sd`."
+    return Check("whole turns", value, -limit, limit, fine, words)
 
 
 def _placement(e: FaceEvidence) -> Check:

@@ -30,6 +30,9 @@ SHORTEST = 8
 STILL = 2e-3, 6.0
 """A rest moves if its halves differ by more than this share of g and this many sd [1]."""
 
+A_TURN = np.radians(45.0), np.radians(10.0)
+"""A quiet time that turns so far, or so fast, is a turn and no rest [rad], [rad/s]."""
+
 REST_SECTIONS = tuple(f"{a}_{s}" for a in AXES for s in "pa")
 TURN_SECTIONS = tuple(f"{a}_rot" for a in AXES)
 """Names of sections: p and a for one and the other way up, rot for the turn about the axis."""
@@ -116,7 +119,7 @@ def find_faces(
     else:
         rests = find_rests(log, window=window, threshold=threshold, shortest=shortest)
         first, last = rests.first, rests.last
-    found = () if rests is None else rests.findings
+    found = () if rests is None else _creeping(rests)
     readings, tilt = _on_faces(log, first, last, gravity)
     off = tilt > OFF_FACE
     if rests is None and off.any():
@@ -135,6 +138,14 @@ def find_faces(
     return Faces(
         _some(readings, order), first[order], last[order], tilt[order], rests, adjacent, found
     )
+
+
+def _creeping(rests: Rests) -> tuple[Finding, ...]:
+    """Return the findings of rests that moved; a turn at a constant rate is none."""
+    far, fast = A_TURN
+    rate, time = rests.left_out.T
+    turn = (rate >= fast) | (rate * time >= far)
+    return tuple(f for f, is_turn in zip(rests.findings, turn, strict=True) if not is_turn)
 
 
 def _readable(log: Log) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.rests import Rests, find_rests, measure_noise, rest_table
 from foucault.errors import Finding
-from foucault.tables import Log
+from foucault.tables import AXES, Log
 
 FloatArray = npt.NDArray[np.float64]
+
+STEADY = np.radians(1.0)
+"""A quiet time that turns faster than the rests is a turn; drift and Earth are slower [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class Inspection:
         Extremes of the sample interval [s].
     gaps : int, shape ()
         Intervals longer than one and a half nominal ones [1].
+    turning : ndarray of bool, shape (rests,)
+        Which of the quiet times are turns at a constant rate.
     """
 
     log: Log
@@ -61,6 +66,7 @@ class Inspection:
     shortest: float
     longest: float
     gaps: int
+    turning: npt.NDArray[np.bool_]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -76,18 +82,76 @@ def inspect(log: Log) -> Inspection:
     log : Log
         Readings [SI].
     """
+    if log.averaged is not None:
+        return _means(log)
     rests = find_rests(log)
+    rows = rest_table(log, rests)
+    turning = turns_among(log, rests, rows)
+    still = replace(rests, first=rests.first[~turning], last=rests.last[~turning])
     step = np.diff(log.time)
     return Inspection(
         log=log,
         rests=rests,
-        rest_rows=rest_table(log, rests),
-        accel=_axes(log.accel, log.interval, rests),
-        gyro=_axes(log.gyro, log.interval, rests),
+        rest_rows=rows,
+        accel=_axes(log.accel, log.interval, still),
+        gyro=_axes(log.gyro, log.interval, still),
         shortest=float(step.min(initial=np.inf)),
         longest=float(step.max(initial=0.0)),
         gaps=int(np.count_nonzero(step > 1.5 * log.interval)),
+        turning=turning,
     )
+
+
+def _means(log: Log) -> Inspection:
+    """Look at a log whose rows are means: nothing moves in a row, and no noise is seen."""
+    n = len(log)
+    rows, level = np.arange(n, dtype=np.int64), np.full(n, np.nan)
+    rests = Rests(rows, rows + 1, level, level, level, float("nan"), 1)
+    none = replace(rests, first=rows[:0], last=rows[:0])
+    table = rest_table(log, rests)
+    return Inspection(
+        log=log,
+        rests=rests,
+        rest_rows=table,
+        accel=_axes(log.accel, 1.0, none),
+        gyro=_axes(log.gyro, 1.0, none),
+        shortest=float("nan"),
+        longest=float("nan"),
+        gaps=0,
+        turning=turns_among(log, rests, table),
+    )
+
+
+def turns_among(
+    log: Log, rests: Rests, rows: dict[str, npt.NDArray[np.generic]]
+) -> npt.NDArray[np.bool_]:
+    """Tell which quiet times are turns at a constant rate, shape (n,).
+
+    Parameters
+    ----------
+    log : Log
+        Readings; the rate of a table counts before that of the gyros [SI].
+    rests : Rests
+        The quiet times.
+    rows : dict of str to ndarray, each shape (n,)
+        Their means, as `rest_table` has them [SI].
+    """
+    n = len(rests)
+    told = None if log.table is None else log.table.rate
+    if told is not None and np.isfinite(told).any():
+        spans = zip(rests.first, rests.last, strict=True)
+        rate = np.array([abs(float(np.mean(told[a:b]))) for a, b in spans])
+        return np.asarray(np.nan_to_num(rate) > STEADY / 10)
+    if log.gyro is None or n < 2:
+        return np.zeros(n, bool)
+    mean = np.stack([np.asarray(rows[f"gyro_{a}"], float) for a in AXES], axis=1)
+    # Rests have the same rate, their bias; turns go about many axes. Take the densest of all,
+    # and of those that are as dense the slowest.
+    apart = np.linalg.norm(mean[:, None] - mean, axis=2)
+    alike = np.sum(apart <= STEADY, axis=1)
+    near = np.flatnonzero(alike >= 0.7 * alike.max())
+    centre = near[np.argmin(np.linalg.norm(mean[near], axis=1))]
+    return np.asarray(apart[centre] > STEADY)
 
 
 def _axes(x: FloatArray | None, interval: float, rests: Rests) -> Axes | None:

@@ -17,6 +17,9 @@ which is estimated, must be larger than this [m/s^2]."""
 UNKNOWN_GYRO = 1e-9
 """The same for the gyros [rad/s]."""
 
+MOST = 12
+"""So many spins are listed [1]."""
+
 WHOLE = 0.01
 """Turns that are less than this from whole are whole [1]."""
 
@@ -57,7 +60,8 @@ def _rates(log: Log, commanded: FloatArray) -> FloatArray:
             size = np.linalg.norm(log.gyro[spin], axis=1)
             ratio = float(np.median(np.abs(rate[spin]) / np.maximum(size, 1e-12)))
             told, measured = float(np.median(np.abs(rate[spin]))), float(np.median(size))
-            problem = rate_problem("table.rate_differs", ratio, told, measured)
+            code = "table.rate_differs" if nearest(told, commanded) is None else "spin.rate"
+            problem = rate_problem(code, ratio, told, measured)
             if problem is not None:
                 raise problem
         return rate
@@ -84,7 +88,11 @@ def _parts_of_turns(rate: FloatArray, turns: FloatArray, known: bool) -> list[Fi
     if len(short):
         i = int(short[0])
         raise error(
-            "spin.short", position=f"Row {i}", start="0", end="its time", turns=f"{turns[i]:.2f}"
+            "spin.short",
+            position=f"Row {i + 1}",
+            start="0",
+            end="its time",
+            turns=f"{turns[i]:.2f}",
         )
     part = np.abs(turns - np.round(turns))
     some = np.flatnonzero(spin & (part > WHOLE))
@@ -93,5 +101,9 @@ def _parts_of_turns(rate: FloatArray, turns: FloatArray, known: bool) -> list[Fi
     worst = max(some, key=lambda i: part[i] / turns[i])
     # Horizontal Earth rate at 45 deg over the part that is left: at most 2 sin(pi x) / (2 pi n).
     left = 10.6 * np.sin(np.pi * part[worst]) / (np.pi * turns[worst])
-    rows = ", ".join(f"{i} ({turns[i]:.2f} turns)" for i in some[:5])
+    number = np.cumsum(spin)  # spins are counted from 1, as the report does it
+    rows = ", ".join(f"{number[i]} ({turns[i]:.2f} turns)" for i in some[:MOST])
+    rows += f" and {len(some) - MOST} more" if len(some) > MOST else ""
+    if len(some) == spin.sum():
+        rows = f"all {len(some)} ({turns[some].min():.2f} to {turns[some].max():.2f} turns)"
     return [finding("spin.not_whole", rows=rows, left=f"{left:.2g}")]

@@ -9,7 +9,7 @@ missing, so that no cell belongs to two positions.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,9 @@ from foucault.tables import FloatArray, IntArray, Log, TableColumns
 
 CELL = 0.25
 """Length of a cell [s]."""
+
+SAMPLES = 20_000
+"""Most samples of the log that are kept as they are [1]."""
 
 HOLE = 0.25
 """Where no sample came for longer, a rest or a spin is broken [s]."""
@@ -88,6 +91,8 @@ class Reduced:
         Which of accel, gyro, outer, middle, inner and label the log has.
     findings : tuple of tuple of Finding
         What the reader told of each block.
+    samples : dict of str to ndarray, each shape (k, 3)
+        Some samples from all over the log, accel and gyro [SI].
     """
 
     cells: Cells
@@ -95,6 +100,7 @@ class Reduced:
     increments: bool
     has: frozenset[str]
     findings: tuple[tuple[Any, ...], ...]
+    samples: dict[str, FloatArray] = field(default_factory=dict)
 
 
 def held(log: Log) -> Log:
@@ -130,6 +136,7 @@ def reduce(source: Source) -> Reduced:
     for block in source():
         state = state or _State(block)
         findings.append(block.findings)
+        state.see(block)
         rows = state.joined(_Rows(block, state.unwrapped(block)))
         part, cut = _reduced(rows, state, final=False)
         parts += [part] if part else []
@@ -141,7 +148,7 @@ def reduce(source: Source) -> Reduced:
     columns = {f.name: np.concatenate([p[f.name] for p in parts]) for f in fields(Cells)}
     return Reduced(
         _closed(Cells(**columns), state), state.interval, state.increments, state.has,
-        tuple(findings),
+        tuple(findings), state.kept,
     )  # fmt: skip
 
 
@@ -188,6 +195,8 @@ class _State:
         self.row = 0  # number of the first row that is held
         self.before = np.nan  # time of the sample before it
         self.held: _Rows | None = None
+        self.kept: dict[str, FloatArray] = {}
+        self._every = 1
         self._raw = self._smooth = self._time = self._rate = np.nan
         table = log.table
         has = {name for name in ("accel", "gyro") if getattr(log, name) is not None}
@@ -198,6 +207,17 @@ class _State:
             has |= {"outer"} if table.rate is not None else set()
             has |= {"label"} if table.position is not None else set()
         self.has = frozenset(has)
+
+    def see(self, log: Log) -> None:
+        """Keep some of the samples."""
+        for name in ("accel", "gyro"):
+            x = getattr(log, name)
+            if x is not None:
+                before = self.kept.get(name, np.empty((0, 3)))
+                self.kept[name] = np.concatenate([before, x[:: self._every]])
+        while self.kept and len(next(iter(self.kept.values()))) > SAMPLES:
+            self.kept = {name: x[::2].copy() for name, x in self.kept.items()}
+            self._every *= 2
 
     def unwrapped(self, log: Log) -> tuple[FloatArray, FloatArray]:
         """Return the outer angle without jumps, and what the log says less that."""

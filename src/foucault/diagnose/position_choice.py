@@ -14,7 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.position_cells import CELL, Reduced, Source
-from foucault.diagnose.position_stretches import Stretch, mean, steadiness, stretches
+from foucault.diagnose.position_rates import bias_across
+from foucault.diagnose.position_shaken import runs_of
+from foucault.diagnose.position_stretches import (
+    Steadiness,
+    Stretch,
+    mean,
+    steadiness,
+    stretches,
+)
 from foucault.diagnose.position_turns import TURN, Window, cells_of, reaches, whole_turns
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.tables import FloatArray
@@ -84,7 +92,7 @@ def choose(source: Source, data: Reduced, commanded: FloatArray, shortest: float
         raise error("session.no_accel")
     how = steadiness(data)
     runs = stretches(data, how, float(commanded.min()) if len(commanded) else None)
-    _same_rate(data, runs)
+    _same_rate(data, runs, commanded)
     labelled = "label" in data.has
     findings: list[Finding] = []
     if labelled:
@@ -95,6 +103,9 @@ def choose(source: Source, data: Reduced, commanded: FloatArray, shortest: float
     windows = dict(zip(spins, _windows(source, data, spins, commanded), strict=True))
     short = [run for run in spins if not windows[run].turns]
     good = [run for run in runs if run.rate == 0 or windows[run].turns]
+    lost, told = _unused(data, how, good)
+    findings += told
+    short = [r for r in short if not any(a <= r.first < b for a, b in lost)]
     meant = [r for r in short if labelled or windows[r].whole >= ATTEMPT]
     if meant and (labelled or len(good) == sum(r.rate == 0 for r in good)):
         raise _short(data, meant[0], windows[meant[0]])
@@ -102,11 +113,38 @@ def choose(source: Source, data: Reduced, commanded: FloatArray, shortest: float
     if not labelled:
         findings += _creeping(data, short, good)
         good, pauses = _without_pauses(data, good)
-    _rates_as_told(data, [run for run in good if run.rate != 0], commanded)
+    resting = [run for run in good if run.rate == 0]
+    _rates_as_told(data, [run for run in good if run.rate != 0], resting, commanded)
     chosen = [windows.get(run) or _rest(data, run) for run in good]
     if labelled:
         findings += _cut(data, good, chosen)
     return Choice(good, chosen, pauses, tuple(findings))
+
+
+def _unused(
+    data: Reduced, how: Steadiness, good: list[Stretch]
+) -> tuple[list[tuple[int, int]], list[Finding]]:
+    """Name the steady turns of the gyros, of a whole turn or more, that are no reading."""
+    cells, lost, out = data.cells, [], []
+    rests = [run for run in good if run.rate == 0]
+    bias = np.mean([mean(cells, cells.gyro, r) for r in rests], axis=0) if rests else np.zeros(3)
+    for a, b in runs_of(how.even):
+        run = Stretch(a, b, np.nan)
+        used = sum(min(r.last, b) - max(r.first, a) for r in good if r.first < b and r.last > a)
+        speed = float(np.linalg.norm(mean(cells, cells.gyro, run) - bias))
+        turns = speed * _time(data, run) / TURN
+        if turns < 1 or 2 * used > b - a or speed < CREEP:
+            continue
+        lost.append((a, b))
+        words = _words(data, run)
+        change = "the accelerometers change meanwhile"
+        why = change if "accel" in data.has else "it is no steady turn about the vertical"
+        out.append(
+            finding(
+                "spin.unused", turns=f"{turns:.2f}", start=words["start"], end=words["end"], why=why
+            )
+        )  # fmt: skip
+    return lost, out
 
 
 def _creeping(data: Reduced, short: list[Stretch], good: list[Stretch]) -> list[Finding]:
@@ -208,7 +246,7 @@ def nearest(rate: float, commanded: FloatArray) -> float | None:
     return float(commanded[best]) if ratio[best] <= np.log(OTHER_RATE) else None
 
 
-def _same_rate(data: Reduced, runs: list[Stretch]) -> None:
+def _same_rate(data: Reduced, runs: list[Stretch], commanded: FloatArray) -> None:
     """Refuse angles of the table that turn at another rate than the gyros say."""
     spins = [run for run in runs if run.rate != 0]
     if not spins or "outer" not in data.has or "gyro" not in data.has:
@@ -221,9 +259,10 @@ def _same_rate(data: Reduced, runs: list[Stretch]) -> None:
     ratio = np.array([abs(run.rate) for run in spins]) / np.maximum(size, 1e-12)
     order = np.argsort(ratio)
     middle = order[np.searchsorted(np.cumsum(time[order]), 0.5 * time.sum())]
-    problem = rate_problem(
-        "table.rate_differs", float(ratio[middle]), abs(spins[middle].rate), float(size[middle])
-    )
+    told = abs(spins[middle].rate)
+    # Where plan and table agree it is the gyros that are wrong.
+    code = "table.rate_differs" if nearest(told, commanded) is None else "spin.rate"
+    problem = rate_problem(code, float(ratio[middle]), told, float(size[middle]))
     if problem is not None:
         raise problem
 
@@ -234,7 +273,8 @@ def rate_problem(code: str, ratio: float, told: float, measured: float) -> Fouca
     Parameters
     ----------
     code : str
-        What it is where no unit explains it.
+        What it is where no unit explains it; "table.rate_differs" blames the columns of the table,
+        "spin.rate" the gyros.
     ratio : float
         Rate of the table over rate of the gyros [1].
     told, measured : float
@@ -246,22 +286,47 @@ def rate_problem(code: str, ratio: float, told: float, measured: float) -> Fouca
     one = np.degrees(1.0)
     for factor, is_unit, says in ((one, "deg", "rad"), (1 / one, "rad", "deg")):
         if 1 / OTHER_RATE < ratio / factor < OTHER_RATE:
-            return error("table.rate_unit", likely=is_unit, given=says, **words)
+            if code == "table.rate_differs":
+                return error("table.rate_unit", likely=is_unit, given=says, **words)
+            # The other way round: what the plan says is not read from a file of raw numbers.
+            return error("spin.rate_unit", likely=f"{says}/s", given=f"{is_unit}/s", **words)
     return error(code, **words)
 
 
-def _rates_as_told(data: Reduced, spins: list[Stretch], commanded: FloatArray) -> None:
+def _far_too_slow(data: Reduced, rests: list[Stretch], commanded: FloatArray) -> None:
+    """Refuse rests that turn at the rates of spins, but for the factor of a wrong unit."""
+    if len(rests) < 3:
+        return
+    w, f = (np.array([mean(data.cells, x, r) for r in rests])
+            for x in (data.cells.gyro, data.cells.accel))  # fmt: skip
+    up = f / np.linalg.norm(f, axis=1)[:, None]
+    bias = bias_across(w, up, np.array([_time(data, r) for r in rests]))
+    along = np.abs(((w - bias) * up).sum(axis=1))
+    for told in commanded:
+        like = (along > np.radians(told) / OTHER_RATE) & (along < np.radians(told) * OTHER_RATE)
+        if like.sum() >= max(3, len(rests) // 4):
+            size = float(np.median(along[like]))
+            problem = rate_problem("spin.rate", float(told) / size, float(told), size)
+            if problem is not None:
+                raise problem
+
+
+def _rates_as_told(
+    data: Reduced, spins: list[Stretch], rests: list[Stretch], commanded: FloatArray
+) -> None:
     """Refuse spins at another rate than commanded, where only the command tells the turns."""
     if "outer" in data.has or not len(commanded):
         return
-    for run in spins:
-        if nearest(run.rate, commanded) is None:
-            told = commanded[np.argmin(np.abs(np.log(abs(run.rate) / commanded)))]
-            problem = rate_problem(
-                "spin.rate", float(told / abs(run.rate)), float(told), abs(run.rate)
-            )
-            if problem is not None:
-                raise problem
+    if not spins and {"gyro", "accel"} <= data.has:
+        _far_too_slow(data, rests, commanded)
+    other = [run for run in spins if nearest(run.rate, commanded) is None]
+    if not other:
+        return
+    run = max(other, key=lambda r: _time(data, r))  # a move is shorter
+    told = float(commanded[np.argmin(np.abs(np.log(abs(run.rate) / commanded)))])
+    problem = rate_problem("spin.rate", told / abs(run.rate), told, abs(run.rate))
+    if problem is not None:
+        raise problem
 
 
 def _short(data: Reduced, run: Stretch, window: Window) -> FoucaultError:

@@ -2,7 +2,8 @@
 
 Readings are aligned with the plan in the order in which they were taken, as one aligns two texts:
 a position that is left out, repeated or added costs as much as two directions 25 deg apart. Where
-that leaves positions and readings without a partner, the order is given up.
+that leaves positions and readings without a partner, the instrument may be mounted turned: any
+attitude that keeps the order explains the readings better than another order does.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.position_attitude import attitudes
 from foucault.models import turntable
 from foucault.models.readings import Readings
 from foucault.tables import IntArray
@@ -19,7 +21,7 @@ from foucault.tables import IntArray
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-FAR = np.radians(25.0)
+FAR = float(np.radians(25.0))
 """Directions further apart than this are different positions [rad]."""
 
 SMALL = np.radians(30.0)
@@ -27,6 +29,15 @@ SMALL = np.radians(30.0)
 
 SMALLER = np.radians(10.0)
 """The same where the order is given up: regular plans fit themselves in many attitudes [rad]."""
+
+OTHER_SENSE = 0.02
+"""What a spin in the other sense than planned costs: less than any other difference [1]."""
+
+MOST_OF_ALL = 0.7
+"""A match of so many of all readings, or of all positions, needs no other explanation [1]."""
+
+SET = np.radians(10.0)
+"""Where neither order nor attitude is known, directions in one position differ by less [rad]."""
 
 LATE = 1e-4
 """What a place further on in the plan costs where the order is given up [1]."""
@@ -115,6 +126,8 @@ def match(
     nominal: FloatArray,
     nominal_spin: BoolArray,
     in_order: bool = False,
+    other_sense: BoolArray | None = None,
+    start: FloatArray | None = None,
 ) -> Match:
     """Find the position of each reading.
 
@@ -130,11 +143,17 @@ def match(
         Which of them are spins.
     in_order : bool
         Whether the order must be that of the plan.
+    other_sense : ndarray of bool, shape (n, m), or None
+        Which readings are spins in the other sense than which positions, where the log can tell.
+    start : ndarray, shape (3, 3), or None
+        Attitude to start from, from case to body axes; None for that of the plan [1].
     """
-    C = np.eye(3)
+    first = C = np.eye(3) if start is None else start
     found = Match(np.full(len(up), -1), True, C)
     for _ in range(3):
         cost = _cost(up, spin, nominal @ C.T, nominal_spin)
+        if other_sense is not None:
+            cost = cost + OTHER_SENSE * other_sense
         row, ordered = _aligned(cost), True
         if not in_order and (row < 0).any() and len(np.unique(row[row >= 0])) < len(nominal):
             free = _assigned(cost)
@@ -143,17 +162,21 @@ def match(
         found = Match(row, ordered, C)
         some = (row >= 0) & np.isfinite(up).all(axis=1)
         again = rotation(up[some], nominal[row[some]])
-        if turned(again) > (SMALL if ordered else SMALLER):
+        if turned(again @ first.T) > (SMALL if ordered else SMALLER):
             break
         C = again
     return found
 
 
 def _cost(
-    up: FloatArray, spin: BoolArray | None, nominal: FloatArray, nominal_spin: BoolArray
+    up: FloatArray,
+    spin: BoolArray | None,
+    nominal: FloatArray,
+    nominal_spin: BoolArray,
+    far: float = FAR,
 ) -> FloatArray:
     angle = np.arccos(np.clip(np.nan_to_num(up @ nominal.T, nan=1.0), -1.0, 1.0))
-    cost = np.where(angle < FAR, (angle / FAR) ** 2, np.inf)
+    cost = np.where(angle < far, (angle / far) ** 2, np.inf)
     if spin is not None:
         cost[spin[:, None] != nominal_spin[None, :]] = np.inf
     return np.asarray(cost)
@@ -196,7 +219,9 @@ def _assigned(cost: FloatArray) -> IntArray:
     return row
 
 
-def with_plan(readings: Readings, plan: turntable.TablePlan, spins_known: bool) -> Match:
+def with_plan(
+    readings: Readings, plan: turntable.TablePlan, spins_known: bool, free: bool = False
+) -> Match:
     """Match readings with a plan.
 
     Parameters
@@ -207,6 +232,81 @@ def with_plan(readings: Readings, plan: turntable.TablePlan, spins_known: bool) 
         What was planned [SI].
     spins_known : bool
         Whether the readings tell spins from rests.
+    free : bool
+        Whether another order in another attitude may be told too: that is not certain, for regular
+        plans fit themselves in many attitudes.
     """
-    spin = readings.spin if spins_known else None
-    return match(directions(readings), spin, turntable.up_k(plan.angles), plan.rate != 0)
+    up, nominal = directions(readings), turntable.up_k(plan.angles)
+    spin, planned = readings.spin if spins_known else None, plan.rate != 0
+    other = None
+    if readings.accel is not None:
+        other = np.sign(readings.rate)[:, None] * np.sign(plan.rate)[None, :] < 0
+    found = match(up, spin, nominal, planned, other_sense=other)
+    if not found.ordered and _off(found, up, nominal) > SET:  # by chance only
+        found = Match(np.full(len(up), -1), True, np.eye(3))
+    if (found.ordered and fits(found, len(plan))) or readings.accel is None:
+        return found
+    tried = attitudes(up, spin, nominal, planned)
+    turned_in_order = [
+        match(up, spin, nominal, planned, True, other, C)
+        for C in [_as_planned(up, nominal), *tried]
+    ]
+    best = _best(turned_in_order, up, nominal, len(plan))
+    if best is not None or (not free and fits(found, len(plan))):
+        return best or found
+    if not free or fits(found, len(plan)):
+        return found
+    sets = []
+    for C in tried[:40]:
+        cost = _cost(up, spin, nominal @ C.T, planned, SET)
+        sets.append(Match(_assigned(cost), False, C))
+    return _best(sets, up, nominal, len(plan)) or found
+
+
+def fits(found: Match, positions: int) -> bool:
+    """Tell whether most readings, or readings in most positions, have found their place.
+
+    Parameters
+    ----------
+    found : Match
+        What belongs together.
+    positions : int, shape ()
+        Length of the plan [1].
+    """
+    return bool((found.row >= 0).sum() >= MOST_OF_ALL * min(len(found.row), positions))
+
+
+def off(found: Match, up: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Return how far each reading is from its position, shape (n,) [rad]; NaN where it has none.
+
+    Parameters
+    ----------
+    found : Match
+        What belongs together.
+    up : ndarray, shape (n, 3)
+        Direction of up in each reading, body axes [1].
+    nominal : ndarray, shape (m, 3)
+        Direction of up in each position of the plan, case axes [1].
+    """
+    cosine = (up * (nominal[found.row] @ found.rotation.T)).sum(axis=1)
+    return np.where(found.row >= 0, np.arccos(np.clip(cosine, -1.0, 1.0)), np.nan)
+
+
+def _off(found: Match, up: FloatArray, nominal: FloatArray) -> float:
+    each = off(found, up, nominal)
+    each = each[np.isfinite(each)]
+    return float(np.median(each)) if len(each) else np.inf
+
+
+def _as_planned(up: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Return the attitude that fits if every position was read once and in order."""
+    if len(up) != len(nominal) or not np.isfinite(up).all():
+        return np.eye(3)
+    return rotation(up, nominal)
+
+
+def _best(found: list[Match], up: FloatArray, nominal: FloatArray, positions: int) -> Match | None:
+    """Return the match of most readings, and of the smallest misses, if it is one."""
+    good = [m for m in found if fits(m, positions) and (m.row >= 0).sum() > 3]
+    good = [m for m in good if _off(m, up, nominal) < SET]
+    return max(good, key=lambda m: (int((m.row >= 0).sum()), -_off(m, up, nominal)), default=None)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.diagnose.position_cells import Reduced
+from foucault.diagnose.position_shaken import rounding
 from foucault.errors import Finding, finding
 from foucault.models.readings import Readings
 from foucault.tables import FloatArray
@@ -42,8 +43,9 @@ def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> 
     why: dict[int, str] = {}
     if "accel" in change and readings.accel is not None:
         size = float(np.median(np.linalg.norm(readings.accel, axis=1)))
-        tilt = np.linalg.norm(change["accel"][rest], axis=1) / size
-        for k in _odd(tilt, readings.time[rest], LEAST_TILT):
+        tilt = np.linalg.norm(change["accel"][rest], axis=1) / max(size, 1e-12)
+        least = max(LEAST_TILT, rounding("accel", data) / size)  # of a coarse output
+        for k in _odd(tilt, readings.time[rest], least):
             why[int(rest[k])] = f"tilts by {plain(np.degrees(tilt[k]) * 3600, 3)} arcsec"
     if readings.gyro is not None:
         off = np.linalg.norm(readings.gyro[rest] - np.median(readings.gyro[rest], axis=0), axis=1)
@@ -54,7 +56,8 @@ def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> 
     for k, words in sorted(why.items()):
         start, end = readings.start[k] - zero, readings.start[k] + readings.time[k] - zero
         label = _label(data, readings.start[k])
-        name = f"Position {label}" if label >= 0 else f"Reading {k + 1}"
+        # Rests are counted from 1, as the report does it.
+        name = f"Position {label}" if label >= 0 else f"Rest {int(np.sum(rest <= k))}"
         out.append(
             finding(
                 "position.not_still", position=name, start=f"{start:.1f}", end=f"{end:.1f}",

@@ -5,8 +5,9 @@ quarters of a rest that of long ones, and steps of the output that the noise doe
 constant error. It is the same wherever the signal is the same, and gyros at rest read their bias
 every time. An error of variance v that m readings share is no more than independent errors of
 variance m v, in every combination of them: that is what they are given here, so that averaging
-does not pretend to know more than one rounding tells. A spin has its own noise, for the table is not perfectly even; the harmonics of the
-outer angle, which average out over whole turns, are removed first.
+does not pretend to know more than one rounding tells. A spin has its own noise, for the table is
+not perfectly even; the harmonics of the outer angle, which average out over whole turns, are
+removed first.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ KEPT = 500
 THINNED = 40_000
 """Most samples of the whole log that are looked at for the steps of the output [1]."""
 
+PARTS = 8
+"""So many steps at most lie between the two values of an axis that are nearest each other [1]."""
+
 LEAST = 1e-24
 """Least variance of a mean [SI]."""
 
@@ -42,6 +46,12 @@ class Glimpses:
     ----------
     windows : list of Window
         The readings.
+    kept : list of list of Log
+        Of each the first samples.
+    some : list of Log
+        Samples of the whole log, thinned.
+    every, rows : int, shape ()
+        Of how many samples one is kept in `some`, and how many have passed by [1].
     """
 
     windows: list[Window]
@@ -76,13 +86,10 @@ class Glimpses:
         name : {"accel", "gyro"}
             Which triad.
         """
-        whole = [getattr(part, name) for part in self.some]
-        rests = [getattr(part, name) for kept in self.kept for part in kept]
-        out = np.zeros(3)
-        for i in range(3):
-            seen = [lattice(np.concatenate([p[:, i] for p in x])) for x in (whole, rests) if x]
-            out[i] = min((step for step in seen if step > 0), default=0.0)
-        return out
+        if not self.some:
+            return np.zeros(3)
+        x = np.concatenate([getattr(part, name) for part in self.some])
+        return np.array([lattice(x[:, i]) for i in range(3)])
 
     def rounding(self, name: str, which: list[int], interval: float) -> FloatArray:
         """Return the constant error of rounding in some readings, sd, shape (3,) [unit].
@@ -128,7 +135,7 @@ class Glimpses:
             x, near = np.sort(means[:, i]), 0.99 * steps[i]
             above = np.searchsorted(x, means[:, i] + near, side="right")
             out[seen, i] = above - np.searchsorted(x, means[:, i] - near, side="left")
-        return np.maximum(out, 1.0)
+        return np.asarray(np.maximum(out, 1.0))
 
 
 def lattice(x: FloatArray) -> float:
@@ -139,13 +146,16 @@ def lattice(x: FloatArray) -> float:
     x : ndarray, shape (n,)
         Readings of one axis, thinned beforehand [unit].
     """
-    step = resolution(x, most=len(x) or 1)
-    if step == 0:
+    least = resolution(x, most=len(x) or 1)
+    if least == 0:
         return 0.0
-    apart = np.diff(np.unique(x)) / step
-    apart = apart[(apart > 0.5) & (apart < 50)]  # far apart, written digits may end too early
-    whole = np.abs(apart - np.round(apart)) < 0.1
-    return step if whole.mean() > 0.8 else 0.0
+    apart = np.diff(np.unique(x))
+    apart = apart[(apart > 0.5 * least) & (apart < 50 * least)]  # written digits may end too early
+    for part in range(1, PARTS + 1):  # values seldom met may be several steps apart at least
+        steps = apart / (least / part)
+        if np.mean(np.abs(steps - np.round(steps)) < 0.1) > 0.8:
+            return least / part
+    return 0.0
 
 
 def _every(log: Log, step: int, first: int) -> Log:

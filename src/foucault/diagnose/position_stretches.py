@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from foucault.diagnose.position_cells import CELL, Cells, Reduced
 from foucault.diagnose.position_rates import SLOWEST, spin_rates
+from foucault.diagnose.position_shaken import noise_steps, rounding, runs_of
 from foucault.diagnose.rests import EDGE, quiet_sd, split
 
 FloatArray = npt.NDArray[np.float64]
@@ -91,6 +92,10 @@ class Steadiness:
         Rate of the outer axis as the table tells it, NaN where it does not [rad/s].
     gyro_step, table_step : float
         Largest step of means that counts as no change [rad/s].
+    gyro_rounding : float
+        Step of means that rounding alone may make [rad/s].
+    even : ndarray of bool, shape (m - 1,)
+        Where the gyros turn, and do not change from a cell to the next; none without gyros.
     """
 
     level: FloatArray
@@ -99,6 +104,8 @@ class Steadiness:
     table_rate: FloatArray
     gyro_step: float
     table_step: float
+    gyro_rounding: float
+    even: BoolArray
 
 
 def steadiness(data: Reduced) -> Steadiness:
@@ -110,9 +117,10 @@ def steadiness(data: Reduced) -> Steadiness:
         The log.
     """
     cells = data.cells
-    levels = [_level(cells.accel_var, LEAST_ACCEL[0]) if "accel" in data.has else None,
-              _level(cells.gyro_var, LEAST_GYRO[0]) if "gyro" in data.has else None]  # fmt: skip
-    level = np.maximum.reduce([x for x in levels if x is not None])
+    rounded = {name: rounding(name, data) for name in ("accel", "gyro") if name in data.has}
+    least = {"accel": LEAST_ACCEL[0], "gyro": LEAST_GYRO[0]}
+    level = np.maximum.reduce([_level(getattr(cells, f"{name}_var"), least[name], step)
+                               for name, step in rounded.items()])  # fmt: skip
     limit = max(split(level), 2.0)
     calm = level < limit
     table_rate = _table_rate(cells)
@@ -123,31 +131,46 @@ def steadiness(data: Reduced) -> Steadiness:
     both = calm[1:] & calm[:-1]
     linked = (cells.broken[1:] == 0) & (cells.label[1:] == cells.label[:-1])
     coarse = _coarse(cells)
-    gyro_step, quiet = np.inf, calm
+    gyro_step, quiet, turning = np.inf, calm, np.zeros(len(cells), bool)
     if "gyro" in data.has:
         step = np.linalg.norm(np.diff(cells.gyro, axis=0), axis=1)
         gyro_step = STEP * _usual(step, both, LEAST_GYRO[1])
         allowed = np.maximum(gyro_step * coarse, _own(cells, cells.gyro_var))
-        linked &= step <= np.maximum(allowed, STEADY * pair)
+        linked &= step <= np.maximum(np.maximum(allowed, STEADY * pair), rounded["gyro"])
         turning = np.sqrt(cells.gyro_var.sum(axis=1)) < QUIET_SPIN * turn
-        quiet = quiet | turning
+    elif "outer" in data.has:
+        turning = turn > SLOWEST
+    quiet = quiet | turning
+    linked, table_step = _by_table(data, linked, table_rate)
+    even = linked & turning[1:] & turning[:-1]
     if "accel" in data.has:
         step = np.linalg.norm(np.diff(cells.accel, axis=0), axis=1)
         accel_step = STEP * _usual(step, both, LEAST_ACCEL[1])
-        allowed = np.maximum(accel_step * coarse, _own(cells, cells.accel_var))
+        usual = np.maximum(accel_step, STEP * noise_steps(cells, even, turn))
+        allowed = np.maximum(usual * coarse, _own(cells, cells.accel_var))
+        allowed = np.maximum(allowed, rounded["accel"])
         size = float(np.median(np.linalg.norm(cells.accel, axis=1)))
         linked &= step <= np.maximum(allowed, LEAN * size * pair * CELL)
+    even = even if "gyro" in data.has else np.zeros_like(even)
+    return Steadiness(
+        level, quiet, linked, table_rate, gyro_step, table_step, rounded.get("gyro", 0.0), even
+    )
+
+
+def _by_table(data: Reduced, linked: BoolArray, table_rate: FloatArray) -> tuple[BoolArray, float]:
+    """Part cells between which the table says that something changed; also return its step."""
     table_step = _table_step(table_rate)
     if "outer" in data.has:
         slow = np.minimum(np.abs(table_rate[1:]), np.abs(table_rate[:-1]))
-        linked &= np.abs(np.diff(table_rate)) <= np.maximum(table_step, STEADY * slow)
-    linked &= _held(cells)
-    return Steadiness(level, quiet, linked, table_rate, gyro_step, table_step)
+        linked = linked & (np.abs(np.diff(table_rate)) <= np.maximum(table_step, STEADY * slow))
+    return linked & _held(data.cells), table_step
 
 
-def _level(variance: FloatArray, least: float) -> FloatArray:
+def _level(variance: FloatArray, least: float, step: float) -> FloatArray:
     sd = np.sqrt(variance.sum(axis=1))
-    return np.asarray(sd / max(quiet_sd(sd), least))
+    level = sd / max(quiet_sd(sd), least, 0.5 * step)
+    # An output in coarse steps is as quiet where it happens not to jump as where it does.
+    return np.asarray(np.maximum(level, 1.0) if step > 0 else level)
 
 
 def _coarse(cells: Cells) -> FloatArray:
@@ -217,9 +240,7 @@ def stretches(data: Reduced, how: Steadiness, slowest: float | None) -> list[Str
     """
     cells = data.cells
     good = how.quiet[1:] & how.quiet[:-1] & how.linked
-    edge = np.diff(np.concatenate([[0], good.astype(np.int8), [0]]))
-    first, last = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1) + 1
-    runs = [Stretch(int(a), int(b), np.nan) for a, b in zip(first, last, strict=True)]
+    runs = [Stretch(a, b, np.nan) for a, b in runs_of(good)]
     if not runs:
         return []
     rates = _rates(data, how, runs, slowest)
@@ -279,7 +300,8 @@ def _trimmed(run: Stretch, data: Reduced, how: Steadiness) -> Stretch:
         noise = np.sqrt(np.median(cells.count) / cells.count[part])
         if "gyro" in data.has:
             off = np.linalg.norm(cells.gyro[part] - np.median(cells.gyro[part], axis=0), axis=1)
-            calm &= off <= max(STEP * float(np.median(off)), LEAST_GYRO[1]) * noise
+            least = max(LEAST_GYRO[1], how.gyro_rounding)
+            calm &= off <= max(STEP * float(np.median(off)), least) * noise
         if "outer" in data.has:
             off = np.abs(how.table_rate[part] - np.median(how.table_rate[part]))
             calm &= off <= max(STEP * float(np.median(off)), LEAST_TABLE) * noise

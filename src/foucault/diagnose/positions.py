@@ -171,7 +171,8 @@ def _found(
     choice = choose(source, data, commanded_rates(plan, spin_rate), shortest)
     told += choice.findings
     if not choice.runs:
-        raise error("positions.none", shortest=f"{shortest:g}")
+        lost = "".join(f" {f.message}" for f in choice.findings if f.code == "spin.unused")
+        raise error("positions.none", shortest=f"{shortest:g}", lost=lost)
     found, change = _averaged(source, data, choice)
     told += moving(found, change, data)
     found = replace(found, findings=tuple(told))
@@ -244,7 +245,10 @@ def _matched(
     """Fill in from the plan what the log does not say: angles, and the rate of spins."""
     if plan is None:
         return readings
-    row = position_match.with_plan(readings, plan, known).row
+    match = position_match.with_plan(readings, plan, known)
+    if not position_match.fits(match, len(plan)):  # what was done is not what was planned
+        return readings
+    row = match.row
     if pauses is not None:  # a pause before a spin is no position that was repeated
         keep = (row >= 0) | ~pauses
         readings, row = readings[keep], row[keep]

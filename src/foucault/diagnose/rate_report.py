@@ -32,6 +32,9 @@ FloatArray = npt.NDArray[np.float64]
 ENOUGH = 6
 """Fewer readings beyond those that the coefficients need hardly show a bad step [1]."""
 
+LARGE_DRIFT = 3.0
+"""A bias that moves by more than this many times the noise of a step is no constant [1]."""
+
 LARGE_TERM = 0.05
 """A scale factor that changes by more over its range is a wrong reading, not a gyro [1]."""
 
@@ -83,6 +86,12 @@ class RateEvidence:
         """True rate along each axis in its steps, with sign, shape (n,) [rad/s]."""
         return true_rate(self.steps, self.trust, self.estimate.state)[0] * self.steps.sense
 
+    @property
+    def drift(self) -> float:
+        """How far the bias moves, in units of the noise of a typical step [1]."""
+        noise = np.sqrt(np.trace(self.steps.cov, axis1=1, axis2=2) / 3)
+        return float(self.trust.bias_sd / np.median(noise)) if self.trust.bias_sd else 0.0
+
 
 def limits(estimate: Estimate) -> tuple[float, float, float]:
     """Return the sum of squares of an estimate and its limits [1]."""
@@ -102,6 +111,8 @@ def checks(e: RateEvidence) -> tuple[Check, ...]:
     out = [_converged(e), _redundancy(e), *_plausible(e)]
     if not e.unknown and e.estimate.dof > 0:
         out.append(_explained(e))
+    if e.trust.bias_sd:
+        out.append(_drift(e))
     if np.isfinite(e.estimate.coefficients.prior_sd).any():
         out.append(_prior(e))
     return tuple(out)
@@ -154,18 +165,47 @@ def _explained(e: RateEvidence) -> Check:
             f"The residuals of the steps are only {ratio:.2f} times what the noise says: it is "
             "overstated and so are the uncertainties."
         )
-    elif e.added:
+    elif e.added or e.trust.bias_sd:
+        more = [f"{e.added * 1e6:.3g} ppm of scatter"] if e.added else []
+        more += [f"a bias that moves by {_per_hour(e.trust)} deg/h"] if e.trust.bias_sd else []
         words = (
             f"The residuals of the steps are {ratio:.1f} times what noise and jitter explain; "
-            f"{e.added * 1e6:.3g} ppm of scatter were added to the uncertainties."
+            f"{' and '.join(more)} {'was' if e.trust.bias_sd else 'were'} added to the "
+            "uncertainties."
         )
     else:
         words = (
             f"The residuals of the steps are {ratio:.1f} times what noise and jitter explain, and "
             "the uncertainties do not know it."
         )
-    fine = inside or (not e.declared and value < low)
+    moved = value > high and e.trust.bias_sd > 0 and not e.added
+    fine = inside or moved or (not e.declared and value < low)
     return Check("noise of the steps", value, low, high, fine, words)
+
+
+def _drift(e: RateEvidence) -> Check:
+    """Judge a bias that moves: within the noise it is any gyro's, beyond it a constant is wrong."""
+    fine = e.drift <= LARGE_DRIFT
+    words = f"The gyro bias moved by {_moved(e.trust)}, {e.drift:.2g} times the noise of a step" + (
+        "; it is part of the uncertainties."
+        if fine
+        else ": let the gyros warm up, or hold the steps shorter. It is part of the uncertainties."
+    )
+    return Check("bias drift", e.drift, None, LARGE_DRIFT, fine, words)
+
+
+def _per_hour(trust: Trust) -> str:
+    return plain(float(np.degrees(trust.bias_sd)) * 3600, 2)
+
+
+def _moved(trust: Trust) -> str:
+    """Say how far the bias moved, and how fast."""
+    if not trust.drifts:
+        return f"{_per_hour(trust)} deg/h (sd) from step to step"
+    if np.isinf(trust.bias_time):
+        straight = "(sd) along a straight line, and is that of the middle of the session"
+        return f"{_per_hour(trust)} deg/h {straight}"
+    return f"{_per_hour(trust)} deg/h (sd) over {plain(trust.bias_time / 60, 2)} min"
 
 
 def _prior(e: RateEvidence) -> Check:
@@ -201,6 +241,8 @@ def hints(e: RateEvidence) -> list[Finding]:
         out.append(finding("rate_table.outlier", norm=f"{norms[k]:.0f}", **words))
     if e.added:
         out.append(finding("rate_table.scatter", ppm=f"{e.added * 1e6:.3g}"))
+    if e.trust.bias_sd:
+        out.append(finding("rate_table.bias_moved", moved=_moved(e.trust)))
     if e.trust.latitude is None:
         sd = np.degrees(e.trust.vertical_sd) * 3600
         out.append(finding("rate_table.no_latitude", sd=f"{sd:.1f}"))
@@ -226,7 +268,8 @@ def step_table(e: RateEvidence, start: FloatArray) -> dict[str, Any]:
     w_b = e.model.compensate(s.force, s.gyro)[1]
     assert w_b is not None
     kinds = covariance(s, e.trust)
-    cov = kinds["gyro noise"] + kinds["rate jitter"]
+    moved = e.trust.bias_sd**2 * np.eye(3)
+    cov = kinds["gyro noise"] + kinds["rate jitter"] + moved
     back = np.linalg.inv(e.model.gyro_matrix)
     sd = np.sqrt(np.diagonal(back @ cov @ back.T, axis1=1, axis2=2))
     line = gyro - _lines(e)[0]
@@ -307,6 +350,23 @@ def bound(e: RateEvidence) -> dict[str, Any]:
         "bound": [float(v) for v in info.sd],
         "weakest": [c.words for c in info.weakest()],
     }
+
+
+def drift_figures(e: RateEvidence) -> dict[str, Any]:
+    """Return how the bias moved, for result.json: ``sd`` [rad/s], ``time`` [s], ``kind``.
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    """
+    trust = e.trust
+    if not trust.bias_sd:
+        return {"sd": 0.0, "kind": "none"}
+    if np.isinf(trust.bias_time):
+        return {"sd": trust.bias_sd, "kind": "line"}
+    kind = "Gauss-Markov" if trust.drifts else "steps"
+    return {"sd": trust.bias_sd, "kind": kind, "time": trust.bias_time}
 
 
 def budget(e: RateEvidence) -> dict[str, list[float]]:

@@ -15,7 +15,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +45,8 @@ class Rests:
         Samples of a window [1].
     findings : tuple of Finding
         Candidates that were left out, and why.
+    left_out : ndarray, shape (len(findings), 2)
+        Rate of each against the others [rad/s], and its duration [s].
     """
 
     first: IntArray
@@ -55,6 +57,7 @@ class Rests:
     threshold: float
     window: int
     findings: tuple[Finding, ...] = ()
+    left_out: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __len__(self) -> int:
         return len(self.first)
@@ -89,8 +92,8 @@ def find_rests(
     first, last = quiet_runs(level < limit, max(2, round(shortest * rate)))
     if threshold is None:
         first, last = trimmed(level, first, last, max(2, round(shortest * rate)))
-    first, last, findings = _drop_moving(log, first, last)
-    return Rests(first, last, level, accel_level, gyro_level, limit, samples, findings)
+    first, last, found, out = _drop_moving(log, first, last)
+    return Rests(first, last, level, accel_level, gyro_level, limit, samples, found, out)
 
 
 def _level(x: FloatArray | None, samples: int) -> FloatArray:
@@ -199,22 +202,19 @@ def trimmed(
 
 def _drop_moving(
     log: Log, first: IntArray, last: IntArray
-) -> tuple[IntArray, IntArray, tuple[Finding, ...]]:
+) -> tuple[IntArray, IntArray, tuple[Finding, ...], FloatArray]:
     """Leave out "rests" with a steady rotation: quiet by variance, moving all the same."""
     if log.gyro is None or len(first) < 5:
-        return first, last, ()
+        return first, last, (), np.zeros((0, 2))
     mean = np.array([log.gyro[a:b].mean(axis=0) for a, b in zip(first, last, strict=True)])
     moving, off = turning(mean)
+    ends = [(log.time[first[i]], log.time[last[i] - 1], off[i]) for i in np.flatnonzero(moving)]
     found = tuple(
-        finding(
-            "rest.moving",
-            start=f"{log.time[first[i]]:.1f}",
-            end=f"{log.time[last[i] - 1]:.1f}",
-            rate=f"{np.degrees(off[i]):.2f}",
-        )
-        for i in np.flatnonzero(moving)
+        finding("rest.moving", start=f"{a:.1f}", end=f"{b:.1f}", rate=f"{np.degrees(w):.2f}")
+        for a, b, w in ends
     )
-    return first[~moving], last[~moving], found
+    how = np.column_stack([off, (last - first) * log.interval])[moving]
+    return first[~moving], last[~moving], found, how
 
 
 def turning(gyro_mean: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:

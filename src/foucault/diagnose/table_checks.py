@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.coefficients import CoefficientVector
 from foucault.diagnose.coverage import Coverage
 from foucault.diagnose.session import CONDITION, plausible_scales, prior_check, status_check
 from foucault.estimate import norm_observation
@@ -112,6 +113,29 @@ def _condition(e: TableEvidence) -> list[Check]:
         )
         out.append(Check(f"{what} positions", value, None, doubtful, fine, words, level))
     return out
+
+
+def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:
+    """Compare another solution with the likelihood's: a bias of its own shows in no residual.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The solution, with covariance [SI].
+    likelihood : CoefficientVector
+        That of the likelihood [SI].
+    """
+    own = np.array([likelihood.value(name) for name in coefficients.names])
+    off = np.abs(coefficients.values - own) / coefficients.sd
+    worst, limit = int(np.argmax(off)), 4.0
+    fine = bool(off[worst] <= limit)
+    words = f"{coefficients.names[worst]} is {off[worst]:.1f} sd from the likelihood's" + (
+        "."
+        if fine
+        else ": this solution neglects terms that are not small here, and its uncertainties do not "
+        "know it."
+    )
+    return Check("agreement with the likelihood", float(off[worst]), None, limit, fine, words)
 
 
 _WHAT = {
@@ -239,6 +263,9 @@ def rest_slope(e: TableEvidence) -> Slope | None:
     rate = r.gyro[rest] - earth @ state.model.gyro_matrix.T
     fit = np.linalg.lstsq(rows, rate)[0]
     scatter = np.sqrt(np.sum((rate - rows @ fit) ** 2) / (3 * len(up) - 12))
+    # Rounding that is alike in many rests shows in no scatter, but in their covariance.
+    noise = np.sqrt(np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2).mean(axis=0).max())
+    scatter = max(float(scatter), float(noise))
     slope, spins = float(np.abs(fit[:3]).max()), r.rate[r.spin]
     one_sense = bool(np.all(spins > 0) or np.all(spins < 0))
     shift = slope / float(np.median(np.abs(spins))) if one_sense else 0.0

@@ -10,24 +10,31 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import permutations, product
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose import position_match, position_rates
-from foucault.diagnose.position_choice import OTHER_RATE
+from foucault.diagnose import position_match
 from foucault.diagnose.position_match import SMALL, Match, directions, rotation, turned
+from foucault.diagnose.position_senses import numbered, senses
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models.readings import Readings
 from foucault.models.turntable import TablePlan, up_k
-from foucault.tables import Log
+from foucault.tables import IntArray, Log, TableColumns
 from foucault.units import plain
+
+if TYPE_CHECKING:
+    from foucault.logs.description import LogDescription
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 FITS = np.radians(15.0)
 """Directions that miss by less at the median fit [rad]."""
+
+AGAIN = np.radians(3.0)
+"""A reading this near to a position that was read before is a repetition [rad]."""
 
 Miss = Callable[[FloatArray, float], float]
 """How far directions miss, given angles and the sign of the accelerometers [rad]."""
@@ -38,7 +45,7 @@ NAMES = ("outer", "middle", "inner")
 def check_readings(
     readings: Readings,
     plan: TablePlan | None,
-    log: Log | None = None,
+    log: Log | LogDescription | None = None,
     *,
     angles_matter: bool = True,
     shortest: float = 1.0,
@@ -51,17 +58,19 @@ def check_readings(
         What `find_readings` has found [SI].
     plan : TablePlan or None
         What the table was told to do.
-    log : Log or None
-        The log, where it is at hand: whether it has table angles of its own [SI].
+    log : Log, LogDescription or None
+        The log, or what is known of it: whether it has table angles and rates of its own [SI].
     angles_matter : bool
-        Whether table angles are used; if not, an instrument mounted turned is no mistake.
+        Whether table angles are used; if not, neither other positions than planned nor an
+        instrument mounted turned are a mistake.
     shortest : float
         Length that was asked of a rest, for the texts [s].
 
     Returns
     -------
     Readings
-        The same with more findings; spins have the sense that the gyros measure [SI].
+        The same with more findings; spins have the sense that the gyros measure, repeated
+        positions the angles of the plan [SI].
 
     Raises
     ------
@@ -71,27 +80,58 @@ def check_readings(
     """
     up = directions(readings)
     usable = np.isfinite(up).all(axis=1)
-    logged = usable & _logged(readings, log)
+    own, by_table = _told(log, plan)
+    logged = np.asarray(usable & np.isfinite(readings.angles[:, 1:]).all(axis=1) & own, bool)
+    findings, found, row = list[Finding](), None, None
     if readings.accel is not None and logged.sum() > 2:
-        _angles_fit(up[logged], readings.angles[logged], angles_matter)
-    findings, found = list[Finding](), None
+        findings += _angles_fit(up[logged], readings.angles[logged], angles_matter)
+        if findings:
+            readings = replace(readings, angles=np.full_like(readings.angles, np.nan))
+            logged = np.zeros(len(readings), bool)
     if plan is not None and usable.any():
-        spins_known = readings.gyro is not None or bool(readings.spin.any())
-        found = position_match.with_plan(readings, plan, spins_known)
-        if readings.accel is not None:
-            _plan_fits(readings, found, plan, angles_matter)
-        elif not found.ordered or (found.row < 0).any():
-            found = _perhaps_reversed(readings, found, plan)
-        findings += _matching(readings, plan, found, shortest)
-    readings, more = _senses(readings, plan, found)
+        known = readings.gyro is not None or bool(readings.spin.any())
+        found = position_match.with_plan(readings, plan, known, free=not angles_matter)
+        matter = angles_matter and logged.sum() <= 2
+        if readings.accel is None:
+            if not found.ordered or (found.row < 0).any():
+                found = _perhaps_reversed(readings, found, plan)
+        elif not _plan_fits(readings, found, plan, matter):
+            findings.append(finding("positions.other", used=USED[angles_matter]))
+            angles = np.where(logged[:, None], readings.angles, np.nan)
+            readings, found = replace(readings, angles=angles), None
+    if plan is not None and found is not None:
+        row = _with_repeats(readings, plan, found)
+        left_out: BoolArray = np.zeros(len(readings), bool)
+        if not own:
+            readings = _with_angles(readings, plan, row)
+            if angles_matter:
+                left_out = np.asarray(np.isnan(readings.angles[:, 1:]).any(axis=1))
+        findings += _matching(readings, plan, found, row, left_out, shortest)
+    readings, more = senses(readings, plan, found, row, by_table)
+    if row is not None and left_out.any():
+        readings = readings[~left_out]
     return replace(readings, findings=readings.findings + tuple(findings + more))
 
 
-def _logged(readings: Readings, log: Log | None) -> BoolArray:
-    """Tell which readings have middle and inner angles of their own, not those of the plan."""
-    if log is not None and (log.table is None or np.isnan(log.table.angles[:, 1:]).all()):
-        return np.zeros(len(readings), bool)
-    return np.asarray(np.isfinite(readings.angles[:, 1:]).all(axis=1))
+USED = {
+    True: "The table angles of the log were used.",
+    False: "The procedure needs no angles and goes on without those of the plan.",
+}
+"""What was done about positions that are not those of the plan, by whether angles matter."""
+
+
+def _told(log: Log | LogDescription | None, plan: TablePlan | None) -> tuple[bool, bool]:
+    """Tell whether the log has middle and inner angles, and whether it has rates, of its own."""
+    if log is None:
+        return True, plan is None
+    table = log.table
+    if table is None:
+        return False, False
+    if isinstance(table, TableColumns):
+        seen = np.isfinite(table.angles)
+        return bool(seen[:, 1:].any()), bool(seen[:, 0].any()) or table.rate is not None
+    names = [c not in (None, "") for c in table.columns or (None, None, None)]
+    return any(names[1:]), names[0] or table.rate is not None
 
 
 def enough_readings(readings: Readings, rests: int, spins: int, what: str = "") -> None:
@@ -131,28 +171,33 @@ def _near(up: FloatArray, nominal: FloatArray) -> float:
     return float(np.median(np.arccos(np.clip((up * nominal).sum(axis=1), -1.0, 1.0))))
 
 
-def _angles_fit(up: FloatArray, angles: FloatArray, matter: bool) -> None:
+def _angles_fit(up: FloatArray, angles: FloatArray, matter: bool) -> list[Finding]:
+    """Compare directions with the angles of the log; refuse them, or go on without them."""
     given = _near(up, up_k(angles))
-    if given < FITS:
-        return
-    problem = _named(given, lambda A, sign: _near(sign * up, up_k(A)), angles)
     off, C = _miss(up, up_k(angles))
+    if given < FITS or (off < FITS and not matter):
+        return []
+    turned_too = " An instrument mounted turned looks the same." if off < FITS else ""
+    cure = LOGGED + turned_too
+    problem = _named(given, lambda A, sign: _near(sign * up, up_k(A)), angles, cure)
     if problem is None and off < FITS:
-        if not matter:
-            return
         problem = _mounted(C)
-    raise problem or error("table.directions", given=f"{np.degrees(given):.0f}")
+    said = f"{np.degrees(given):.0f}"
+    if problem is None and not matter:
+        return [finding("table.unused", given=said)]
+    raise problem or error("table.directions", given=said)
 
 
-def _plan_fits(readings: Readings, found: Match, plan: TablePlan, matter: bool) -> None:
-    """Name the mistake where readings are in no position of the plan, or not in its order.
+def _plan_fits(readings: Readings, found: Match, plan: TablePlan, matter: bool) -> bool:
+    """Tell whether readings are in positions of the plan, and name the mistake if it matters.
 
     Regular plans fit themselves upside down or turned, only in another order: what keeps the order
     is the better explanation.
     """
-    few = float((found.row >= 0).mean()) < 0.5
-    if found.ordered and not few:
-        return
+    fits = position_match.fits(found, len(plan))
+    as_planned = turned(found.rotation) < SMALL
+    if found.ordered and fits and (as_planned or not matter):
+        return True
     up, nominal_spin = directions(readings), plan.rate != 0
 
     def miss(angles: FloatArray, sign: float) -> float:
@@ -164,17 +209,18 @@ def _plan_fits(readings: Readings, found: Match, plan: TablePlan, matter: bool) 
             return float(np.pi / 2)
         return _near(sign * up[some], nominal[row[some]])
 
-    problem = _named(float(np.pi / 2), miss, plan.angles)
-    if problem is None and len(up) == len(plan):
-        off, C = _miss(up, up_k(plan.angles))
-        if off < FITS:
-            if not matter:
-                return
-            problem = _mounted(C)
-    if problem is None and few:
+    if miss(plan.angles, -1.0) < FITS:
+        raise error("table.gravity")
+    if not matter:
+        return fits
+    problem = _named(float(np.pi / 2), miss, plan.angles, PLANNED)
+    if problem is None and fits and not as_planned:
+        problem = _mounted(found.rotation)
+    if problem is None and not fits:
         problem = error("table.directions", given="25 or more")
     if problem is not None:
         raise problem
+    return True
 
 
 def _perhaps_reversed(readings: Readings, found: Match, plan: TablePlan) -> Match:
@@ -185,7 +231,18 @@ def _perhaps_reversed(readings: Readings, found: Match, plan: TablePlan) -> Matc
     return other if (other.row >= 0).sum() > (same.row >= 0).sum() else found
 
 
-def _named(given: float, miss: Miss, angles: FloatArray) -> FoucaultError | None:
+LOGGED = (
+    'Correct `columns` of [log.table] like that ("-" before a name flips it); if they are right, '
+    "check order and signs of `columns` in [log.accel]."
+)
+PLANNED = (
+    "Correct the order and the signs of the angles in `plan` or `positions` of [procedure]: outer, "
+    "middle, inner."
+)
+"""What to do about angles in the wrong order, where the log has them and where it has not."""
+
+
+def _named(given: float, miss: Miss, angles: FloatArray, cure: str) -> FoucaultError | None:
     """Try the usual mistakes, the simplest first; return the first that explains the directions."""
     if miss(angles, -1.0) < FITS:
         return error("table.gravity")
@@ -204,9 +261,9 @@ def _named(given: float, miss: Miss, angles: FloatArray) -> FoucaultError | None
             names = [("-" if s < 0 else "") + NAMES[k]
                      for k, s in zip(order, (1, *signs), strict=True)]  # fmt: skip
             hint = ""
-            if order == (0, 1, 2):
+            if order == (0, 1, 2) and "mounted" not in cure:
                 hint = " An instrument mounted the other way round on the table looks the same."
-            return error("table.order", exchange=", ".join(names), hint=hint,
+            return error("table.order", exchange=", ".join(names), cure=cure, hint=hint,
                          better=f"{np.degrees(off):.1f}", **said)  # fmt: skip
     return None
 
@@ -220,7 +277,36 @@ def _mounted(C: FloatArray) -> FoucaultError:
     return error("table.mounting", angle=angle, axes=", ".join(along))
 
 
-def _matching(readings: Readings, plan: TablePlan, found: Match, shortest: float) -> list[Finding]:
+def _with_repeats(readings: Readings, plan: TablePlan, found: Match) -> IntArray:
+    """Return the position of each reading, also of those that repeat one or turn the other way."""
+    row, up = found.row.copy(), directions(readings)
+    nominal = up_k(plan.angles)
+    apart = position_match.off(found, up, nominal)
+    usual = float(np.median(apart[np.isfinite(apart)])) if np.isfinite(apart).any() else 0.0
+    same_kind = readings.spin[:, None] == (plan.rate != 0)[None, :]
+    cosine = np.where(same_kind, up @ (nominal @ found.rotation.T).T, -2.0)
+    for k in np.flatnonzero((row < 0) & np.isfinite(up).all(axis=1)):
+        best = int(np.argmax(cosine[k]))
+        if cosine[k, best] > np.cos(max(AGAIN, 3 * usual)):
+            row[k] = best
+    return row
+
+
+def _with_angles(readings: Readings, plan: TablePlan, row: IntArray) -> Readings:
+    """Fill in the angles of the plan where the log has none."""
+    planned = np.where((row >= 0)[:, None], plan.angles[row], np.nan)
+    angles = np.where(np.isnan(readings.angles), planned, readings.angles)
+    return replace(readings, angles=angles)
+
+
+def _matching(
+    readings: Readings,
+    plan: TablePlan,
+    found: Match,
+    row: IntArray,
+    left_out: BoolArray,
+    shortest: float,
+) -> list[Finding]:
     """Tell positions that are missing, repeated or extra, and another order."""
     out = []
     missing = found.unused(len(plan))
@@ -232,23 +318,22 @@ def _matching(readings: Readings, plan: TablePlan, found: Match, shortest: float
                 shortest=f"{shortest:g}",
             )
         )  # fmt: skip
-    extra = np.flatnonzero(found.row < 0)
-    up = directions(readings)
-    again: list[str] = []
-    others: list[str] = []
-    nominal = up_k(plan.angles) @ found.rotation.T
-    same_kind = readings.spin[:, None] == (plan.rate != 0)[None, :]
-    for k in extra:
-        near = (nominal @ up[k] > np.cos(position_match.FAR)) & same_kind[k]
-        at = f"reading {k + 1} at {plain(readings.start[k] - readings.start[0], 5)} s"
-        if near.any():
-            again.append(f"{_position(plan, int(np.argmax(near)))} ({at})")
-        else:
-            others.append(at)
+    more = found.row < 0
+    # A spin in the other sense is no repetition: the senses are told apart from this.
+    ways = {(int(j), bool(r > 0)) for j, r in zip(found.row, readings.rate, strict=True)}
+    again = [
+        k
+        for k in np.flatnonzero(more & (row >= 0))
+        if readings.rate[k] == 0 or (int(row[k]), bool(readings.rate[k] > 0)) in ways
+    ]
     if again:
-        out.append(finding("positions.repeated", which=_list(again)))
-    if others:
-        out.append(finding("positions.extra", which=_list(others)))
+        words = [f"{_position(plan, int(row[k]))} ({numbered(readings, np.array([k]))})"
+                 for k in again]  # fmt: skip
+        out.append(finding("positions.repeated", which=_list(words)))
+    for code, some in (("positions.extra", ~left_out), ("positions.left_out", left_out)):
+        others = np.flatnonzero(more & (row < 0) & some)
+        if len(others):
+            out.append(finding(code, which=numbered(readings, others)))
     if not found.ordered:
         out.append(finding("positions.order"))
     return out
@@ -263,63 +348,3 @@ def _position(plan: TablePlan, k: int) -> str:
 def _list(words: list[str], most: int = 6) -> str:
     more = f" and {len(words) - most} more" if len(words) > most else ""
     return ", ".join(words[:most]) + more
-
-
-def _senses(
-    readings: Readings, plan: TablePlan | None, found: Match | None
-) -> tuple[Readings, list[Finding]]:
-    """Compare the sense and the size of the spins with what the gyros measure."""
-    spin = np.flatnonzero(readings.spin)
-    out: list[Finding] = []
-    if readings.gyro is None or not len(spin):
-        return readings, out
-    up = _up(readings, plan, found)
-    bias = np.zeros(3)
-    if np.isfinite(up).all():
-        bias = position_rates.bias_across(readings.gyro, up, readings.time)
-    along = ((readings.gyro[spin] - bias) * up[spin]).sum(axis=1)
-    known = np.isfinite(along)
-    other = known & (along * readings.rate[spin] < 0)
-    said = "the plan" if plan is not None else "the table"
-    if len(spin[other]) and other.sum() == known.sum():
-        senses = {bool(x > 0) for x in along[known]}
-        words = {True: "counter-clockwise", False: "clockwise"}
-        measured = words[senses.pop()] if len(senses) == 1 else "both ways"
-        raise error("spin.sense", count=int(other.sum()), measured=measured, said=said)
-    if other.any():
-        which = _list([f"at {plain(readings.start[k] - readings.start[0], 5)} s"
-                       for k in spin[other]])  # fmt: skip
-        out.append(finding("spin.sense_some", count=int(other.sum()), said=said, which=which))
-        rate = readings.rate.copy()
-        rate[spin[other]] *= -1
-        readings = replace(readings, rate=rate)
-    out += _rates(readings, plan, found, spin)
-    return readings, out
-
-
-def _up(readings: Readings, plan: TablePlan | None, found: Match | None) -> FloatArray:
-    """Return up in each reading by the accelerometers, else by the plan or the table."""
-    if readings.accel is not None:
-        return directions(readings)
-    up = up_k(readings.angles)
-    if plan is not None and found is not None:
-        some = found.row >= 0
-        up[some] = up_k(plan.angles)[found.row[some]] @ found.rotation.T
-    return np.asarray(up)
-
-
-def _rates(
-    readings: Readings, plan: TablePlan | None, found: Match | None, spin: npt.NDArray[np.intp]
-) -> list[Finding]:
-    if plan is None or found is None:
-        return []
-    row = found.row[spin]
-    pairs = [(abs(readings.rate[k]), abs(plan.rate[j]))
-             for k, j in zip(spin, row, strict=True) if j >= 0 and plan.rate[j] != 0]  # fmt: skip
-    if not pairs:
-        return []
-    measured, planned = np.median(np.array(pairs), axis=0)
-    if 1 / OTHER_RATE < measured / planned < OTHER_RATE:
-        return []
-    told = plain(float(np.degrees(planned)), 4)
-    return [finding("spin.rate_plan", told=told, measured=plain(float(np.degrees(measured)), 4))]

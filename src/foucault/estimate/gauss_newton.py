@@ -101,7 +101,7 @@ def solve(
     """
     state = problem.start
     weights = np.ones(problem.n_blocks) if weights is None else weights
-    at = _with_prior(problem, state, problem.linearise(state, weights))
+    at = with_prior(problem, state, problem.linearise(state, weights))
     status, iterations, moved = Status.NOT_CONVERGED, 0, np.inf
     while iterations < max_iterations:
         iterations += 1
@@ -114,7 +114,7 @@ def solve(
         gained = cost - float(at.residuals @ at.residuals)
         weights, reweighted = _reweight(problem, at, weights, loss)
         if reweighted > 1e-3:
-            at = _with_prior(problem, state, problem.linearise(state, weights))
+            at = with_prior(problem, state, problem.linearise(state, weights))
         # `moved` is the step in units of its own standard deviation: sqrt(dx' J'J dx).
         # A small step that lowers nothing is the end too: whitening moves with the state. A
         # heading that is hardly visible creeps by hundredths of its sd for long.
@@ -147,7 +147,7 @@ def leave_out(
     """
     kept = ~np.isin(at.blocks, blocks)
     part = Linearised(at.residuals[kept], at.jacobian[kept], at.blocks[kept])
-    part = _with_prior(problem, estimate.state, part)
+    part = with_prior(problem, estimate.state, part)
     step = _solve_step(part, len(problem.layout)).step
     state = problem.retract(estimate.state, step)
     moved = replace(part, residuals=part.residuals - part.jacobian @ step)
@@ -175,7 +175,18 @@ def eliminate(at: Linearised, n_coefficients: int) -> FloatArray:
     return np.asarray(part.R[total - n :, total - n :] * part.scale[:n])
 
 
-def _with_prior(problem: Problem, state: Any, at: Linearised) -> Linearised:
+def with_prior(problem: Problem, state: Any, at: Linearised) -> Linearised:
+    """Add to `at` the rows of what is known of the coefficients beforehand.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem, with its prior.
+    state : object
+        Where it was linearised.
+    at : Linearised
+        The problem linearised there.
+    """
     prior = problem.prior
     if prior is None:
         return at
@@ -220,7 +231,7 @@ def _descend(
     share = 1.0
     for _ in range(8):
         trial = problem.retract(state, share * step)
-        there = _with_prior(problem, trial, problem.linearise(trial, weights))
+        there = with_prior(problem, trial, problem.linearise(trial, weights))
         cost = float(there.residuals @ there.residuals)
         if np.isfinite(cost) and cost <= now * (1 + 1e-9) + 1e-9:
             return trial, there, moved * share

@@ -42,7 +42,7 @@ ANY_LATITUDE = 1 / np.sqrt(3)
 
 @dataclass(frozen=True)
 class Trust:
-    """What is believed of table, fixture and place.
+    """What is believed of table, fixture, place and bias.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Trust:
     bias_sd : float
         Sd of how far the bias of each gyro moves during the session; 0: not at all [rad/s].
     bias_time : float
-        Correlation time of that; 0: another bias in every step [s].
+        Correlation time of that; 0: another bias in every step; infinite: a straight line [s].
     """
 
     rate_sd: float = 0.0
@@ -121,8 +121,12 @@ def drift_root(steps: Steps, trust: Trust) -> FloatArray:
     steps : Steps
         The steps [SI].
     trust : Trust
-        How far the bias moves, and how fast: a Gauss-Markov process.
+        How far the bias moves, and how fast: a Gauss-Markov process, or a straight line.
     """
+    if np.isinf(trust.bias_time):
+        line = np.zeros((len(steps), len(steps)))
+        line[:, 0] = steps.middle - steps.half_time
+        return np.asarray(trust.bias_sd * line / max(np.sqrt(np.mean(line[:, 0] ** 2)), 1e-12))
     apart = np.abs(steps.middle[:, None] - steps.middle)
     alike = np.exp(-apart / trust.bias_time) + 1e-9 * np.eye(len(steps))
     return np.asarray(trust.bias_sd * np.linalg.cholesky(alike))
@@ -350,8 +354,7 @@ def _nuisance(state: State, trust: Trust, unknowns: Unknowns) -> FloatArray:
     values = [state.rate_error] if trust.rate_sd > 0 else []
     values += [state.vertical] if trust.vertical_sd > 0 else []
     values += state.tilt.ravel().tolist() if trust.fixture_sd > 0 else []
-    if trust.drifts and state.drift is not None:
-        values += state.drift.ravel().tolist()
+    values += [] if state.drift is None or not trust.drifts else state.drift.ravel().tolist()
     return np.array(values) / unknowns.prior_sd
 
 

@@ -60,6 +60,12 @@ class Steps:
         return np.asarray(np.sign(np.take_along_axis(self.up, self.axis[:, None], 1)[:, 0]))
 
     @property
+    def half_time(self) -> float:
+        """When the session was half over [s]."""
+        middle, half = self.middle, self.time / 2
+        return float(((middle - half).min() + (middle + half).max()) / 2)
+
+    @property
     def middle(self) -> FloatArray:
         """When each step was half over, shape (n,) [s]."""
         ends = np.concatenate([[0.0], np.cumsum(self.time)])

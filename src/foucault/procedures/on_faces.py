@@ -156,7 +156,7 @@ def solve(
     at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
     evidence = FaceEvidence(
         scene, faces, unbiased(estimate), noise, declared, belief, given[0] is not None, found, cov,
-        snoop(at, estimate.state_cov),
+        snoop(at, estimate.state_cov), given[2] is not None,
     )  # fmt: skip
     return Solution(evidence, problem, parts)
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import table_checks, table_report
 from foucault.diagnose.coverage import Coverage, coverage
+from foucault.diagnose.gyro_axes import check_gyro_axes
 from foucault.diagnose.positions import find_readings, stream_readings
 from foucault.diagnose.session_report import coverage_json
 from foucault.diagnose.table_checks import TableEvidence
@@ -182,10 +183,12 @@ def read_positions(
         )  # fmt: skip
     # Accelerometers alone need no spins, and none are missing then.
     plan = plans[described.gyro is not None or bool(found.spin.any())]
-    return check_readings(
-        found, plan, log if isinstance(log, Log) else None,
+    checked = check_readings(
+        found, plan, described,
         angles_matter=task.trust is not None, shortest=s.shortest,
     )  # fmt: skip
+    check_gyro_axes(found)  # `checked` has the senses of spins from the gyros
+    return checked
 
 
 def from_readings(
@@ -230,11 +233,13 @@ def from_readings(
     )
     start = _start(readings, task, site, options)
     solution = fit(readings, site, start, options)
+    likelihood = None
     if task.variant is not None:
+        likelihood = solution.estimate.coefficients
         coefficients, state = task.variant(readings, site, solution)
         estimate = replace(solution.estimate, coefficients=coefficients, state=state)
         solution = replace(solution, estimate=estimate)
-    return _result(readings, task, site, options, solution, found)
+    return _result(readings, task, site, options, solution, found, likelihood)
 
 
 NORM_NEEDS = 9
@@ -304,12 +309,15 @@ def _result(
     options: Options,
     solution: TableFit,
     found: list[Finding],
+    likelihood: CoefficientVector | None,
 ) -> Result:
     estimate = solution.estimate
     up = estimate.state.geometry.directions()[~readings.spin]
     covered = coverage(up if len(up) else estimate.state.geometry.directions())
     evidence = TableEvidence(readings, site, solution, covered)
     checks = table_checks.checks(evidence)
+    if likelihood is not None:
+        checks += (table_checks.agreement(estimate.coefficients, likelihood),)
     rate_sd = _common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,

@@ -203,11 +203,12 @@ def _evidence(
         steps = scaled_noise(steps, names, trust, prior)
     problem, estimate = fit(steps, names, trust, prior, loss)
     before, added = rate_report.limits(estimate), 0.0
-    if settings.repeatability and not unknown and before[0] > before[2]:
+    if settings.repeatability and not unknown:
         wider = fit_scatter(steps, names, trust, prior, loss)
-        added = float(np.sqrt(wider.rate_jitter**2 - trust.rate_jitter**2))
-        trust = wider
-        problem, estimate = fit(steps, names, trust, prior, loss)
+        if wider != trust:
+            added = float(np.sqrt(wider.rate_jitter**2 - trust.rate_jitter**2))
+            trust = wider
+            problem, estimate = fit(steps, names, trust, prior, loss)
     return RateEvidence(
         steps, names, trust, problem, estimate, readings.declared, unknown, before, added
     )
@@ -244,6 +245,7 @@ def _result(
             "chi_square_of_noise_alone": {"steps": [*e.before, estimate.dof]},
             "rate_table": rate_report.standard_figures(e),
             "rate_scatter": e.added,
+            "bias_drift": rate_report.drift_figures(e),
             "budget": rate_report.budget(e),
             "unseen": unseen(settings),
             **rate_report.bound(e),

@@ -42,19 +42,25 @@ def write(inspection: Inspection, path: str | Path) -> None:
     if log.gyro is not None:
         figure = _readings(log.time, np.degrees(log.gyro), "°/s")
         sections.append(Section("Angular rate", "", [figure]))
+    means = log.averaged is not None
     keep = _extremes(rests.level)
     level = {"time": log.time[keep]}
     for name in ("accel_level", "gyro_level"):
         column = getattr(rests, name)
         if len(column) == len(log):
             level[name] = column[keep]
-    sections.append(Section("Rests", shaded, [figures.detection(level, rests.threshold, spans)]))
+    if not means:
+        detection = figures.detection(level, rests.threshold, spans)
+        sections.append(Section("Rests", shaded, [detection]))
     words = [("warning", f"{f.message} {f.cure}") for f in inspection.findings]
     if words:
         sections.append(Section("Findings", "", [Items(words)]))
     name = str(log.source.get("file", "log"))
     line = [f"{len(log)} samples", f"{log.duration:.0f} s", f"{log.rate:.6g} Hz"]
-    head = Heading(f"Log {name}", line, "plain", f"{len(rests)} rests found", [])
+    still = f"{len(rests) - int(inspection.turning.sum())} rests found"
+    if means:
+        line, still = [f"{len(log)} means", f"{log.duration:.0f} s"], f"{len(log)} means"
+    head = Heading(f"Log {name}", line, "plain", still, [])
     with atomic(path) as temporary:
         temporary.write_text(render(head, sections), encoding="utf-8")
 

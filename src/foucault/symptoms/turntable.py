@@ -46,7 +46,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     # From a log to readings
     ("positions.none", "error",
      "A log without a rest and without a spin",
-     "The log has no rest of at least {shortest} s, and no spin of at least one turn.",
+     "The log has no rest of at least {shortest} s, and no spin of at least one turn.{lost}",
      "Leave the instrument still in every position; if it was, look at the log with `foucault "
      "inspect`, or log the number of the position and name its column in [log.table]."),
     ("position.moving", "warning",
@@ -69,7 +69,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Nothing to do."),
     ("spin.not_whole", "warning",
      "Means over spins of not quite whole turns",
-     "The spins of some rows are not whole turns: row {rows}. The horizontal Earth rate that is "
+     "These spins are not whole turns: {rows}. The horizontal Earth rate that is "
      "left in them is up to {left} deg/h.",
      "Average over whole turns, or give the log itself instead of means."),
     ("spin.both_senses", "error",
@@ -88,15 +88,26 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("spin.sense", "error",
      "All spins have the other sense than the gyros say",
      "In all {count} spins the gyros turn {measured} seen from above, the other way than {said} "
-     "says.",
-     "Either the rate is counted the wrong way round: write \"-\" before the outer column (and "
-     "rate) of [log.table], or change the sign of the spin rate in [procedure]. Or the gyros are "
-     "reversed: write \"-\" before each of `columns` in [log.gyro]."),
+     "says.{also}",
+     "{cure}"),
     ("spin.sense_some", "warning",
      "Some spins have the other sense than the plan says",
-     "{count} spins have the other sense than {said} says: {which}. The sense that the gyros "
-     "measure was used.",
+     "{count} of {spins} spins have the other sense than {said} says: {which}. The sense that the "
+     "gyros measure was used.",
      "Nothing to do if the table turned both ways; correct the plan."),
+    ("spin.axes", "error",
+     "Gyro axes exchanged or of the wrong sign on a table",
+     "Probably {what}: the rates of the spins are {declared} deg off the vertical, which the "
+     "accelerometers show, as the gyro columns are declared; with {exchange} (body axis = declared "
+     "column) they are off by {better} deg.",
+     "Reorder `columns` of [log.gyro] like that, or those of [log.accel] the other way."),
+    ("spin.left_handed", "error",
+     "A left-handed triad on a table: two axes swapped, or one sign wrong",
+     "Probably {what}: the rates of the spins are {declared} deg off the vertical, which the "
+     "accelerometers show, as the gyro columns are declared; with {exchange} (body axis = declared "
+     "column) they are off by {better} deg: one of the two triads is left-handed.",
+     "Correct order and signs of `columns` in [log.gyro] or in [log.accel]; check which one "
+     "against the instrument's drawing of its axes."),
     ("table.rate_unit", "error",
      "Table angles or rates in deg read as rad, or the reverse",
      "The table turns at {told} deg/s by its columns, the gyros measure {measured} deg/s: the unit "
@@ -115,8 +126,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Table angles in the wrong order or with the wrong sign",
      "The directions of gravity miss those of the table angles by {given} deg; with {exchange} as "
      "outer, middle and inner angle they miss by {better} deg.",
-     "Correct `columns` of [log.table] like that (\"-\" before a name flips it), or the order of "
-     "the angles in the plan: outer, middle, inner.{hint}"),
+     "{cure}{hint}"),
     ("table.mounting", "error",
      "The instrument is mounted turned on the table",
      "The directions of gravity fit the table angles only if the instrument is turned by {angle} "
@@ -140,13 +150,40 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "count."),
     ("positions.repeated", "warning",
      "Positions of the plan that were measured more than once",
-     "Some positions of the plan were measured more than once: {which}. All readings are used.",
+     "Readings that repeat a position of the plan: {which}. All readings are used.",
      "Nothing to do if they were repeated on purpose."),
     ("positions.extra", "warning",
      "Readings in no position of the plan",
-     "Some readings belong to no position of the plan: {which}.",
-     "Nothing to do if they were added on purpose; their table angles are unknown unless they "
-     "were logged."),
+     "Readings that belong to no position of the plan: {which}.",
+     "Nothing to do if they were added on purpose."),
+    ("positions.left_out", "warning",
+     "Readings in no position of the plan, of which no table angles are known",
+     "The log has no table angles, and these readings belong to no position of the plan: {which}. "
+     "They were left out.",
+     "Nothing to do if they were not meant to be used; else log the table angles, or add the "
+     "positions to the plan."),
+    ("positions.other", "warning",
+     "Readings that are not those of the plan",
+     "The readings are not in the positions of the plan. {used}",
+     "Check `plan` (or `positions`) in [procedure]; nothing to do if other positions were meant."),
+    ("table.unused", "warning",
+     "Directions of gravity that do not fit table angles which nobody needs",
+     "The directions of gravity miss those of the logged table angles by {given} deg. The "
+     "procedure needs no angles and goes on without.",
+     "Check `columns` of [log.table] and of [log.accel]; leave [log.table] out if its angles say "
+     "something else."),
+    ("spin.rate_unit", "error",
+     "Gyros in deg/s read as rad/s, or the reverse",
+     "The plan says {told} deg/s, but the gyros measure {measured} deg/s in the spins: a factor of "
+     "57.3.",
+     "Write unit = \"{likely}\" in [log.gyro], not \"{given}\"; or correct the unit of `spin_rate` "
+     "in [procedure]."),
+    ("spin.unused", "warning",
+     "A steady turn of the gyros that was not used as a spin",
+     "The gyros turn steadily by {turns} turns at {start}-{end} s from the start, but this was not "
+     "used as a spin: {why}.",
+     "A spin is about the vertical. If this one was, look for vibration or loose mounting, or log "
+     "the number of the position or the outer angle and name the column in [log.table]."),
     ("positions.order", "warning",
      "Positions taken in another order than planned",
      "The positions were not taken in the order of the plan; each reading was matched by the "
@@ -156,7 +193,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("readings.too_few", "error",
      "Fewer positions measured than coefficients",
      "The log has {given} {what}; {needed} or more are needed for the coefficients.{hint}",
-     "Measure more positions, such as the plan 'icosahedron 12', or give priors."),
+     "Measure more positions, such as the plan 'icosahedron 12'."),
     ("readings.noise_unknown", "note",
      "Means without a declared noise",
      "The log holds means, which do not tell their own noise; all readings weigh alike, and the "
@@ -233,6 +270,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "the uncertainties.",
      "Declare the table's `rate_jitter` if it is known. A pattern against the rate is a "
      "non-linearity of higher order instead: see the residuals."),
+    ("rate_table.bias_moved", "warning",
+     "A bias that moved during the session",
+     "The gyro bias moved by {moved}, more than the noise explains; it was added to the "
+     "uncertainties.",
+     "Let the gyros warm up before the session, and hold the steps shorter. Where it is the "
+     "temperature, keep it."),
     ("rate_table.no_latitude", "note",
      "A rate table without latitude",
      "Without latitude the Earth's rotation along up is unknown; {sd} deg/h of it is part of the "

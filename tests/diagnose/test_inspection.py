@@ -1,0 +1,70 @@
+"""A first look at a log: spins on a table are no rests, and means are no samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault.cli import sessions
+from foucault.diagnose.inspection import inspect
+from foucault.report import quick
+from foucault.tables import Log, TableColumns
+
+RATE = np.radians(10.0)
+BIAS = np.radians([2.0, -1.0, 0.5])
+
+
+def table_log(spins=6, bias=BIAS):
+    """Rests and spins of 10 s about each axis in turn, both ways, with brisk moves between."""
+    rng, gyro, table = np.random.default_rng(1), [], []
+    for k in range(spins):
+        turn = np.sign(0.5 - k % 2) * RATE * np.eye(3)[k // 2 % 3]
+        for w in (np.zeros(3), turn):
+            gyro += [np.tile(w, (500, 1)), 0.3 * rng.normal(size=(100, 3))]
+            table += [np.full(500, np.linalg.norm(w)), np.full(100, 0.3)]
+    gyro = np.concatenate(gyro) + bias
+    gyro = gyro + 1e-4 * rng.normal(size=gyro.shape)
+    up = np.tile([0.0, 0.0, 9.81], (len(gyro), 1)) + 1e-3 * rng.normal(size=gyro.shape)
+    return Log(0.02 * np.arange(len(gyro)), gyro, up), np.concatenate(table)
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_steady_spins_are_turning_and_no_rests(told):
+    log, rate = table_log()
+    if told:
+        log = replace(log, table=TableColumns(np.full((len(log), 3), np.nan), rate))
+    seen = inspect(log)
+    assert len(seen.rests) == 12
+    assert seen.turning.tolist() == [False, True] * 6
+    rows = sessions._rests(seen)
+    assert [row[6] for row in rows[:4]] == ["rest", "turning"] * 2
+    overview = dict(sessions._overview(seen, 0.0))
+    assert overview["rests found"].startswith("6 ")
+    assert overview["steady turns"].startswith("6,")
+
+
+def test_means_have_a_row_each_and_no_noise(tmp_path):
+    angles = np.radians([[0.0, 90.0, np.nan], [0.0, 0.0, np.nan], [0.0, 0.0, np.nan]])
+    log = Log(
+        np.array([0.0, 40.0, 80.0]), np.array([[0.0, 0, 0], [0, 0, 1e-4], [0, 0, 1.0]]),
+        np.array([[0.0, 9.8, 0], [0, 0, 9.8], [0, 0, 9.8]]),
+        averaged=np.array([30.0, 30.0, 10.0]), table=TableColumns(angles, np.array([0, 0, 1.0])),
+    )  # fmt: skip
+    seen = inspect(log)
+    overview = dict(sessions._overview(seen, 0.0))
+    assert overview == {"means": "3, each over 10 s to 30 s"}
+    assert list(sessions._table_columns(seen)) == ["outer (deg)", "middle (deg)", "table (deg/s)"]
+    rows = sessions._rests(seen)
+    assert rows[0][1:3] == ("0.00 s", "30.00 s")
+    assert [row[6] for row in rows] == ["rest", "rest", "turning"]
+    assert rows[0][7:] == ("0.000", "90.000", "0.000")
+    assert rows[2][-1] == f"{np.degrees(1.0):.3f}"
+    assert not any("sqrt" in word for row in sessions._axes(seen) for word in row)
+    document = sessions._document(tmp_path, seen, 0.0)
+    assert "gaps" not in document
+    assert "noise" not in document["accel"]
+    assert document["averaged"] == [30.0, 30.0, 10.0]
+    quick.write(seen, tmp_path / "quick.html")
+    assert "3 means" in (tmp_path / "quick.html").read_text()
