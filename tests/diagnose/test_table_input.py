@@ -348,6 +348,7 @@ def test_fewer_readings_than_coefficients_are_refused():
     with pytest.raises(FoucaultError, match="4 rests and spins; 9 or more") as problem:
         enough_readings(found, 9, 0)
     assert problem.value.code == "readings.too_few"
+    assert "prior" not in problem.value.cure
     with pytest.raises(FoucaultError, match=r"0 spins; 6 or more .* Hint"):
         enough_readings(found, 4, 6, "Hint.")
 

@@ -252,6 +252,9 @@ def with_plan(
         for C in [_as_planned(up, nominal), *tried]
     ]
     best = _best(turned_in_order, up, nominal, len(plan))
+    # Another order of all positions is likelier than another attitude of some.
+    if best is not None and fits(found, len(plan)) and _count(found) > _count(best):
+        return found
     if best is not None or (not free and fits(found, len(plan))):
         return best or found
     if not free or fits(found, len(plan)):
@@ -296,6 +299,10 @@ def _off(found: Match, up: FloatArray, nominal: FloatArray) -> float:
     each = off(found, up, nominal)
     each = each[np.isfinite(each)]
     return float(np.median(each)) if len(each) else np.inf
+
+
+def _count(found: Match) -> int:
+    return int((found.row >= 0).sum())
 
 
 def _as_planned(up: FloatArray, nominal: FloatArray) -> FloatArray:

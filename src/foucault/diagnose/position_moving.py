@@ -44,7 +44,7 @@ def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> 
     if "accel" in change and readings.accel is not None:
         size = float(np.median(np.linalg.norm(readings.accel, axis=1)))
         tilt = np.linalg.norm(change["accel"][rest], axis=1) / max(size, 1e-12)
-        least = max(LEAST_TILT, rounding("accel", data) / size)  # of a coarse output
+        least = max(LEAST_TILT, rounding("accel", data) / max(size, 1e-12))  # of a coarse output
         for k in _odd(tilt, readings.time[rest], least):
             why[int(rest[k])] = f"tilts by {plain(np.degrees(tilt[k]) * 3600, 3)} arcsec"
     if readings.gyro is not None:
