@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import table_checks, table_report
+from foucault.diagnose import table_checks, table_hints, table_report
 from foucault.diagnose.coverage import Coverage, coverage
 from foucault.diagnose.gyro_axes import check_gyro_axes
 from foucault.diagnose.positions import find_readings, stream_readings
@@ -327,7 +327,7 @@ def _result(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*readings.findings, *found, *table_report.hints(evidence)),
+        findings=(*readings.findings, *found, *table_hints.hints(evidence)),
         status=estimate.status,
         site={
             "gravity": site.gravity,

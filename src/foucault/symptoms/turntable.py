@@ -43,7 +43,6 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A file of positions that cannot be read",
      "'{path}' is not a list of positions: {why}.",
      "Write a first line `outer,middle,inner` and one line per position with three angles in deg."),
-    # From a log to readings
     ("positions.none", "error",
      "A log without a rest and without a spin",
      "The log has no rest of at least {shortest} s, and no spin of at least one turn.{lost}",
@@ -199,89 +198,6 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The log holds means, which do not tell their own noise; all readings weigh alike, and the "
      "uncertainties follow from the residuals.",
      "Declare the noise in [noise] if it is known."),
-    ("rate_table.no_gyro", "error",
-     "A rate table without gyros",
-     "The log has no gyro readings.",
-     "Describe the gyros in [log.gyro]; a rate table says nothing of accelerometers."),
-    ("rate_table.no_rates", "error",
-     "Rates of the table that nobody knows",
-     "The log carries no rate of the table, and [procedure] no `rates`: gyros cannot give their "
-     "own scale factor.",
-     'Describe the rate or the outer angle in [log.table], or list the commanded rates in '
-     '[procedure], such as rates = ["1 deg/s", "-1 deg/s", "10 deg/s", "-10 deg/s"].'),
-    ("rate_table.no_up", "error",
-     "Which axis was up, nobody knows",
-     "The log has no accelerometers, and neither it nor [procedure] tells which axis was along the "
-     "vertical in which sense.",
-     'List the placements in [procedure], such as axes = ["x up", "x down", "y up"].'),
-    ("rate_table.between_axes", "error",
-     "An axis of the instrument that is not along the vertical",
-     "In step {step}, at {start} s, the axis nearest to the vertical is {axis}, {lean} deg from "
-     "it.",
-     "On a rate table one axis at a time must be along the spin axis; use norm_observation for "
-     "other directions. Or the columns of [log.accel] are wrong."),
-    ("rate_table.axes", "error",
-     "Other placements than declared",
-     "The accelerometers say that these axes were along the vertical, in order: {seen}. "
-     "[procedure] says: {declared}.",
-     "Correct `axes`, or the order and signs of the columns in [log.accel]."),
-    ("rate_table.count", "error",
-     "Steps that do not fit the declared placements",
-     "{given} steps were found; {placements} placements with {rates} rates each were declared. "
-     "Without accelerometers steps are told apart by their number only.",
-     "Correct `axes` and `rates` in [procedure], or measure the steps that are missing."),
-    ("rate_table.sense", "error",
-     "A table that turns the other way than it says",
-     "{steps} turn against the gyros: in step {step}, with {placement}, the table says {told} "
-     "deg/s and the gyros {seen} deg/s about up.",
-     "Rates are positive counter-clockwise seen from above. Change the sign of the rate in "
-     "[log.table] or of `rates`, or correct the signs of the columns in [log.gyro]."),
-    ("rate_table.unit", "error",
-     "Commanded rates in a wrong unit",
-     "The fastest commanded rate is {told} deg/s, the fastest that the gyros say {seen} deg/s: a "
-     "factor of 57.3.",
-     "Write `rates` in {likely}, not in {given}; or correct unit or scale of [log.gyro]."),
-    ("rate_table.other_rate", "error",
-     "A step at a rate that was not commanded",
-     "In step {step}, with {placement}, the gyros say {seen} deg/s; the nearest of the commanded "
-     "rates is {nearest} deg/s.",
-     "Correct `rates` in [procedure], or unit and scale of [log.gyro]."),
-    ("rate_table.missing", "warning",
-     "Steps that were commanded and not found",
-     "Not found: {steps}.",
-     "The others were used. A step counts when its rate is constant for a turn or more."),
-    ("rate_table.undetermined", "error",
-     "Steps that do not determine all coefficients",
-     "{steps} steps do not determine {names}{reason}.",
-     "Turn about every axis, in both senses, at two rates or more; leave out `asymmetry` or "
-     "`cubic`, or give the coefficients named a prior."),
-    ("rate_table.g_sensitivity", "error",
-     "Placements that do not show the g-sensitivity",
-     "With these placements ({placements}) the g-sensitivity is not told from bias: {names}.",
-     "Place every axis up and down, or leave out g_sensitivity."),
-    ("rate_table.outlier", "warning",
-     "A step that does not fit the others",
-     "Step {step} ({rate} deg/s, {placement}) is {norm} standard deviations from what the others "
-     "say and was weighted down.",
-     "Repeat it, or look for a disturbance in it."),
-    ("rate_table.scatter", "warning",
-     "Steps that scatter more than the noise",
-     "The steps scatter by {ppm} ppm of their rate more than the noise explains; it was added to "
-     "the uncertainties.",
-     "Declare the table's `rate_jitter` if it is known. A pattern against the rate is a "
-     "non-linearity of higher order instead: see the residuals."),
-    ("rate_table.bias_moved", "warning",
-     "A bias that moved during the session",
-     "The gyro bias moved by {moved}, more than the noise explains; it was added to the "
-     "uncertainties.",
-     "Let the gyros warm up before the session, and hold the steps shorter. Where it is the "
-     "temperature, keep it."),
-    ("rate_table.no_latitude", "note",
-     "A rate table without latitude",
-     "Without latitude the Earth's rotation along up is unknown; {sd} deg/h of it is part of the "
-     "uncertainty of the biases that it is not told from.",
-     "Give the latitude in [site]."),
-    # From readings to a result
     ("readings.no_spins", "note",
      "Gyros in a log in which the outer axis never spins",
      "There are no spins, so that nothing calibrates the gyros; only the accelerometers were "
@@ -310,100 +226,6 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "There is no {what} with inner angle 0.",
      "Set four_positions = true in [procedure] and measure these positions, or use unification = "
      '"parallel vectors", which needs none of them.'),
-    ("faces.missing", "error",
-     "A face of the six missing",
-     "There is no rest with {missing}; found were {found}.{hint}",
-     "Rest the instrument on all six faces (each axis up and down). If a rest was missed, set "
-     "`threshold` or `shortest` in [procedure], or give `sections`: `foucault inspect` shows the "
-     "rests."),
-    ("faces.off", "error",
-     "A rest that is on no face",
-     "{where} is {tilt} deg off the nearest face ({face}); up to {limit} deg are allowed.",
-     "Rest the instrument on its faces, or use name = \"hand_rotated\" or \"norm_observation\" in "
-     "[procedure], which take any orientation."),
-    ("faces.left_out", "warning",
-     "A quiet time between the faces",
-     "{where} is {tilt} deg off the nearest face ({face}) and was left out.",
-     "Nothing to do if it was a pause between two faces."),
-    ("faces.moving", "error",
-     "A rest whose mean still moves",
-     "The instrument moves in the rest with {face} at {start} s: its mean changes by {moved}.",
-     "Wait until it is still and settled, or give `sections` that leave the movement out."),
-    ("faces.outlier", "warning",
-     "A rest on a face that does not fit the others",
-     "The {what} of the rest with {face} at {time} s is {sds} standard deviations off.{also}",
-     "Look at this part of the log: was the instrument disturbed, or not flat on the face? It was "
-     "not left out."),
-    ("faces.section_name", "error",
-     "A section with a name that is not known",
-     "There is no section '{name}'.{hint}",
-     "Use the names {allowed}: the axis, then p or a for one and the other way up, rot for the "
-     "turn about it."),
-    ("faces.section_missing", "error",
-     "Sections given, but not for all six faces",
-     "The sections lack {missing}.",
-     "Give all six rests, or leave `sections` out to have the rests found."),
-    ("faces.section_range", "error",
-     "A section outside of the log, or too short",
-     "Section {name} is {given}, the log has {samples} samples.",
-     "Give the first sample, counted from 0, and the sample after the last, at least {shortest} "
-     "apart."),
-    ("faces.section_means", "error",
-     "Sections of a log whose rows are means",
-     "The rows of the log are means, one per rest; sections do not apply.",
-     "Leave `sections` out: each row is assigned to a face by its specific force."),
-    ("faces.section_axis", "error",
-     "A section with another axis vertical than its name says",
-     "Section {name} has {face}.",
-     "Correct the ranges in `sections`, or the order of `columns` in [log.accel]."),
-    ("faces.section_sense", "note",
-     "Sections whose p and a are the other way round",
-     "In the sections {names} the axis is not up for p and down for a; what is up was taken from "
-     "the data.",
-     "If the accelerometers read -1 g along up, write reads = \"gravity\" in [log.accel]; if "
-     "not, there is nothing to do."),
-    ("turns.no_gyro", "error",
-     "Turns to be calibrated without gyros",
-     "The log has no gyro columns; turns calibrate gyros.",
-     "Add [log.gyro] to the campaign, or use name = \"six_position\" in [procedure]."),
-    ("turns.means", "error",
-     "Turns in a log whose rows are means",
-     "The rows of the log are means; turns need the samples.",
-     "Give the log with its samples, or use name = \"six_position\" in [procedure]."),
-    ("turns.missing", "error",
-     "A turn about an axis missing",
-     "There is no whole turn about {missing}; turns were found about: {seen}.",
-     "Turn the instrument once about each axis, with a rest on the same face before and after, or "
-     "give the turns in `sections`."),
-    ("turns.section_missing", "error",
-     "Sections given, but not for all three turns",
-     "The sections lack {missing}.",
-     "Give x_rot, y_rot and z_rot too, or leave `sections` out to have rests and turns found."),
-    ("turns.partial", "error",
-     "A turn that is not whole",
-     "In {where} the gyro measures {measured} deg about {axis}, {declared} deg are declared.",
-     "Turn until the instrument stands as before; or set `angle` in [procedure] to the whole turns "
-     "that were made, or check unit and scale of [log.gyro]."),
-    ("turns.axis", "error",
-     "A turn about another axis than it should be",
-     "In {where} the gyros measure {measured} deg about x, y and z, which is no turn about {axis}.",
-     "Turn about one axis of the case at a time, on the face; or correct the names in `sections` "
-     "or the order of `columns` in [log.gyro]."),
-    ("turns.reversed", "error",
-     "All turns in the other sense than declared",
-     "All turns go against the declared angle of {declared} deg.",
-     "If they were made in the other sense, set angle = \"{other} deg\" in [procedure]; if not, "
-     "the signs of all gyros are wrong: write \"-\" before each of `columns` in [log.gyro]."),
-    ("turns.sense", "error",
-     "Turns in both senses, or a gyro of the wrong sign",
-     "The turns about {axes} go against the declared angle of {declared} deg, the others do not "
-     "({where}).",
-     "If the turn about {axes} was made in the other sense, make it again; if not, that gyro has "
-     "the wrong sign: write \"-\" before its column in [log.gyro]."),
-    ("ferraris.prior", "error",
-     "A prior given to the published solution, which has no place for it",
-     "The published solution cannot use [prior].",
-     'Leave [prior] out, or set solution = "likelihood" in [procedure].'),
     ("readings.common_rate", "warning",
      "All gyro scale factors off by the same amount (a wrong rate of the table)",
      "All three gyro scale factor errors are close to {ppm} ppm. A wrong rate of the table looks "
