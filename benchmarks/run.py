@@ -109,6 +109,16 @@ rotation.integrate_turns_rk4(t, x, i, j)
 print(json.dumps(time.perf_counter() - time0))
 """
 
+COMPILE_BATCH = """
+import json, time
+import numpy as np
+from foucault.kernels.norm_observation import calibrate_batch
+time0 = time.perf_counter()
+x, one = np.zeros((1, 12, 3)), np.ones(12)
+calibrate_batch(x, one, x, one, x, one, one, 9.8, True)
+print(json.dumps(time.perf_counter() - time0))
+"""
+
 # The published gyro cost as one would write it with NumPy and SciPy: same rests, same start.
 SCIPY_PEER = (
     LOAD_XSENS
@@ -264,7 +274,12 @@ def rows() -> list[Row]:
     else:
         print(f"left out: no xsens_hand_rotated under {DATA}", file=sys.stderr)
     with tempfile.TemporaryDirectory() as cache:
-        out.append(Row("compiling all kernels, once", measure(COMPILE, NUMBA_CACHE_DIR=cache), 15))
+        out += [
+            Row("compiling the kernels of a session, once",
+                measure(COMPILE, NUMBA_CACHE_DIR=cache), 15),
+            Row("compiling the batch of a fleet, once",
+                measure(COMPILE_BATCH, NUMBA_CACHE_DIR=cache), 15),
+        ]  # fmt: skip
     out.append(Row("`import foucault`", measure(IMPORT), 0.35))
     ours, peer = measure(ALLAN)
     out.append(Row("overlapping Allan deviation, 1e6 samples, 18 averaging times", ours, 0.008,

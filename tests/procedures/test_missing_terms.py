@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
@@ -130,3 +131,20 @@ def test_the_published_recovery_is_called_doubtful_where_its_bias_shows():
         check = next(c for c in result.checks if c.name == "agreement with the likelihood")
         verdicts[solution] = (result.verdict.level.value, check.passed)
     assert verdicts == {"published": ("doubtful", False), "linear": ("pass", True)}
+
+
+@pytest.mark.parametrize(
+    ("settings", "prior"),
+    [
+        ({"accel_quadratic": True}, None),
+        ({"g_sensitivity": True}, None),
+        ({}, {"accel.bias": (0.0, 0.1)}),
+    ],
+)
+def test_the_linear_solution_refuses_what_it_has_no_place_for(settings, prior):
+    task = norm_observation.task_of(
+        norm_observation.Settings(plan="dodecahedron 20", solution="linear", **settings)
+    )
+    with pytest.raises(FoucaultError) as caught:
+        on_table.from_readings(readings(draw_errors("mems", 3)), task, site=SITE, prior=prior)
+    assert caught.value.code == "solution.linear"

@@ -49,7 +49,7 @@ PAUSE = 0.3
 """A rest next to a spin, shorter than this part of the longest rest, is only a pause [1]."""
 
 LEFT_OVER = 0.25
-"""Parts of a turn smaller than this are no parts [1]."""
+"""Parts of a turn larger than this are worth telling; ramps leave less [1]."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,9 @@ UNITS = {
 }
 """How people read scatter."""
 
+SIGNIFICANT = 5.0
+"""A dependence on orientation of this many sd is no chance, largest of nine as it is [1]."""
+
 TOO_MUCH = 5.0
 """Residuals this many times the noise are no scatter of a good table: a term is missing [1]."""
 
@@ -241,7 +244,7 @@ class Slope:
     @property
     def significant(self) -> bool:
         """Whether it is more than chance."""
-        return self.slope > 5 * self.sd
+        return self.slope > SIGNIFICANT * self.sd
 
 
 def rest_slope(e: TableEvidence) -> Slope | None:
@@ -277,8 +280,12 @@ def _g_sensitivity(e: TableEvidence) -> list[Check]:
     c = e.fit.estimate.coefficients
     if found is None or "gyro.scale.x" not in c.layout:
         return []
-    limit = 2 * float(c["gyro.scale"].sd.max())
-    fine = not found.significant or found.shift <= limit
+    # It fails where it is more than chance and moves a scale factor by more than two sd.
+    high = None
+    if found.shift > 0:
+        rate = found.slope / found.shift
+        high = max(SIGNIFICANT * found.sd, 2 * float(c["gyro.scale"].sd.max()) * rate)
+    fine = high is None or found.slope <= high
     size = f"{plain(np.degrees(found.slope) * 3600, 2)} deg/h per g"
     sd = plain(np.degrees(found.sd) * 3600, 2)
     words = f"The rates at rest change with orientation by {size} (sd {sd})"
@@ -289,8 +296,10 @@ def _g_sensitivity(e: TableEvidence) -> list[Check]:
         f"{found.shift * 1e6:.0f} ppm, which the uncertainties do not know. Set g_sensitivity = "
         f"true, or spin both ways."
     )
+    scale = UNITS["gyro"][0]
+    top = None if high is None else high * scale
     name = "g-sensitivity [deg/h per g]"
-    return [Check(name, np.degrees(found.slope) * 3600, None, None, fine, words)]
+    return [Check(name, found.slope * scale, None, top, fine, words)]
 
 
 def name_of(readings: Readings, block: int) -> str:

@@ -115,8 +115,8 @@ class TableFit:
     at: Linearised
     before: dict[str, Component]
     after: dict[str, Component]
+    snooping: Snooping
     scatter: dict[str, float] = field(default_factory=dict)
-    snooping: Snooping = field(default=None)  # type: ignore[assignment]
     outliers: tuple[int, ...] = ()
     suspects: tuple[int, ...] = ()
 

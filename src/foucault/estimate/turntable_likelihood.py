@@ -25,7 +25,7 @@ from foucault.models import turntable
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.readings import Readings
-from foucault.models.table_geometry import Angles, Free, Geometry, Trust, tangents
+from foucault.models.table_geometry import Angles, Free, Trust, tangents
 from foucault.models.table_state import State, Unknowns, moved, predict
 from foucault.result import Estimate, Linearised, Problem
 
@@ -347,9 +347,3 @@ def fit(
         observed, names, start, lever_arm=lever_arm, level=level, offset=offset, prior=prior
     )
     return problem, gauss_newton.solve(problem, loss=loss)
-
-
-def geometry_of(estimate: Estimate) -> Geometry:
-    """Return the geometry at the solution."""
-    geometry: Geometry = estimate.state.geometry
-    return geometry

@@ -26,6 +26,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from foucault.coefficients import CoefficientVector
+from foucault.errors import error
 from foucault.estimate import four_positions, norm_observation, parallel_vectors
 from foucault.estimate.table_fit import TableFit
 from foucault.logs.streaming import OnDisk
@@ -139,14 +140,23 @@ def linear(
         Gravity and latitude.
     fit : TableFit
         The likelihood's solution: its covariance of the readings, scatter included, and outliers.
+
+    Raises
+    ------
+    FoucaultError
+        ``solution.linear``: a prior or terms that the linear equations do not have.
     """
+    more = sorted(set(fit.options.names) - set(LINEAR_LOWER))
+    if fit.options.prior is not None or more:
+        what = ", ".join([*(["a prior"] if fit.options.prior is not None else []), *more])
+        raise error("solution.linear", solution=settings.solution, what=what)
     n = len(readings)
     kept = np.ones(n, bool)
     kept[[b % n for b in fit.outliers]] = False
     some = readings[kept]
-    state = solve(settings, some, site)
+    model, lever_arm = solve(settings, some, site)
     names = tuple(n for n in LINEAR_LOWER if readings.gyro is not None or n.startswith("accel."))
-    values = state.model.coefficients(names).values
+    values = model.coefficients(names).values
     cov = np.zeros((len(names), len(names)))
     blocks = [
         ("accel", fit.observed.accel_cov[kept], 1e-4),
@@ -163,16 +173,15 @@ def linear(
                 for sign in (1.0, -1.0):
                     other = means.copy()
                     other[j, i] += sign * step
-                    at = solve(settings, replace(some, **{triad: other}), site)
-                    moved.append(at.model.coefficients(names).values)
+                    at, _ = solve(settings, replace(some, **{triad: other}), site)
+                    moved.append(at.coefficients(names).values)
                 slope[:, i] = (moved[0] - moved[1]) / (2 * step)
             cov += slope @ covs[j] @ slope.T
-    geometry = replace(fit.estimate.state.geometry)
     vector = CoefficientVector(LAYOUT.subset(names), values, cov)
-    return vector, State(state.model, geometry, state.lever_arm, fit.estimate.state.level)
+    return vector, replace(fit.estimate.state, model=model, lever_arm=lever_arm)
 
 
-def solve(settings: Settings, readings: Readings, site: Site) -> State:
+def solve(settings: Settings, readings: Readings, site: Site) -> tuple[ImuModel, FloatArray]:
     """Solve the linear equations of both triads and tie their frames together.
 
     Parameters
@@ -183,6 +192,13 @@ def solve(settings: Settings, readings: Readings, site: Site) -> State:
         What was observed [SI].
     site : Site
         Gravity and latitude.
+
+    Returns
+    -------
+    model : ImuModel
+        The instrument.
+    lever_arm : ndarray, shape (3,)
+        The accelerometers from the centre of the table, body axes; zero where not solved for [m].
     """
     spin, arm = readings.spin, np.zeros(3)
     assert readings.accel is not None
@@ -202,7 +218,7 @@ def solve(settings: Settings, readings: Readings, site: Site) -> State:
         else:
             C_bd, arm = parallel_vectors.unify(f_b, w_d, h[spin], site.gravity, settings.lever_arm)
         model = replace(model, gyro_matrix=L @ C_bd.T, gyro_bias=bias)
-    return State(model, None, arm)  # type: ignore[arg-type]
+    return model, arm
 
 
 def _published(readings: FloatArray, norm: float | FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -241,5 +241,9 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Quadratic terms would explain {share} % of the squared residuals of the accelerometers.",
      "Set accel_quadratic = true in [procedure] and calibrate again; it needs 14 positions or "
      "more, 20 are good."),
+    ("solution.linear", "error",
+     "A prior or more terms for a solution by linear equations",
+     "The {solution} solution has no place for {what}.",
+     'Leave {what} out, or use solution = "likelihood" in [procedure].'),
 )
 # fmt: on
