@@ -53,6 +53,20 @@ TABLE_LOG = (
 )
 """What a log taken on a table has besides."""
 
+INDEXED_LOG = (
+    Column("setup", "", "name of the set-up: one placement of the instrument"),
+    Column("time", "s", "time of the sample, or the beginning of the mean"),
+    Column("index", "rad", "index angle, clockwise seen from above, 0 along y_b"),
+    Column("gyro", "rad/s", "rate as measured along the sensing axis"),
+    Column("specific force", "m/s^2", "along the sensing axis, of one accelerometer on the base"),
+    Column("specific force x", "m/s^2", "to the right, of accelerometers that stay with the case"),
+    Column("specific force y", "m/s^2", "forward, of accelerometers that stay with the case"),
+    Column("heading", "rad", "heading of y_b by another reference, clockwise from north"),
+    Column("dwell", "s", "where every row is already a mean: over how long"),
+    Column("temperature", "K", "temperature of the instrument, where logged"),
+)
+"""The log of a north seeker: one gyro on an indexing base. Titles carry the unit in brackets."""
+
 RESTS = (
     Column("first", "1", "index of the first sample of the rest"),
     Column("last", "1", "index after the last sample of the rest"),
@@ -252,3 +266,82 @@ class Log:
         if self.temperature is not None:
             out["temperature"] = self.temperature
         return out
+
+
+@dataclass(frozen=True)
+class IndexedLog:
+    """What a north seeker said: one gyro on an indexing base, with its accelerometers.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Time of each sample, or the beginning of each mean; it runs forward within a set-up [s].
+    index : ndarray, shape (n,)
+        Index angle, clockwise seen from above, 0 where the sensing axis lies along y_b [rad].
+    gyro : ndarray, shape (n,)
+        Angular rate along the sensing axis [rad/s].
+    accel : ndarray, shape (n, 1) or (n, 2), or None
+        Specific force: along the sensing axis, or right and forward of two accelerometers that
+        stay with the case [m/s^2].
+    setup : ndarray of int, shape (n,)
+        Number of the set-up of each row, from 0, never falling [1].
+    names : tuple of str
+        Name of each set-up, all different.
+    heading : ndarray, shape (n,), or None
+        Heading of y_b by another reference, NaN where it is not known [rad].
+    temperature : ndarray, shape (n,), or None
+        Temperature [K].
+    averaged : ndarray, shape (n,), or None
+        Where every row is already a mean: over how long [s]. None: samples.
+    findings : tuple of Finding
+        What the reader noticed.
+    source : dict
+        Where the log came from: file, sha256, rows and the description it was read with.
+    """
+
+    time: FloatArray
+    index: FloatArray
+    gyro: FloatArray
+    accel: FloatArray | None
+    setup: IntArray
+    names: tuple[str, ...]
+    heading: FloatArray | None = None
+    temperature: FloatArray | None = None
+    averaged: FloatArray | None = None
+    findings: tuple[Finding, ...] = ()
+    source: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @cached_property
+    def interval(self) -> float:
+        """Nominal interval, the median of the differences within a set-up [s]."""
+        step = np.diff(self.time)[np.diff(self.setup) == 0]
+        return float(np.median(step)) if len(step) else float("nan")
+
+    @property
+    def rate(self) -> float:
+        """Nominal rate of the rows [Hz]."""
+        return 1.0 / self.interval
+
+    @property
+    def duration(self) -> float:
+        """Time that the rows cover, set-up by set-up [s]."""
+        starts = np.flatnonzero(np.diff(self.setup, prepend=-1))
+        ends = np.append(starts[1:], len(self)) - 1
+        last = 0.0 if self.averaged is None else self.averaged[ends]
+        return float(np.sum(self.time[ends] - self.time[starts] + last))
+
+    def rows(self, keep: IntArray) -> IndexedLog:
+        """Return some rows; set-ups keep their numbers.
+
+        Parameters
+        ----------
+        keep : ndarray of int, shape (k,)
+            Numbers of the rows [1].
+        """
+        optional = ("accel", "heading", "temperature", "averaged")
+        some = {name: getattr(self, name)[keep] for name in ("time", "index", "gyro", "setup")}
+        some |= {k: None if getattr(self, k) is None else getattr(self, k)[keep] for k in optional}
+        return replace(self, **some)

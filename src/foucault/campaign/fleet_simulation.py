@@ -110,7 +110,7 @@ def save(
         raise unwritable(folder, problem) from None
     _write(folder / MEANS_FILE, table_of_means(made))
     _write(folder / TRUTH_FILE, truth_of(made))
-    own = log_table(campaign.procedure, averaged=True, own=True)
+    own = log_table(campaign.procedure, averaged=True)
     head, _, rest = own.partition('file = "log.csv"')
     text = with_own_log(campaign.text, head + LOG + rest)
     if seed is not None:

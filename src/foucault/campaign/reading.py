@@ -11,9 +11,10 @@ from pydantic import BaseModel
 
 from foucault import procedures
 from foucault.campaign.mistakes import parse_at, validate
-from foucault.campaign.tables import CampaignFile, PriorEntry, SimulateTable
+from foucault.campaign.tables import CampaignFile, PriorEntry, SimulateTable, file_with
 from foucault.errors import Finding, error, suggestion
 from foucault.logs.description import LogDescription
+from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
 
 
@@ -31,7 +32,7 @@ class Campaign:
         Name, serial number, operator, note.
     site : Site
         Where it was calibrated [SI].
-    log : LogDescription
+    log : LogDescription, or what the procedure has instead
         How to read the log.
     procedure : str
         Name of the procedure.
@@ -55,7 +56,7 @@ class Campaign:
     text: str
     instrument: dict[str, Any]
     site: earth.Site
-    log: LogDescription
+    log: Any
     procedure: str
     settings: Any
     noise: noise.ImuNoise | None
@@ -64,6 +65,13 @@ class Campaign:
     session: Any
     tables: CampaignFile
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def imu_log(self) -> LogDescription:
+        """How to read the log of an IMU; refused where it is that of a north seeker."""
+        if not isinstance(self.log, LogDescription):
+            raise error("north.not_imu", procedure=self.procedure)
+        return self.log
 
     @property
     def folder(self) -> Path:
@@ -97,7 +105,7 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise error("campaign.syntax", path=path, reason=problem) from None
-    file = validate(CampaignFile, raw)
+    file = validate(_model(raw), raw)
     name = file.procedure.get("name")
     if name is None:
         example = f'name = "{next(iter(procedures.PROCEDURES))}"'
@@ -106,6 +114,7 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
     settings = {k: v for k, v in file.procedure.items() if k != "name"}
     common = {k: v for k, v in file.simulate.items() if k in SimulateTable.model_fields}
     session = {k: v for k, v in file.simulate.items() if k not in common}
+    common = dict(getattr(module, "SIMULATE", {})) | common
     return Campaign(
         path=path,
         text=text,
@@ -121,6 +130,18 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         tables=file,
         findings=file.site.findings(),
     )
+
+
+def _model(raw: dict[str, Any]) -> type[CampaignFile]:
+    """Return the model of a campaign file: some procedures have a [log] of their own."""
+    procedure = raw.get("procedure")
+    name = procedure.get("name") if isinstance(procedure, dict) else None
+    return file_with(_description(name) if name in procedures.PROCEDURES else LogDescription)
+
+
+def _description(name: str) -> type[FileLayout]:
+    described: type[FileLayout] = getattr(procedures.load(name), "Description", LogDescription)
+    return described
 
 
 def coefficient_kind(name: str) -> str:
@@ -156,10 +177,18 @@ def schema() -> dict[str, Any]:
         common = _part(out, SimulateTable, "")
         session["properties"] = common["properties"] | session.get("properties", {})
         sessions.append(session)
+    logs = list(dict.fromkeys(_description(name) for name in procedures.PROCEDURES))
+    if len(logs) > 1:
+        out["properties"]["log"] = {"oneOf": [_part(out, log, _title(log)) for log in logs]}
     out["properties"]["procedure"] = {"oneOf": settings}
     out["properties"]["simulate"] = {"anyOf": sessions}
     out["title"] = "Foucault campaign"
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | out
+
+
+def _title(log: type[FileLayout]) -> str:
+    users = [name for name in procedures.PROCEDURES if _description(name) is log]
+    return f"Log of {', '.join(users)}"
 
 
 def _part(schema: dict[str, Any], model: type[BaseModel], title: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from foucault.logs.streaming import OnDisk
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.result import Result
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.tables import Log
+from foucault.tables import IndexedLog, Log
 
 Progress = Callable[[float, str], None]
 
@@ -39,9 +39,10 @@ def _silent(_fraction: float, _words: str) -> None:
     """Tell nobody."""
 
 
-def read_log(campaign: Campaign, progress: Progress = _silent) -> Log:
+def read_log(campaign: Campaign, progress: Progress = _silent) -> Any:
     """Read the log of a campaign; its findings follow those of the campaign file."""
-    log = logs.read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
+    read = getattr(procedures.load(campaign.procedure), "read_log", logs.read)
+    log = read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
     return replace(log, findings=_told(campaign) + log.findings)
 
 
@@ -79,10 +80,12 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> 
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     module = procedures.load(campaign.procedure)
-    on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
-    streamed = getattr(module, "STREAMS", False) and on_disk.size > STREAMED
+    log = None
+    if getattr(module, "STREAMS", False):
+        on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
+        log = on_disk if on_disk.size > STREAMED else None
     result: Result = module.calibrate(
-        on_disk if streamed else read_log(campaign, progress),
+        read_log(campaign, progress) if log is None else log,
         site=campaign.site,
         settings=campaign.settings,
         noise=campaign.noise,
@@ -100,7 +103,7 @@ class Simulation(Protocol):
     """What a procedure's `simulate` returns."""
 
     @property
-    def log(self) -> Log:
+    def log(self) -> Log | IndexedLog:
         """What the instrument said [SI]."""
         ...
 
@@ -167,7 +170,8 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
 
 def _instrument(campaign: Campaign, seed: int) -> ImuModel:
     """Draw the errors of the instrument, then set those the campaign gives."""
-    drawn = draw_errors(campaign.simulate.grade, seed).coefficients()
+    draw = getattr(procedures.load(campaign.procedure), "draw_errors", draw_errors)
+    drawn = draw(campaign.simulate.grade, seed).coefficients()
     given = {}
     for name, text in campaign.simulate.errors.items():
         kind = LAYOUT.coefficients[LAYOUT.index(name)].kind
@@ -195,11 +199,12 @@ def save_session(session: Session, folder: str | Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise unwritable(folder, problem) from None
-    logs.write(session.simulation.log, folder / SESSION_LOG)
+    log = session.simulation.log
+    write: Any = getattr(procedures.load(session.campaign.procedure), "write_log", logs.write)
+    write(log, folder / SESSION_LOG)
     with atomic(folder / TRUTH_FILE) as temporary:
         temporary.write_text(json.dumps(_truth(session), indent=1) + "\n", encoding="utf-8")
-    averaged = session.simulation.log.averaged is not None
-    own = log_table(session.campaign.procedure, averaged=averaged, own=True)
+    own = log_table(session.campaign.procedure, log)
     text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = with_seed(text, session.seed)

@@ -7,10 +7,11 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from foucault.errors import Finding, error, finding, suggestion
 from foucault.logs.description import LogDescription
+from foucault.logs.layout import FileLayout
 from foucault.models import earth, noise
 from foucault.units import Quantity
 
@@ -202,6 +203,13 @@ class CampaignFile(_Table):
         if isinstance(raw, dict) and isinstance(raw.get("prior"), dict):
             return raw | {"prior": joined(raw["prior"])}
         return raw
+
+
+def file_with(log: type[FileLayout]) -> type[CampaignFile]:
+    """Return the model of a campaign file whose [log] is described by `log`."""
+    if log is LogDescription:
+        return CampaignFile
+    return create_model("CampaignFile", __base__=CampaignFile, log=(log, ...))
 
 
 def joined(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:

@@ -16,6 +16,7 @@ from foucault import procedures, units
 from foucault.campaign.fields import dotted, kind_of
 from foucault.campaign.reading import Campaign
 from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
+from foucault.tables import IndexedLog, Log
 
 _HEAD = """\
 # Campaign file of Foucault.
@@ -49,21 +50,28 @@ AVERAGED = 'averaged = { column = "averaged", unit = "s" }   # every row is a me
 """Line of a log that holds means."""
 
 
-def log_table(procedure: str, *, averaged: bool = False, own: bool = False) -> str:
+def log_table(
+    procedure: str, log: Log | IndexedLog | None = None, *, averaged: bool = False
+) -> str:
     """Write the table [log] for a log as `foucault simulate` writes it.
 
     Parameters
     ----------
     procedure : str
-        A key of `procedures.PROCEDURES`; one that uses a table says what its log has more.
+        A key of `procedures.PROCEDURES`; one that uses a table says what its log has more, and one
+        with a log of its own writes all of it.
+    log : Log, IndexedLog or None
+        The log that was simulated [SI]; None for the template, where what a user's log may lack is
+        commented out.
     averaged : bool
-        Whether the log holds means.
-    own : bool
-        Whether it is for a log that was simulated; what a user's log may lack is commented out
-        otherwise.
+        Whether a simulated log holds means, where it is not given itself.
     """
-    more: str = getattr(procedures.load(procedure), "LOG_LINES", "")
-    if not own:
+    module = procedures.load(procedure)
+    if hasattr(module, "log_table"):
+        return str(module.log_table(log))
+    more: str = getattr(module, "LOG_LINES", "")
+    averaged |= log is not None and log.averaged is not None
+    if log is None and not averaged:
         lines = more.splitlines()
         more = "".join(f"{'# ' * (line[:1] not in ('#', ''))}{line}\n" for line in lines)
     return LOG_TABLE + AVERAGED * averaged + more
@@ -131,7 +139,8 @@ def _simulate_lines(procedure: str) -> list[str]:
         "# Coefficients set to a value instead of drawn:",
         '# errors = { "gyro.bias.x" = "30 deg/h" }',
     ]
-    return [*_commented(SimulateTable, {}, leave_out=("errors",)), *own, *errors]
+    usual = _texts(getattr(procedures.load(procedure), "SIMULATE", {}))
+    return [*_commented(SimulateTable, usual, leave_out=("errors",)), *own, *errors]
 
 
 def _commented(

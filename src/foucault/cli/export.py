@@ -163,9 +163,10 @@ def _log_description(calibrated: Result, result: Path) -> LogDescription | None:
 
     kept = (result if result.is_dir() else result.parent) / CAMPAIGN_FILE
     if kept.is_file():
-        return campaign.load(kept).log
+        log = campaign.load(kept).log
+        return log if isinstance(log, LogDescription) else None
     said = (calibrated.provenance.get("input") or {}).get("description")
-    if not isinstance(said, dict):
+    if not isinstance(said, dict) or "index" in said:  # that of a north seeker
         return None
     if isinstance(said.get("rate"), float):  # a description gives it with its unit
         said = said | {"rate": f"{said['rate']!r} Hz"}

@@ -131,10 +131,16 @@ def inspect(
 def read_any(path: Path, tell: Any) -> Log:
     """Read the log of a campaign file, one that foucault has written, or one titled with units."""
     from foucault import campaign, logs
+    from foucault.errors import error
     from foucault.logs.titles import description_of
+    from foucault.tables import Log
 
     if path.suffix == ".toml":
-        return campaign.read_log(campaign.load(path), tell)
+        described = campaign.load(path)
+        seen = campaign.read_log(described, tell)
+        if not isinstance(seen, Log):
+            raise error("north.not_imu", procedure=described.procedure)
+        return seen
     description, told = description_of(path)
     log = logs.read(description, path.parent, lambda done: tell(done, "reading the log"))
     return replace(log, findings=told + log.findings)

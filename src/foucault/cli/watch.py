@@ -85,7 +85,7 @@ def _open(path: Path | None, stdin: bool, hold: float) -> Session:
 
     campaign = campaigns.load(path) if path is not None and path.suffix == ".toml" else None
     if campaign is not None:
-        description, folder = campaign.log, campaign.folder
+        description, folder = campaign.imu_log, campaign.folder
     elif path is not None and not stdin:
         description, folder = LogDescription.model_validate({"file": path.name}), path.parent
     elif stdin:

@@ -13,10 +13,10 @@ from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, open_bytes
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
-    from foucault.logs.description import LogDescription
+    from foucault.logs.layout import FileLayout
 
 
-def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
+def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a file of binary records, laid out as ``[log.record]`` says."""
     record = description.record
     if record is None:

@@ -12,7 +12,7 @@ from foucault.logs.raw import RawTable
 from foucault.tables import AXES
 
 if TYPE_CHECKING:
-    from foucault.logs.description import ColumnName
+    from foucault.logs.layout import ColumnName
 
 TIME_NAMES = ("time", "t", "timestamp", "time_s", "seconds", "sec")
 TEMPERATURE_NAMES = ("temperature", "temp")

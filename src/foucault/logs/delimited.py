@@ -30,13 +30,13 @@ from foucault.logs.raw import Progress, RawTable, open_bytes, unreadable
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
-    from foucault.logs.description import LogDescription
+    from foucault.logs.layout import FileLayout
 
 BLOCK_BYTES = 4 << 20
 _BLANK_LINE = re.compile(rb"(?m)^[ \t]+(?=\r?$)")
 
 
-def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
+def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a text file: look at its first lines, and parse the rest when asked to."""
     with open_bytes(path) as stream:
         dialect = dialect_of(stream, description, path.name)

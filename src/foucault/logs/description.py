@@ -6,92 +6,30 @@ files written by this package need no description, because they say it themselve
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from foucault.errors import FoucaultError, error
+from foucault.logs.layout import (
+    COUNTS,
+    Averaged,
+    Block,
+    ColumnName,
+    FileLayout,
+    TemperatureColumn,
+    TimeColumn,
+    conversion,
+    limits,
+    no_count_scale,
+    scaled_unit,
+)
 from foucault.tables import FloatArray
-from foucault.units import Quantity, factor, parse
-
-ColumnName = int | str
-"""A column by name, or by number from 0; text may start with "-" to flip the sign."""
 
 Direction = Literal["x up", "x down", "y up", "y down", "z up", "z down"]
 
-ABSOLUTE_ZERO = 273.15
-"""Kelvin at 0 degC [K]."""
 
-
-def scaled_unit(text: str, kind: str) -> float:
-    """Give the SI value of a unit that may carry a number, such as ``"0.1 arcsec"``.
-
-    Parameters
-    ----------
-    text : str
-        Unit, or number and unit.
-    kind : str
-        What it must measure, a key of `foucault.units.KINDS`.
-
-    Returns
-    -------
-    float
-        SI value of one [SI unit of the kind].
-    """
-    return parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
-
-
-class _Block(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class TimeColumn(_Block):
-    """The time column."""
-
-    column: ColumnName | None = Field(
-        None, description="name, or number from 0; guessed from the header if left out"
-    )
-    unit: str = Field(
-        description='"s", "ms", "us", a tick such as "15.625 us", or "iso" for 2026-05-04T10:00:00Z'
-    )
-
-    @model_validator(mode="after")
-    def _unit(self) -> TimeColumn:
-        self.one()
-        return self
-
-    @property
-    def iso(self) -> bool:
-        """Whether the column holds dates and times of day."""
-        return self.unit.lower() == "iso"
-
-    def one(self) -> float:
-        """Return the value of one `unit` [s]."""
-        return 1.0 if self.iso else scaled_unit(self.unit, "time")
-
-
-class TemperatureColumn(_Block):
-    """The temperature column."""
-
-    file: str | None = Field(None, description="file of this column, if not the log's")
-    column: ColumnName | None = Field(None, description="name, or number from 0")
-    unit: str = Field(description='"degC" or "K"')
-
-    @model_validator(mode="after")
-    def _unit(self) -> TemperatureColumn:
-        self.conversion()
-        return self
-
-    def conversion(self) -> tuple[FloatArray, FloatArray]:
-        """Return zero and factor, each shape (1,): kelvin = (raw - zero) * factor."""
-        if self.unit in ("degC", "°C", "C", "celsius"):  # an offset is no factor: done by hand
-            return np.array([-ABSOLUTE_ZERO]), np.ones(1)
-        return np.zeros(1), np.array([factor(self.unit, "temperature")])
-
-
-class Triad(_Block):
+class Triad(Block):
     """Three columns of one instrument, x y z in right-forward-up body axes."""
 
     name: ClassVar[str]
@@ -131,35 +69,20 @@ class Triad(_Block):
 
     def conversion(self) -> tuple[FloatArray, FloatArray]:
         """Return zero and factor, each shape (3,): SI value = (raw - zero) * factor."""
-        if self.unit in ("count", "counts", "LSB"):
-            return np.broadcast_to(self.zero, 3).astype(float), 1.0 / self._count_scale()
-        if self.scale is not None or np.any(self.zero):
-            raise error("log.scale_without_count", block=self.name, unit=self.unit)
-        return np.zeros(3), np.full(3, self._unit())
+        if self.unit not in COUNTS and self.scale is None:
+            self._check_kind()
+        elif self.unit in COUNTS and self.kind == "increment":
+            raise no_count_scale(self.name)
+        kind = self.kinds[self.kind]
+        return conversion(self.name, self.unit, kind, self.scale, self.zero, 3)
 
     def limits(self) -> FloatArray | None:
         """Return the range as declared, lowest and highest, shape (2,) [`unit`]."""
-        if self.saturation is None:
-            return None
-        if isinstance(self.saturation, tuple):
-            return np.sort(np.array(self.saturation, float))
-        return np.array([-abs(self.saturation), abs(self.saturation)])
+        return limits(self.saturation)
 
-    def _count_scale(self) -> FloatArray:
-        if self.scale is None or self.kind == "increment":
-            example = {"gyro": "4778 count/(rad/s)", "accel": "415 count/(m/s^2)"}[self.name]
-            tick = {"gyro": "0.1 arcsec", "accel": "0.0001 m/s"}[self.name]
-            raise error("log.count_scale", block=self.name, example=example, tick=tick)
-        texts = (self.scale,) * 3 if isinstance(self.scale, str) else self.scale
-        kind = {"gyro": "gyro count scale", "accel": "accelerometer count scale"}[self.name]
-        scale = np.array([parse(t, kind, f"[log.{self.name}] scale") for t in texts])
-        if np.any(scale == 0):
-            raise error("log.scale_zero", block=self.name)
-        return scale
-
-    def _unit(self) -> float:
+    def _check_kind(self) -> None:
         try:
-            return scaled_unit(self.unit, self.kinds[self.kind])
+            scaled_unit(self.unit, self.kinds[self.kind])
         except FoucaultError as problem:
             other = "increment" if self.kind == "rate" else "rate"
             try:
@@ -197,7 +120,7 @@ class AccelColumns(Triad):
         return zero, -scale if self.reads == "gravity" else scale
 
 
-class TableBlock(_Block):
+class TableBlock(Block):
     """Columns of the table that the instrument stands on."""
 
     file: str | None = Field(None, description="file of these columns, if not the log's")
@@ -252,75 +175,9 @@ class TableBlock(_Block):
         return found
 
 
-class Averaged(_Block):
-    """The column that says over how long each row is already a mean."""
-
-    file: str | None = Field(None, description="file of this column, if not the log's")
-    column: ColumnName = Field(description="name, or number from 0")
-    unit: str = Field(description='"s", "min" or another unit of time')
-
-    @model_validator(mode="after")
-    def _unit(self) -> Averaged:
-        self.one()
-        return self
-
-    def one(self) -> float:
-        """Return the value of one `unit` [s]."""
-        return scaled_unit(self.unit, "time")
-
-
-NumberType = Literal[
-    "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"
-]
-
-
-class Record(_Block):
-    """A plain binary file: records of numbers, one record per sample."""
-
-    type: NumberType | tuple[NumberType, ...] = Field(
-        description="type of every number, or a list with one type per column"
-    )
-    columns: int | None = Field(None, ge=1, description="numbers per record, for a single type")
-    byte_order: Literal["little", "big"] = Field("little", description="byte order")
-    skip: int = Field(0, ge=0, description="bytes before the first record")
-
-    @model_validator(mode="after")
-    def _complete(self) -> Record:
-        self.types()
-        return self
-
-    def types(self) -> tuple[str, ...]:
-        """Return the type of each column."""
-        if isinstance(self.type, tuple):
-            if self.columns not in (None, len(self.type)) or not self.type:
-                raise error("log.record_columns")
-            return self.type
-        if self.columns is None:
-            raise error("log.record_columns")
-        return (self.type,) * self.columns
-
-
-class LogDescription(_Block):
+class LogDescription(FileLayout):
     """Where a log is and what its columns mean."""
 
-    file: str | None = Field(None, description="path, relative to the campaign file")
-    format: Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary"] = Field(
-        "auto", description="by suffix and content if left out"
-    )
-    delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
-    decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")
-    header: Literal["auto", "none"] | Annotated[int, Field(ge=0)] = Field(
-        "auto", description='lines before the data, counted as an editor does, or "none"'
-    )
-    comment: tuple[str, ...] = Field(("#", "%"), description="what starts a comment")
-    variable: str | None = Field(None, description="array inside a .mat or .npz file")
-    record: Record | None = Field(None, description="layout of a binary file")
-    rate: Annotated[float, Quantity("frequency")] | None = Field(
-        None, description="sample rate, only where there is no time column"
-    )
-    missing: Literal["error", "drop"] = Field(
-        "error", description='"drop" leaves out rows with missing or infinite values'
-    )
     time: TimeColumn | None = None
     gyro: GyroColumns | None = None
     accel: AccelColumns | None = None
@@ -339,10 +196,7 @@ class LogDescription(_Block):
 
     @model_validator(mode="after")
     def _consistent(self) -> LogDescription:
-        if self.rate is not None and self.time is not None:
-            raise error("log.time_and_rate")
-        if self.rate is not None and not self.rate > 0:
-            raise error("log.rate", rate=f"{self.rate:g}")
+        self.dated(self.time is not None)
         if self.gyro and self.accel and self.gyro.kind != self.accel.kind:
             raise error("log.kinds_differ", gyro=self.gyro.kind, accel=self.accel.kind)
         if self.file is None and not self.files():

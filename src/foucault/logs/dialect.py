@@ -12,7 +12,7 @@ from foucault.errors import Finding, error, finding
 from foucault.logs.own import MARKER
 
 if TYPE_CHECKING:
-    from foucault.logs.description import LogDescription
+    from foucault.logs.layout import FileLayout
 
 SPACE = " "
 
@@ -50,14 +50,14 @@ class Dialect:
         return split(uncomment(line, self.comment), self.delimiter)
 
 
-def dialect_of(stream: IO[bytes], description: LogDescription, name: str) -> Dialect:
+def dialect_of(stream: IO[bytes], description: FileLayout, name: str) -> Dialect:
     """Tell from the first lines of a text how to read it.
 
     Parameters
     ----------
     stream : file
         The text, from its first line.
-    description : LogDescription
+    description : FileLayout
         What is known of it.
     name : str
         Name of the file, for the texts.
@@ -99,7 +99,7 @@ def dialect_of(stream: IO[bytes], description: LogDescription, name: str) -> Dia
     )  # fmt: skip
 
 
-def _no_preamble(lines: list[str], skip: int, description: LogDescription, name: str) -> None:
+def _no_preamble(lines: list[str], skip: int, description: FileLayout, name: str) -> None:
     """Refuse a file whose first line with a number belongs to no sample; say where they begin."""
 
     def cells(line: str) -> list[str]:
@@ -123,7 +123,7 @@ def _is_sample(cell: str) -> bool:
 
 
 def _numbers_skipped(
-    lines: list[str], description: LogDescription, delimiter: str, count: int, name: str
+    lines: list[str], description: FileLayout, delimiter: str, count: int, name: str
 ) -> tuple[Finding, ...]:
     """Tell the last line of a declared header that looks like a sample."""
     found: tuple[Finding, ...] = ()
@@ -140,7 +140,7 @@ def _shown(line: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _is_head(content: str, seen: int, description: LogDescription) -> bool:
+def _is_head(content: str, seen: int, description: FileLayout) -> bool:
     if isinstance(description.header, int):
         return seen < description.header
     if description.header == "none":
@@ -162,7 +162,7 @@ def _names(
     return None
 
 
-def _delimiter(content: str, description: LogDescription) -> str:
+def _delimiter(content: str, description: FileLayout) -> str:
     if description.delimiter != "auto":
         spaces = ("space", "spaces", "whitespace", " ")
         return SPACE if description.delimiter in spaces else description.delimiter

@@ -13,10 +13,10 @@ from foucault.logs.numpy_arrays import from_arrays
 from foucault.logs.raw import Progress, RawTable, is_text, open_bytes
 
 if TYPE_CHECKING:
-    from foucault.logs.description import LogDescription
+    from foucault.logs.layout import FileLayout
 
 
-def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
+def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a .mat file; one saved with -ascii is read as text."""
     with open_bytes(path) as stream:
         start = stream.read(4096)

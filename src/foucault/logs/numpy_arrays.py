@@ -15,12 +15,12 @@ from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
-    from foucault.logs.description import LogDescription
+    from foucault.logs.layout import FileLayout
 
 Array = npt.NDArray[Any]
 
 
-def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
+def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a .npy or .npz file; pickled objects are refused."""
     loaded = np.load(path, allow_pickle=False, mmap_mode="r")
     if isinstance(loaded, np.ndarray):

@@ -14,10 +14,10 @@ from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
-    from foucault.logs.description import LogDescription
+    from foucault.logs.layout import FileLayout
 
 
-def open_raw(path: Path, description: LogDescription, progress: Progress | None) -> RawTable:
+def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a Parquet file; its top-level columns are the columns of the log."""
     from pyarrow import parquet
 

@@ -19,7 +19,7 @@ from foucault.errors import Finding, FoucaultError, error
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
-    from foucault.logs.description import LogDescription
+    from foucault.logs.layout import FileLayout
 
 Progress = Callable[[float], None]
 """Called with the fraction done, from 0 to 1."""
@@ -87,14 +87,14 @@ _SUFFIXES = {
 }
 
 
-def open_raw(path: Path, description: LogDescription, progress: Progress | None = None) -> RawTable:
+def open_raw(path: Path, description: FileLayout, progress: Progress | None = None) -> RawTable:
     """Open a log file of any format.
 
     Parameters
     ----------
     path : Path
         The file.
-    description : LogDescription
+    description : FileLayout
         How it is laid out.
     progress : callable or None
         Called with the fraction read, from 0 to 1.
@@ -147,7 +147,7 @@ def _must_exist(path: Path) -> None:
     raise error("log.missing_file", path=path, what=what, hint=hint)
 
 
-def _format(path: Path, description: LogDescription) -> str:
+def _format(path: Path, description: FileLayout) -> str:
     if description.format != "auto":
         return description.format
     if description.record is not None:

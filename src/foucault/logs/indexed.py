@@ -1,0 +1,240 @@
+"""The log of a north seeker, of any format, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from foucault.errors import Finding, error, finding
+from foucault.files import sha256
+from foucault.logs import checks, columns
+from foucault.logs.indexed_checks import implausible
+from foucault.logs.raw import Progress, RawTable, open_raw
+from foucault.tables import FloatArray, IndexedLog, IntArray
+
+if TYPE_CHECKING:
+    from foucault.logs.indexed_description import IndexedDescription
+
+SAME_HEADING = np.radians(0.1)
+"""Reference headings within this are those of one set-up [rad]."""
+
+Data = dict[str, FloatArray]
+
+
+def read(
+    description: IndexedDescription, folder: str | Path = ".", progress: Progress | None = None
+) -> IndexedLog:
+    """Read the log of a north seeker.
+
+    Parameters
+    ----------
+    description : IndexedDescription
+        File, columns and units.
+    folder : str or Path
+        Folder that a relative file name starts from.
+    progress : callable or None
+        Called with the fraction done, from 0 to 1.
+
+    Returns
+    -------
+    IndexedLog
+        Rows by set-up; `findings` tells what looks wrong, `source` where they came from [SI].
+    """
+    assert description.file is not None
+    path = Path(folder) / description.file
+    raw = open_raw(path, description, progress)
+    data = _columns(description, raw, path)
+    labels = _labels(description, raw, path)
+    if description.rate is not None:
+        data["time"] = np.arange(len(data["gyro"])) / description.rate
+    data, labels, dropped = _usable(data, labels, description, path)
+    if "time" not in data:  # means: one begins where the one before has ended
+        data["time"] = np.cumsum(data["averaged"]) - data["averaged"]
+    setup, names, again = _setups(data, labels)
+    log = IndexedLog(
+        data["time"], data["index"], data["gyro"], data.get("accel"), setup, names,
+        data.get("heading"), data.get("temperature"), data.get("averaged"),
+        source={
+            "file": path.name,
+            "sha256": sha256(path),
+            "rows": len(data["time"]),
+            "description": description.model_dump(mode="json", exclude_none=True),
+        },
+    )  # fmt: skip
+    _one_heading(log)
+    found = (*raw.findings, *dropped, *again, *_timing(log))
+    return replace(log, findings=(*found, *implausible(log, description)))
+
+
+def _columns(used: IndexedDescription, raw: RawTable, path: Path) -> Data:
+    """Read all columns of numbers, converted to SI; accel has two dimensions."""
+    picks = list(_picks(used, raw, path))
+    numbers = [number for _, some, _, _ in picks for number in some]
+    pieces = list(raw.blocks(numbers))
+    rows = np.concatenate(pieces) if pieces else np.empty((0, len(numbers)))
+    if not len(rows):
+        raise error("log.empty", file=path.name)
+    data, start = {}, 0
+    for name, some, zero, factor in picks:
+        values = (rows[:, start : start + len(some)] - zero) * factor
+        data[name] = values if name == "accel" else values[:, 0]
+        start += len(some)
+    return data
+
+
+_Pick = tuple[str, list[int], FloatArray, FloatArray]
+
+
+def _picks(used: IndexedDescription, raw: RawTable, path: Path) -> Iterator[_Pick]:
+    """Yield name, numbers of columns, zero and factor: SI = (raw - zero) * factor."""
+    none, one = np.zeros(1), np.ones(1)
+    if used.time is not None:
+        if used.time.column is None:
+            numbers, sign = columns.guess(raw, "time", path), one
+        else:
+            numbers, sign = _found(raw, (used.time.column,), "time", path)
+        if used.time.iso != (numbers[0] in raw.stamps):
+            code = "log.time_not_iso" if used.time.iso else "log.time_iso"
+            name, unit = raw.names[numbers[0]], used.time.unit
+            raise error(code, file=path.name, column=name, unit=unit)
+        yield "time", numbers, none, used.time.one() * sign
+    wanted: dict[str, tuple[int | str, ...]] = {
+        "index": (used.index.column,),
+        "gyro": (used.gyro.column,),
+        "accel": () if used.accel is None else used.accel.wanted,
+    }
+    for name, some in wanted.items():
+        if some:
+            numbers, sign = _found(raw, some, name, path)
+            zero, factor = getattr(used, name).conversion()
+            yield name, numbers, zero, factor * sign
+    for name, plain in (("heading", used.heading), ("averaged", used.averaged)):
+        if plain is not None:
+            numbers, sign = _found(raw, (plain.column,), name, path)
+            yield name, numbers, none, plain.one() * sign
+    if used.temperature is not None:
+        column = used.temperature.column
+        if column is None:
+            numbers = columns.guess(raw, "temperature", path)
+        else:
+            numbers, _ = _found(raw, (column,), "temperature", path)
+        yield "temperature", numbers, *used.temperature.conversion()
+
+
+def _found(
+    raw: RawTable, wanted: tuple[int | str, ...], block: str, path: Path
+) -> tuple[list[int], FloatArray]:
+    found = [columns.find(raw, name, path, block) for name in wanted]
+    dates = [raw.names[n] for n, _ in found if n in raw.stamps and block != "time"]
+    if dates:
+        raise error("log.not_numeric", file=path.name, line="every line", column=dates[0],
+                    cell="a date", hint="")  # fmt: skip
+    return [n for n, _ in found], np.array([sign for _, sign in found])
+
+
+def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> list[str] | None:
+    """Return the name of the set-up of each row, empty where it has none."""
+    if used.setup is None:
+        return None
+    number, _ = columns.find(raw, used.setup, path, "setup")
+    if raw.words is not None:
+        return [word.strip() for word in chain.from_iterable(raw.words(number))]
+    values = np.concatenate(list(raw.blocks([number])))[:, 0]
+    return ["" if np.isnan(value) else f"{value:.12g}" for value in values]
+
+
+def _usable(
+    data: Data, labels: list[str] | None, used: IndexedDescription, path: Path
+) -> tuple[Data, list[str] | None, tuple[Finding, ...]]:
+    """Leave out rows between set-ups, refuse or leave out those without a number."""
+
+    def kept(rows: IntArray) -> None:
+        nonlocal data, labels
+        data = {name: values[rows] for name, values in data.items()}
+        labels = labels and [labels[i] for i in rows]
+
+    if labels is not None:
+        kept(np.flatnonzero([bool(label) for label in labels]))
+    needed = {name: values for name, values in data.items() if name != "heading"}
+    keep, found = checks.finite(needed, used.missing, path.name)
+    if keep is not None:
+        kept(np.flatnonzero(keep))
+    if "averaged" in data:
+        wrong = np.flatnonzero(~(data["averaged"] > 0))
+        if len(wrong):
+            value = f"{data['averaged'][wrong[0]]:g}"
+            raise error("log.averaged", file=path.name, row=wrong[0], value=value)
+    elif len(data["gyro"]):
+        keep, doubled = checks.doubled(data)
+        found += doubled
+        if keep is not None:
+            kept(np.flatnonzero(keep))
+    if not len(data["gyro"]):
+        raise error("log.empty", file=path.name)
+    return data, labels, found
+
+
+def _setups(
+    data: Data, labels: list[str] | None
+) -> tuple[IntArray, tuple[str, ...], tuple[Finding, ...]]:
+    """Number the set-ups: runs of one name, else of one reference heading."""
+    n = len(data["gyro"])
+    heading = data.get("heading")
+    if labels is not None:
+        new = np.array([True, *(a != b for a, b in pairwise(labels))])
+    elif heading is not None:
+        turned = ~(np.abs(_difference(heading[1:], heading[:-1])) <= SAME_HEADING)
+        unknown = np.isnan(heading)
+        new = np.append(True, turned & ~(unknown[1:] & unknown[:-1]))
+    else:
+        new = np.arange(n) == 0
+    first = np.flatnonzero(new)
+    if labels is not None:
+        plain = [labels[i] for i in first]
+    elif heading is not None:
+        plain = [f"{np.degrees(heading[i]):.6g} deg" for i in first]
+    else:
+        plain = ["1"]
+    names: list[str] = []
+    found = []
+    for row, name in zip(first, plain, strict=True):
+        count = plain[: len(names)].count(name)
+        new_name = f"{name} ({count + 1})" if count else name
+        if count:
+            words = {"name": name, "row": row, "new": new_name}
+            found.append(finding("north.setup_again", **words))
+        names.append(new_name)
+    return np.cumsum(new) - 1, tuple(names), tuple(found)
+
+
+def _difference(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray((a - b + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _timing(log: IndexedLog) -> tuple[Finding, ...]:
+    """Check the time of each set-up; a clock may start anew with every one."""
+    found: list[Finding] = []
+    for number in range(len(log.names)):
+        lo, hi = np.searchsorted(log.setup, [number, number + 1])
+        told = checks.timing(log.time[lo:hi], start=int(lo))
+        if log.averaged is None:  # means may well be far apart
+            found += [f for f in told if f.code not in {g.code for g in found}]
+    return tuple(found)
+
+
+def _one_heading(log: IndexedLog) -> None:
+    """Refuse a reference heading that changes within a set-up."""
+    if log.heading is None:
+        return
+    starts = np.flatnonzero(np.diff(log.setup, prepend=-1))
+    for number, (lo, hi) in enumerate(pairwise([*starts, len(log)])):
+        some = log.heading[lo:hi][np.isfinite(log.heading[lo:hi])]
+        change = np.abs(_difference(some, some[:1])).max(initial=0.0)
+        if change > SAME_HEADING:
+            words = {"setup": log.names[number], "change": f"{np.degrees(change):.3g}"}
+            raise error("north.heading_moves", **words)

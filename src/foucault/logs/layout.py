@@ -1,0 +1,244 @@
+"""How a file is laid out, and the single columns that every description of a log may name."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from foucault.errors import FoucaultError, error
+from foucault.tables import FloatArray
+from foucault.units import Quantity, factor, parse
+
+ColumnName = int | str
+"""A column by name, or by number from 0; text may start with "-" to flip the sign."""
+
+ABSOLUTE_ZERO = 273.15
+"""Kelvin at 0 degC [K]."""
+
+
+def scaled_unit(text: str, kind: str) -> float:
+    """Give the SI value of a unit that may carry a number, such as ``"0.1 arcsec"``.
+
+    Parameters
+    ----------
+    text : str
+        Unit, or number and unit.
+    kind : str
+        What it must measure, a key of `foucault.units.KINDS`.
+
+    Returns
+    -------
+    float
+        SI value of one [SI unit of the kind].
+    """
+    return parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
+
+
+COUNTS = ("count", "counts", "LSB")
+"""Units of readings that a count scale turns into SI."""
+
+_COUNT_EXAMPLES = {
+    "gyro": ("4778 count/(rad/s)", "0.1 arcsec", "gyro count scale"),
+    "accel": ("415 count/(m/s^2)", "0.0001 m/s", "accelerometer count scale"),
+}
+
+
+def no_count_scale(block: str) -> FoucaultError:
+    """Build the error for counts of a `block` without a scale."""
+    example, tick, _ = _COUNT_EXAMPLES[block]
+    return error("log.count_scale", block=block, example=example, tick=tick)
+
+
+def conversion(
+    block: str,
+    unit: str,
+    kind: str,
+    scale: str | tuple[str, ...] | None,
+    zero: float | tuple[float, ...],
+    axes: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Return zero and factor of readings, shape (axes,) each: SI value = (raw - zero) * factor.
+
+    Parameters
+    ----------
+    block : {"gyro", "accel"}
+        What reads, for the texts too.
+    unit : str
+        Unit of one, or "count".
+    kind : str
+        What it must measure, a key of `foucault.units.KINDS`.
+    scale : str, tuple of str, length axes, or None
+        Count scale; only with counts.
+    zero : float, or tuple of float, length axes
+        Count that means zero; only with counts [count].
+    axes : int, shape ()
+        Number of columns [1].
+    """
+    if unit not in COUNTS:
+        if scale is not None or np.any(zero):
+            raise error("log.scale_without_count", block=block, unit=unit)
+        return np.zeros(axes), np.full(axes, scaled_unit(unit, kind))
+    if scale is None:
+        raise no_count_scale(block)
+    texts = (scale,) * axes if isinstance(scale, str) else scale
+    of = _COUNT_EXAMPLES[block][2]
+    scales = np.array([parse(text, of, f"[log.{block}] scale") for text in texts])
+    if np.any(scales == 0):
+        raise error("log.scale_zero", block=block)
+    return np.broadcast_to(zero, axes).astype(float), 1.0 / scales
+
+
+def limits(saturation: float | tuple[float, float] | None) -> FloatArray | None:
+    """Return a range as declared, lowest and highest, shape (2,) [as declared].
+
+    Parameters
+    ----------
+    saturation : float, (float, float) or None
+        Largest value, or both ends [as declared].
+    """
+    if saturation is None:
+        return None
+    if isinstance(saturation, tuple):
+        return np.sort(np.array(saturation, float))
+    return np.array([-abs(saturation), abs(saturation)])
+
+
+class Block(BaseModel):
+    """A table inside [log]."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TimeColumn(Block):
+    """The time column."""
+
+    column: ColumnName | None = Field(
+        None, description="name, or number from 0; guessed from the header if left out"
+    )
+    unit: str = Field(
+        description='"s", "ms", "us", a tick such as "15.625 us", or "iso" for 2026-05-04T10:00:00Z'
+    )
+
+    @model_validator(mode="after")
+    def _unit(self) -> TimeColumn:
+        self.one()
+        return self
+
+    @property
+    def iso(self) -> bool:
+        """Whether the column holds dates and times of day."""
+        return self.unit.lower() == "iso"
+
+    def one(self) -> float:
+        """Return the value of one `unit` [s]."""
+        return 1.0 if self.iso else scaled_unit(self.unit, "time")
+
+
+class Temperature(Block):
+    """The temperature column."""
+
+    column: ColumnName | None = Field(None, description="name, or number from 0")
+    unit: str = Field(description='"degC" or "K"')
+
+    @model_validator(mode="after")
+    def _unit(self) -> Temperature:
+        self.conversion()
+        return self
+
+    def conversion(self) -> tuple[FloatArray, FloatArray]:
+        """Return zero and factor, each shape (1,): kelvin = (raw - zero) * factor."""
+        if self.unit in ("degC", "°C", "C", "celsius"):  # an offset is no factor: done by hand
+            return np.array([-ABSOLUTE_ZERO]), np.ones(1)
+        return np.zeros(1), np.array([factor(self.unit, "temperature")])
+
+
+class TemperatureColumn(Temperature):
+    """The temperature column, of this file or another."""
+
+    file: str | None = Field(None, description="file of this column, if not the log's")
+
+
+class Length(Block):
+    """The column that says over how long each row is already a mean."""
+
+    column: ColumnName = Field(description="name, or number from 0")
+    unit: str = Field(description='"s", "min" or another unit of time')
+
+    @model_validator(mode="after")
+    def _unit(self) -> Length:
+        self.one()
+        return self
+
+    def one(self) -> float:
+        """Return the value of one `unit` [s]."""
+        return scaled_unit(self.unit, "time")
+
+
+class Averaged(Length):
+    """The column that says over how long each row is already a mean, of this file or another."""
+
+    file: str | None = Field(None, description="file of this column, if not the log's")
+
+
+NumberType = Literal[
+    "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"
+]
+
+
+class Record(Block):
+    """A plain binary file: records of numbers, one record per sample."""
+
+    type: NumberType | tuple[NumberType, ...] = Field(
+        description="type of every number, or a list with one type per column"
+    )
+    columns: int | None = Field(None, ge=1, description="numbers per record, for a single type")
+    byte_order: Literal["little", "big"] = Field("little", description="byte order")
+    skip: int = Field(0, ge=0, description="bytes before the first record")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Record:
+        self.types()
+        return self
+
+    def types(self) -> tuple[str, ...]:
+        """Return the type of each column."""
+        if isinstance(self.type, tuple):
+            if self.columns not in (None, len(self.type)) or not self.type:
+                raise error("log.record_columns")
+            return self.type
+        if self.columns is None:
+            raise error("log.record_columns")
+        return (self.type,) * self.columns
+
+
+class FileLayout(Block):
+    """Where a log is and how its file is written."""
+
+    file: str | None = Field(None, description="path, relative to the campaign file")
+    format: Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary"] = Field(
+        "auto", description="by suffix and content if left out"
+    )
+    delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
+    decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")
+    header: Literal["auto", "none"] | Annotated[int, Field(ge=0)] = Field(
+        "auto", description='lines before the data, counted as an editor does, or "none"'
+    )
+    comment: tuple[str, ...] = Field(("#", "%"), description="what starts a comment")
+    variable: str | None = Field(None, description="array inside a .mat or .npz file")
+    record: Record | None = Field(None, description="layout of a binary file")
+    rate: Annotated[float, Quantity("frequency")] | None = Field(
+        None, description="sample rate, only where there is no time column"
+    )
+    missing: Literal["error", "drop"] = Field(
+        "error", description='"drop" leaves out rows with missing or infinite values'
+    )
+
+    def dated(self, timed: bool) -> None:
+        """Refuse a sample rate beside a time column (`timed`), or one that is not positive."""
+        if self.rate is not None and timed:
+            raise error("log.time_and_rate")
+        if self.rate is not None and not self.rate > 0:
+            raise error("log.rate", rate=f"{self.rate:g}")

@@ -1,0 +1,75 @@
+"""A campaign whose procedure has a log of its own: template, simulation, reading, schema."""
+
+from __future__ import annotations
+
+import tomllib
+
+import jsonschema
+import numpy as np
+import pytest
+
+from foucault import campaign, procedures
+from foucault.campaign.writing import resolved
+from foucault.cli.sessions import read_any
+from foucault.errors import FoucaultError
+from foucault.logs.indexed_description import IndexedDescription
+
+NORTH = "north_seeking"
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch):
+    monkeypatch.setitem(procedures.PROCEDURES, NORTH, f"foucault.procedures.{NORTH}")
+
+
+def test_what_is_simulated_is_read_back(tmp_path):
+    read = campaign.parse(campaign.template(NORTH), tmp_path / "c.toml")
+    assert isinstance(read.log, IndexedDescription)
+    session = campaign.simulate(read, 3)
+    file = campaign.save_session(session, tmp_path / "session")
+    log = campaign.read_log(campaign.load(file))
+    for name in ("time", "index", "gyro", "accel", "heading", "averaged"):
+        mine, theirs = getattr(log, name), getattr(session.simulation.log, name)
+        np.testing.assert_array_equal(mine, theirs)
+    assert log.findings == ()
+    again = campaign.parse(resolved(campaign.load(file), file.parent), file.parent / "x.toml")
+    assert again.log == campaign.load(file).log
+
+
+def test_the_module_gives_the_defaults_of_its_simulation():
+    text = campaign.template(NORTH)
+    assert 'grade = "navigation"' in text
+    head, _, _ = text.partition("[simulate]")
+    assert campaign.parse(head).simulate.grade == "navigation"
+    tactical = campaign.parse(head + '[simulate]\ngrade = "tactical"\n')
+    assert tactical.simulate.grade == "tactical"
+    assert campaign.parse(campaign.template("hand_rotated").partition("[simulate]")[0]
+                          ).simulate.grade == "mems"  # fmt: skip
+
+
+def test_the_schema_knows_both_kinds_of_log():
+    schema = campaign.schema()
+    for name in (NORTH, "hand_rotated"):
+        jsonschema.validate(tomllib.loads(campaign.template(name)), schema)
+    wrong = tomllib.loads(campaign.template(NORTH))
+    wrong["log"]["gyro"] = tomllib.loads(campaign.template("hand_rotated"))["log"]["gyro"]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(wrong, schema)
+
+
+def test_mistakes_in_its_log_have_their_place():
+    text = campaign.template(NORTH)
+    with pytest.raises(FoucaultError, match=r"log\.indx is not a key.*Did you mean 'index'"):
+        campaign.parse(text.replace("\nindex = {", "\nindx = {"))
+    with pytest.raises(FoucaultError, match="`reads` is missing"):
+        campaign.parse(text.replace(', reads = "specific force"', ""))
+
+
+def test_commands_for_other_logs_refuse_it(tmp_path):
+    read = campaign.parse(campaign.template(NORTH), tmp_path / "c.toml")
+    file = campaign.save_session(campaign.simulate(read, 3), tmp_path / "session")
+    for call in (lambda: read_any(file, lambda *_: None), lambda: campaign.load(file).imu_log):
+        with pytest.raises(FoucaultError) as caught:
+            call()
+        assert caught.value.code == "north.not_imu"
+        assert "one gyro on an indexing base" in caught.value.message
