@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.optimize import least_squares
 
 FloatArray = np.ndarray
 
@@ -132,3 +133,84 @@ def norm_observation_covariance(blocks, variances, steps, h, g, lever_arm):
             slopes.append((moved[0] - moved[1]) / (2 * steps[k]) * np.sqrt(variances[k][at[0]]))
     J = np.array(slopes)
     return J.T @ J
+
+
+# -- north seeking ---------------------------------------------------------------------------
+
+
+def printed_fix(
+    N: float, M: float, up_x: float, up_y: float, latitude: float, sign: float
+) -> FloatArray:
+    """Equations (20)-(33) as printed, corrected: heading, pitch, roll, latitude.
+
+    N and M are the rates along x and y over the Earth's; `latitude` is NaN where unknown, and then
+    `sign` chooses the root of (33).
+    """
+    st = up_y
+    ct = np.sqrt(1 - st**2)
+    sg = -up_x / ct
+    cg = np.sqrt(1 - sg**2)
+    sl = np.sin(latitude)
+    if np.isnan(latitude):
+        B = 2 * (N * sg * ct - M * st)
+        C = (M * cg) ** 2 + (N * ct - M * sg * st) ** 2 - (cg * ct) ** 2
+        sl = (-B + sign * np.sqrt(max(B**2 - 4 * C, 0.0))) / 2
+    cf_cl = (M - st * sl) / ct
+    sf_cl = (sg * (st * M - sl) - N * ct) / (cg * ct)
+    heading = np.arctan2(sf_cl, cf_cl) % (2 * np.pi)
+    if np.isnan(latitude):
+        latitude = np.arctan2(sl, np.hypot(sf_cl, cf_cl))
+    return np.array([heading, np.arcsin(st), np.arcsin(sg), latitude])
+
+
+def north_prediction(angles: FloatArray, earth_rate: float, g: float) -> tuple[FloatArray, ...]:
+    """Earth's rate and specific force in the case, by three rotations."""
+    psi, theta, gamma, latitude = angles
+    x, y, z = np.eye(3)
+    # Heading is clockwise: the case turns about -z.
+    C_bn = turned(y, -gamma) @ turned(x, -theta) @ turned(z, psi)
+    w_n = earth_rate * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    return C_bn @ w_n, C_bn @ np.array([0.0, 0.0, g])
+
+
+def turned(axis: FloatArray, angle: float) -> FloatArray:
+    K = cross(axis)
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def north_likelihood(
+    y: FloatArray, cov: FloatArray, start: FloatArray, A: FloatArray, b: FloatArray, g: float,
+    earth_rate: float, latitude: float, latitude_sd: float,
+) -> tuple[FloatArray, FloatArray, float]:  # fmt: skip
+    """One set-up by general least squares: angles, covariance, sum of squares."""
+    white = np.linalg.inv(np.linalg.cholesky(cov))
+
+    def left(angles: FloatArray) -> FloatArray:
+        w, f = north_prediction(angles, earth_rate, g)
+        out = white @ (y - np.concatenate([A[:2] @ w, A[2:] @ f]) - b)
+        if np.isfinite(latitude_sd):
+            out = np.append(out, (latitude - angles[3]) / latitude_sd)
+        return out
+
+    return north_minimum(left, start)
+
+
+def north_minimum(left: object, start: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Unknowns, covariance and sum of squares where white residuals are least."""
+    scale = 1 / np.linalg.norm(_central(left, start), axis=0)
+    found = least_squares(
+        lambda u: left(start + scale * u), np.zeros(len(start)), method="lm",
+        xtol=1e-15, ftol=1e-15, gtol=1e-15,
+    )  # fmt: skip
+    x = start + scale * found.x
+    J = _central(left, x) * scale
+    return x, np.outer(scale, scale) * np.linalg.inv(J.T @ J), float(found.fun @ found.fun)
+
+
+def _central(left: object, x: FloatArray, step: float = 1e-6) -> FloatArray:
+    columns = []
+    for k in range(len(x)):
+        h = np.zeros(len(x))
+        h[k] = step
+        columns.append((left(x + h) - left(x - h)) / (2 * step))
+    return np.stack(columns, axis=1)

@@ -50,7 +50,7 @@ class Snooping:
         Its degrees of freedom; 0 where nothing controls the observation [1].
     redundancy : ndarray, shape (k,)
         Share of the best controlled direction of the observation that is redundant, 0 to 1 [1].
-    direction : ndarray, shape (k, 3)
+    direction : ndarray, shape (k, rows)
         That direction, in white residuals [1].
     correlation : ndarray, shape (k, k)
         Correlation of the tests, without sign: 1 for observations that look alike [1].
@@ -81,33 +81,35 @@ class Snooping:
         return np.asarray(self.blocks[same[same != j]])
 
 
-def snoop(at: Linearised, state_cov: FloatArray) -> Snooping:
+def snoop(at: Linearised, state_cov: FloatArray, rows: int = 3) -> Snooping:
     """Test every observation of a problem at its solution.
 
     Parameters
     ----------
     at : Linearised
-        The problem linearised at the solution, three rows per observation.
+        The problem linearised at the solution.
     state_cov : ndarray, shape (n, n)
         Covariance of everything estimated there.
+    rows : int, shape ()
+        Rows of each observation, one after the other [1].
     """
     used = at.blocks >= 0
-    J, r = at.jacobian[used], at.residuals[used].reshape(-1, 3)
+    J, r = at.jacobian[used], at.residuals[used].reshape(-1, rows)
     R = np.eye(len(J)) - J @ state_cov @ J.T
     k = len(r)
-    own = R.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :]
+    own = R.reshape(k, rows, k, rows)[np.arange(k), :, np.arange(k), :]
     values, vectors = np.linalg.eigh((own + np.swapaxes(own, 1, 2)) / 2)
     seen = values > SEEN
     along = np.einsum("kij,ki->kj", vectors, r)
     test = np.sum(np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0), axis=1)
-    direction = vectors[:, :, 2]
-    cross = np.einsum("ki,kilj,lj->kl", direction, R.reshape(k, 3, k, 3), direction)
+    direction = vectors[:, :, -1]
+    cross = np.einsum("ki,kilj,lj->kl", direction, R.reshape(k, rows, k, rows), direction)
     size = np.sqrt(np.maximum(np.diag(cross), SEEN))
     return Snooping(
-        blocks=at.blocks[used].reshape(-1, 3)[:, 0],
+        blocks=at.blocks[used].reshape(-1, rows)[:, 0],
         test=test,
         dof=seen.sum(axis=1).astype(float),
-        redundancy=np.clip(values[:, 2], 0.0, 1.0),
+        redundancy=np.clip(values[:, -1], 0.0, 1.0),
         direction=direction,
         correlation=np.abs(cross / np.outer(size, size)),
     )

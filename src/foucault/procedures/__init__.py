@@ -20,6 +20,7 @@ PROCEDURES = {
     "multi_position": "foucault.procedures.multi_position",
     "turntable": "foucault.procedures.turntable",
     "rate_table": "foucault.procedures.rate_table",
+    "north_seeking": "foucault.procedures.north_seeking",
 }
 """Name in a campaign file -> module."""
 

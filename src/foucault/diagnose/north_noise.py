@@ -1,0 +1,112 @@
+"""Noise and drift of a north seeker, where nobody has said what they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north_seeking import Fixes
+from foucault.models.dwells import Dwells
+from foucault.models.noise import ImuNoise, TriadNoise
+
+FloatArray = npt.NDArray[np.float64]
+
+GUESS = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=1e-6))
+"""Noise to start from where none is known [SI]."""
+
+FEWEST = 5
+"""Redundant readings that a noise level needs at least [1]."""
+
+NEARLY_FREE = 1.1
+"""A drift is estimated by itself where it makes no rate less certain than by this factor [1]."""
+
+
+def from_residuals(
+    dwells: Dwells, nuisance: Nuisance, more: tuple[FloatArray, FloatArray] | None = None
+) -> ImuNoise | None:
+    """Measure white noise by what the fits over the index angle leave.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    nuisance : Nuisance
+        What is known beforehand.
+    more : (ndarray, ndarray) or None
+        Further sums of squares and degrees of freedom of gyro and accelerometers, shape (2,) each,
+        with the noise of `GUESS` [1].
+
+    Returns
+    -------
+    ImuNoise or None
+        White noise of both [SI]; None where either has too few redundant readings.
+    """
+    pairs = reduce(dwells, GUESS, nuisance)
+    square, dof = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0).astype(float)
+    if more is not None:
+        square, dof = square + more[0], dof + more[1]
+    if dof[0] < FEWEST or (dwells.accel is not None and dof[1] < FEWEST):
+        return None
+    # From few readings the noise itself is uncertain: errors over their sd are then Student's t,
+    # whose variance is dof / (dof - 2).
+    scale = np.sqrt(square / np.maximum(dof - 2.0, 1.0))
+    accel = replace(GUESS.accel, white=GUESS.accel.white * float(scale[1]))
+    gyro = replace(GUESS.gyro, white=GUESS.gyro.white * float(scale[0]))
+    return ImuNoise(accel if dwells.accel is not None else TriadNoise(), gyro)
+
+
+def drift_sd(
+    dwells: Dwells, noise: ImuNoise, wanted: Literal["auto", "none", "linear"], known: float | None
+) -> float:
+    """Return the standard deviation that the drift is given beforehand [rad/s^2].
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    noise : ImuNoise
+        Noise of the sensors [SI].
+    wanted : {"auto", "none", "linear"}
+        What was chosen.
+    known : float or None
+        Declared standard deviation [rad/s^2].
+
+    Returns
+    -------
+    float
+        0 where the drift is taken as none, infinite where it is estimated freely.
+    """
+    if wanted == "none":
+        return 0.0
+    if known is not None:
+        return known
+    if wanted == "linear":
+        return float("inf")
+    plain, free = (reduce(dwells, noise, Nuisance(drift_sd=sd)) for sd in (0.0, np.inf))
+    if np.any(free.dof[:, 0] < 1):
+        return 0.0
+    ratio = _sizes(free) / _sizes(plain)
+    return float("inf") if np.all(ratio < NEARLY_FREE**2) else 0.0
+
+
+def _sizes(pairs: Pairs) -> FloatArray:
+    """Return the larger variance of the two rates of every set-up, shape (m,) [rad^2/s^2]."""
+    return np.asarray(np.max(np.linalg.eigvalsh(pairs.cov[:, :2, :2]), axis=1))
+
+
+def signal_to_noise(fixes: Fixes) -> FloatArray:
+    """Return the Earth's horizontal rate over the gyro's uncertainty across it, shape (m,) [1].
+
+    Level that is ``w_ie cos L / sd``: one over what the gyro alone leaves uncertain of the heading.
+
+    Parameters
+    ----------
+    fixes : Fixes
+        Solutions with their budget [rad].
+    """
+    gyro = [v[:, 0] for name, v in fixes.sources.items() if name.startswith("gyro")]
+    return np.asarray(1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300)))

@@ -1,0 +1,212 @@
+"""What a plan for north seeking will give, before anything is measured.
+
+Readings without noise are made for set-ups at all headings, and solved by what solves readings of
+the field: the standard deviations are those that the field solution will state, source by source.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north_seeking import Fixes, Known, solve, turned
+from foucault.models.dwells import Dwells
+from foucault.models.earth import EARTH_RATE, gravity
+from foucault.models.noise import ImuNoise
+from foucault.models.north_seeker import Compensation, earth_rate_b, up_b
+
+FloatArray = npt.NDArray[np.float64]
+
+HEADINGS = np.radians(np.arange(15.0, 360.0, 30.0))
+"""Headings that are averaged over; 45 deg is where drift does most to four positions [rad]."""
+
+LINEAR_DRIFT = "linear drift"
+LOST_RATE = "rate along the axis"
+"""What the solution adds where that rate, which tells an unknown latitude, is lost in the noise."""
+
+SMALL = 1e-3
+"""Size of a drift that is tried, over all of the time, in Earth's rates [1]."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Instrument, place, and what is known.
+
+    Attributes
+    ----------
+    latitude : float
+        Positive north [rad].
+    noise : ImuNoise
+        Of the sensors [SI].
+    latitude_sd : float
+        Standard deviation of the latitude [rad].
+    latitude_known : bool
+        False where the readings have to tell the latitude too.
+    tilt : float
+        Up to which the case may be tilted [rad].
+    drift : float
+        Size of a linear drift of the gyro [rad/s^2].
+    drift_estimated : bool
+        Whether the solution estimates it, with `drift` as prior standard deviation.
+    index_sd : float
+        Of every index angle [rad].
+    level_sd : float or None
+        Without accelerometers: how well the case is levelled [rad].
+    compensation : Compensation
+        The instrument's calibration, with covariance.
+    """
+
+    latitude: float
+    noise: ImuNoise
+    latitude_sd: float = 0.0
+    latitude_known: bool = True
+    tilt: float = 0.0
+    drift: float = 0.0
+    drift_estimated: bool = True
+    index_sd: float = 0.0
+    level_sd: float | None = None
+    compensation: Compensation = field(default_factory=Compensation)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a plan gives, over all headings.
+
+    Attributes
+    ----------
+    sd : float
+        Standard deviation of the heading, root mean square [rad].
+    worst : float
+        At the worst heading [rad].
+    sources : dict of str to float
+        Mean variance of the heading by source [rad^2].
+    drift_error : float
+        Largest error by a linear drift of 1 rad/s^2 that is not estimated [s^2].
+    """
+
+    sd: float
+    worst: float
+    sources: dict[str, float]
+    drift_error: float
+
+    @property
+    def largest(self) -> str:
+        """The source with the largest share."""
+        return max(self.sources, key=lambda name: self.sources[name])
+
+
+def poses(tilt: float) -> FloatArray:
+    """Return headings, pitches and rolls to average over, shape (m, 3) [rad].
+
+    Parameters
+    ----------
+    tilt : float
+        The case is tilted by anything up to this, in any direction [rad].
+    """
+    if tilt == 0:
+        return np.stack([HEADINGS, 0 * HEADINGS, 0 * HEADINGS], 1)
+    size = tilt / np.sqrt(3)  # root mean square of sizes that are spread evenly
+    towards = np.radians(np.arange(45.0, 360.0, 90.0))
+    h, t = (x.ravel() for x in np.meshgrid(HEADINGS, towards, indexing="ij"))
+    return np.stack([h, size * np.cos(t), size * np.sin(t)], 1)
+
+
+def predict(
+    dwells: Dwells, at: FloatArray, conditions: Conditions, *, near: bool = False,
+    drift: bool = True,
+) -> Prediction:  # fmt: skip
+    """Predict the standard deviation of the heading.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        The stops of m set-ups; their readings are of no interest [SI].
+    at : ndarray, shape (m, 3)
+        Heading, pitch and roll of each [rad].
+    conditions : Conditions
+        Instrument, place, and what is known [SI].
+    near : bool
+        Whether a rough heading decides between solutions. Its two stops do not show the tilt in
+        both directions to one accelerometer that turns with them: two on the case are taken.
+    drift : bool
+        Whether to find the error by drift too; NaN without.
+    """
+    made = readings(dwells, at, conditions, on_case=near)
+    prior = conditions.drift if conditions.drift_estimated else 0.0
+    fixes = _solved(_reduced(made, conditions, prior), at, conditions, near)
+    ignored = bool(conditions.drift) and not conditions.drift_estimated
+    moved = np.full(len(at), np.nan)
+    if drift or ignored:
+        moved = _moved_by_drift(made, at, conditions, near)
+    sources = {name: v[:, 0] for name, v in fixes.sources.items()}
+    variance = fixes.cov[:, 0, 0]
+    if ignored:
+        sources[LINEAR_DRIFT] = (conditions.drift * moved) ** 2
+        variance = variance + sources[LINEAR_DRIFT]
+    left = variance - np.asarray(sum(sources.values()))
+    if (left > 1e-3 * variance).any():
+        sources[LOST_RATE] = np.maximum(left, 0.0)
+    return Prediction(
+        float(np.sqrt(variance.mean())), float(np.sqrt(variance.max())),
+        {name: float(v.mean()) for name, v in sources.items()},
+        float(np.abs(moved).max()),
+    )  # fmt: skip
+
+
+def readings(
+    dwells: Dwells, at: FloatArray, conditions: Conditions, *, on_case: bool = False
+) -> Dwells:
+    """Return dwells with the readings that the instrument gives without noise.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        The stops of m set-ups [SI].
+    at : ndarray, shape (m, 3)
+        Heading, pitch and roll of each [rad].
+    conditions : Conditions
+        Instrument and place [SI].
+    on_case : bool
+        Whether two accelerometers stay with the case, instead of one that turns with the gyro.
+    """
+    heading, pitch, roll = at.T
+    w_b = earth_rate_b(heading, pitch, roll, np.full(len(at), conditions.latitude))
+    f_b = gravity(conditions.latitude) * up_b(pitch, roll)
+    four = conditions.compensation.predict(w_b, f_b)[dwells.setup]
+    axis = np.stack([dwells.sine, dwells.cosine], 1)
+    gyro = np.sum(axis * four[:, :2], axis=1)
+    accel = four[:, 2:] if on_case else np.sum(axis * four[:, 2:], axis=1, keepdims=True)
+    if conditions.level_sd is not None:
+        accel = None
+    return replace(dwells, gyro=gyro, accel=accel)
+
+
+def _reduced(made: Dwells, conditions: Conditions, drift_sd: float) -> Pairs:
+    nuisance = Nuisance(drift_sd=drift_sd, index_sd=conditions.index_sd)
+    return reduce(made, conditions.noise, nuisance)
+
+
+def _solved(pairs: Pairs, at: FloatArray, conditions: Conditions, near: bool) -> Fixes:
+    known = Known(
+        gravity(conditions.latitude),
+        conditions.latitude if conditions.latitude_known else None,
+        conditions.latitude_sd,
+        "north" if conditions.latitude >= 0 else "south",
+        near=at[:, 0] if near else None,
+        level_sd=conditions.level_sd,
+    )
+    return solve(pairs, known, conditions.compensation)
+
+
+def _moved_by_drift(made: Dwells, at: FloatArray, conditions: Conditions, near: bool) -> FloatArray:
+    """Return what a drift of 1 rad/s^2 that is not estimated does to each heading [s^2]."""
+    middle = made.start + made.time / 2
+    size = SMALL * EARTH_RATE / float(middle.max())
+    headings = [
+        _solved(_reduced(d, conditions, 0.0), at, conditions, near).angles[:, 0]
+        for d in (made, replace(made, gyro=made.gyro + size * middle))
+    ]
+    return np.asarray(turned(headings[1] - headings[0]) / size)

@@ -1,0 +1,310 @@
+"""From the readings of a set-up to the four numbers that say everything of its attitude.
+
+Each reading is linear in the rates c, s along y_b and x_b, and in what is of no interest::
+
+    gyro_k = c cos a_k + s sin a_k + offset + drift (t_k - t_mid) + noise
+
+Generalised least squares with the full covariance of the noise (white, bias instability and random
+walk, exactly averaged over each dwell) gives (s, c); accelerometers likewise. Nothing is lost: for
+Gaussian noise the four numbers with their covariance carry all the information of the readings.
+The covariance is kept apart by source, because the weights are known: ``sum_s W Sigma_s W'``.
+
+Set-ups with the same stops at the same times share their weights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.dwells import Dwells, IntArray
+from foucault.models.earth import EARTH_RATE
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.readings import mean_variance
+from foucault.models.session_noise import window_covariance
+
+FloatArray = npt.NDArray[np.float64]
+
+UNSEEN = 1e4
+"""Variance, in squares of the Earth's rate or of g, of a component that no reading shows; larger,
+and rounding would lose what is seen of the component across it [1]."""
+
+GRAVITY = 9.8
+"""Scale of specific force, for `UNSEEN` only [m/s^2]."""
+
+GYRO_NOISE, GYRO_DRIFT, GYRO_OFFSET = "gyro noise", "gyro drift", "gyro offset"
+TILT_NOISE, TILT_DRIFT, INDEXING = "tilt: noise", "tilt: drift", "indexing"
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """What is known of offset, drift and index angles beforehand.
+
+    Attributes
+    ----------
+    offset, offset_sd : float
+        The gyro's constant offset and its standard deviation, infinite where nothing is known
+        [rad/s].
+    drift_sd : float
+        Of its linear drift; 0 for none, infinite where it is estimated freely [rad/s^2].
+    index_sd : float
+        Of every index angle [rad].
+    """
+
+    offset: float = 0.0
+    offset_sd: float = np.inf
+    drift_sd: float = 0.0
+    index_sd: float = 0.0
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """The four numbers of m set-ups, in the order gyro x, gyro y, accelerometer x, y.
+
+    Attributes
+    ----------
+    values : ndarray, shape (m, 4)
+        Rate along x_b and y_b [rad/s], specific force along them [m/s^2], as measured.
+    sources : dict of str to ndarray, shape (m, 4, 4)
+        Covariance by source [SI].
+    offset, drift : ndarray, shape (m,)
+        Of the gyro [rad/s], [rad/s^2].
+    drift_slope : ndarray, shape (m, 4)
+        What a linear drift of 1 rad/s^2 that is not estimated does to the four numbers [s].
+    fit : ndarray, shape (n,)
+        Of every gyro reading [rad/s].
+    residuals, accel_residuals : ndarray, shape (n,)
+        Of every reading over its standard deviation, NaN where nothing controls it [1].
+    chi_square, dof : ndarray, shape (m, 2)
+        Sum of squares of the white residuals of gyro and accelerometers [1].
+    """
+
+    values: FloatArray
+    sources: dict[str, FloatArray]
+    offset: FloatArray
+    drift: FloatArray
+    drift_slope: FloatArray
+    fit: FloatArray
+    residuals: FloatArray
+    accel_residuals: FloatArray
+    chi_square: FloatArray
+    dof: IntArray
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def cov(self) -> FloatArray:
+        """Covariance of all sources together, shape (m, 4, 4) [SI]."""
+        return np.asarray(sum(self.sources.values()))
+
+    @property
+    def noise_alone(self) -> Pairs:
+        """The same with the white noise alone, for a bound."""
+        kept = {k: v for k, v in self.sources.items() if k in (GYRO_NOISE, TILT_NOISE)}
+        return replace(self, sources=kept)
+
+
+@dataclass
+class _Fit:
+    """One linear fit: weights of its unknowns, and what they leave of the readings."""
+
+    weights: FloatArray
+    design: FloatArray
+    root: FloatArray
+    white: FloatArray
+    slow: FloatArray
+    redundancy: FloatArray
+    dof: int
+    drift: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+
+def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) -> Pairs:
+    """Reduce every set-up to its four numbers.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings of m set-ups [SI].
+    noise : ImuNoise
+        Noise of the sensors [SI].
+    nuisance : Nuisance or None
+        What is known beforehand; None knows nothing, and takes no drift.
+    """
+    nuisance = nuisance or Nuisance()
+    n, m = len(dwells), len(dwells.names)
+    values, slope = np.zeros((m, 4)), np.zeros((m, 4))
+    names = (GYRO_NOISE, GYRO_DRIFT, GYRO_OFFSET, TILT_NOISE, TILT_DRIFT, INDEXING)
+    parts = {name: np.zeros((m, 4, 4)) for name in names}
+    offset, drift = np.zeros(m), np.zeros(m)
+    fit, residuals = np.zeros(n), np.full((2, n), np.nan)
+    chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
+    # Wrong index angles act by the slope of each set-up's own curve: then none share weights.
+    for setups, rows in _alike(dwells, apart=nuisance.index_sd > 0):
+        first = dwells.rows(rows[0])
+        wrong = _index_variance(first, noise, nuisance)
+        gyro = _gyro_fit(first, noise.gyro, nuisance, wrong[0])
+        said = dwells.gyro[rows] - nuisance.offset
+        unknowns = said @ gyro.weights.T
+        values[setups, :2], offset[setups] = unknowns[:, :2], unknowns[:, 2] + nuisance.offset
+        drift[setups] = unknowns[:, 3] if unknowns.shape[1] > 3 else 0.0
+        fit[rows] = unknowns @ gyro.design.T + nuisance.offset
+        _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
+        W = gyro.weights[:2]
+        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white) @ W.T + _unseen(gyro, EARTH_RATE)
+        parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ W.T
+        slope[setups, :2] = moved = W @ gyro.drift
+        if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
+            parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * np.outer(moved, moved)
+        if np.isfinite(nuisance.offset_sd):
+            moved = W.sum(axis=1)
+            parts[GYRO_OFFSET][setups, :2, :2] = nuisance.offset_sd**2 * np.outer(moved, moved)
+        all_weights = np.zeros((2, 4, rows.shape[1]))
+        all_weights[0, :2] = W
+        if dwells.accel is not None:
+            accel = _accel_fit(first, noise.accel, wrong[1])
+            A = dwells.accel[rows].reshape(len(rows), -1)
+            found = A @ accel.weights.T
+            values[setups, 2:] = found[:, :2]
+            left = A - found @ accel.design.T
+            if dwells.accel.shape[1] == 1:
+                _judge(accel, left, setups, rows, 1, residuals, chi_square, dof)
+                all_weights[1, 2:] = accel.weights[:2]
+            else:  # two a row: of the scatter alone
+                both = left.reshape(len(rows), -1, 2)
+                white = np.linalg.solve(accel.root, both.transpose(1, 0, 2).reshape(len(first), -1))
+                square = np.sum(white**2, axis=0).reshape(len(rows), 2)
+                chi_square[setups, 1], dof[setups, 1] = square.sum(axis=1), 2 * accel.dof
+            V = accel.weights[:2]
+            unseen = _unseen(accel, GRAVITY)
+            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ V.T + unseen
+            parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ V.T
+        else:
+            parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
+        if nuisance.index_sd:
+            parts[INDEXING][setups] = _indexing(first, all_weights, values[setups], nuisance)
+    used = {k: v for k, v in parts.items() if v.any()}
+    return Pairs(values, used, offset, drift, slope, fit, residuals[0], residuals[1],
+                 chi_square, dof)  # fmt: skip
+
+
+def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:
+    """Return groups of set-ups with the same stops: their numbers (g,), and their rows (g, k).
+
+    With `apart` every set-up is a group of its own.
+    """
+    order = np.argsort(dwells.setup, kind="stable")
+    edges = np.searchsorted(dwells.setup[order], np.arange(len(dwells.names) + 1))
+    groups: dict[bytes, list[int]] = {}
+    for i in range(len(dwells.names)):
+        rows = order[edges[i] : edges[i + 1]]
+        start = dwells.start[rows] - dwells.start[rows[:1]]
+        shape = np.stack([dwells.cosine[rows], dwells.sine[rows], dwells.time[rows], start])
+        key = str(i).encode() if apart else np.round(shape, 9).tobytes()
+        groups.setdefault(key, []).append(i)
+    return [
+        (np.array(found), np.array([order[edges[i] : edges[i + 1]] for i in found]))
+        for found in groups.values()
+    ]
+
+
+def _index_variance(d: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[FloatArray, ...]:
+    """Return what wrong index angles add to the variance of gyro and accelerometer, (k,) each."""
+    none = np.zeros(len(d))
+    if not nuisance.index_sd:
+        return none, none
+    out = []
+    accel = d.accel
+    for fit, said in (
+        (_gyro_fit(d, noise.gyro, nuisance, none), d.gyro - nuisance.offset),
+        (_accel_fit(d, noise.accel, none), accel[:, 0])
+        if accel is not None and accel.shape[1] == 1
+        else (None, none),
+    ):
+        x, y = (0.0, 0.0) if fit is None else (fit.weights @ said)[:2]
+        out.append((nuisance.index_sd * (x * d.cosine - y * d.sine)) ** 2)
+    return tuple(out)
+
+
+def _gyro_fit(d: Dwells, noise: TriadNoise, nuisance: Nuisance, more: FloatArray) -> _Fit:
+    mid = d.start + d.time / 2
+    t = mid - np.average(mid, weights=d.time)
+    design, sds = [d.sine, d.cosine, np.ones(len(d))], [np.inf, np.inf, nuisance.offset_sd]
+    if nuisance.drift_sd > 0:
+        design.append(t)
+        sds.append(nuisance.drift_sd)
+    fit = _fit(np.stack(design, 1), np.array(sds), d, noise, EARTH_RATE, more)
+    fit.drift = t
+    return fit
+
+
+def _accel_fit(d: Dwells, noise: TriadNoise, more: FloatArray) -> _Fit:
+    assert d.accel is not None
+    if d.accel.shape[1] == 1:
+        design = np.stack([d.sine, d.cosine, np.ones(len(d))], 1)
+        return _fit(design, np.full(3, np.inf), d, noise, GRAVITY, more)
+    # Two accelerometers that stay with the case: each the mean of its rows, in the order of rows.
+    one = _fit(np.ones((len(d), 1)), np.full(1, np.inf), d, noise, GRAVITY, np.zeros(len(d)))
+    both = np.eye(2)
+    weights, design, slow = (
+        np.asarray(np.kron(part, both), float) for part in (one.weights, one.design, one.slow)
+    )
+    return _Fit(weights, design, one.root, np.repeat(one.white, 2), slow, one.redundancy, one.dof)
+
+
+def _fit(
+    design: FloatArray, sd: FloatArray, d: Dwells, noise: TriadNoise, size: float, more: FloatArray
+) -> _Fit:
+    """Weigh readings for unknowns with prior standard deviations `sd`, by least squares."""
+    white = mean_variance(replace(noise, bias_instability=0.0, random_walk=0.0), d.time, d.interval)
+    begin = d.start - d.start.min()
+    slow = np.zeros((len(d), len(d)))
+    if noise.bias_instability or noise.random_walk:
+        slow = window_covariance(begin, begin + d.time, noise)
+    root = np.asarray(np.linalg.cholesky(np.diag(white + more) + slow), float)
+    J = np.linalg.solve(root, design)
+    # The first two unknowns get the widest prior that still counts as one: without it a component
+    # that no reading shows would have no variance at all.
+    known = np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300) ** 2, 0.0)
+    if design.shape[1] > 1:
+        known[:2] += 1.0 / (UNSEEN * size**2)
+    scale = np.sqrt(np.sum(J**2, axis=0) + known)
+    scale[scale == 0] = 1.0
+    normal = (J / scale).T @ (J / scale) + np.diag(known / scale**2)
+    gain = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ (J / scale).T
+    hat = (J / scale) @ gain
+    weights = np.linalg.solve(root.T, (gain / scale[:, None]).T).T
+    dof = max(len(d) - round(float(np.trace(hat))), 0)
+    return _Fit(np.asarray(weights, float), design, root, white, slow, 1.0 - np.diag(hat), dof)
+
+
+def _unseen(fit: _Fit, size: float) -> FloatArray:
+    """Return the variance of what the readings do not show of the first two unknowns, (2, 2)."""
+    # With its weights a visible component is returned in full, W X = I; what is missing is unseen.
+    missing = np.eye(2) - (fit.weights @ fit.design)[:2, :2]
+    U, s, _ = np.linalg.svd(missing)  # a direction is unseen or seen, rounding apart
+    U = U[:, s > 0.5]
+    return np.asarray(UNSEEN * size**2 * U @ U.T)
+
+
+def _judge(
+    fit: _Fit, left: FloatArray, setups: IntArray, rows: IntArray, sensor: int,
+    residuals: FloatArray, chi_square: FloatArray, dof: IntArray,
+) -> None:  # fmt: skip
+    """Standardize what the fit has left of the readings of alike set-ups."""
+    white = np.linalg.solve(fit.root, left.T).T
+    controlled = fit.redundancy > 1e-6
+    share = np.sqrt(np.where(controlled, fit.redundancy, 1.0))
+    residuals[sensor, rows] = np.where(controlled, white / share, np.nan)
+    chi_square[setups, sensor] = np.sum(white**2, axis=1)
+    dof[setups, sensor] = fit.dof
+
+
+def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuisance) -> FloatArray:
+    """Covariance of index angles that are each off by themselves, shape (g, 4, 4)."""
+    across = np.stack([d.cosine, -d.sine])  # d e / d a = (cos a, -sin a)
+    slope = np.stack([values[:, :2] @ across, values[:, 2:] @ across])  # of gyro, of accelerometer
+    turned = np.einsum("sik,spk->pik", weights, slope)
+    return np.asarray(nuisance.index_sd**2 * np.einsum("pik,pjk->pij", turned, turned))

@@ -1,0 +1,189 @@
+"""A north seeker: one gyro on an indexing base, and the tilt of the case from gravity.
+
+The case b is right-forward-up; its attitude is heading psi (of y_b, clockwise from north), pitch
+theta (nose up) and roll gamma (right side down)::
+
+    C_bn = C_y(gamma) C_x(theta) C_z(psi)
+    w_b  = C_bn (0, cos L, sin L) w_ie        the Earth's rate
+    f_b  = C_bn (0, 0, g)                     specific force, up
+
+At the index angle a, clockwise seen from above, the sensing axis is ``e(a) = (sin a, cos a, 0)``.
+What sensor and base do wrong repeats with the index angle, so that it acts like the errors of a
+gyro with two axes, x and y, whose readings the base resolves::
+
+    gyro(a)  = offset + drift t + e(a) . ((I + S_g + M_g) w_b + b_g)
+    accel(a) = offset + e(a) . ((I + S_a + M_a) f_b + b_a)
+
+with the coefficients of `models.imu`; z is no output axis, but an input axis. Accelerometers that
+stay with the case read the two components directly, without offset.
+
+References
+----------
+.. [1] Liu Cheng, "Parameter compensation algorithm for four-position FOG north seeker",
+   Piezoelectrics & Acoustooptics, 2016, eqs. (6)-(11), (34)-(39).
+.. [2] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
+   Systems*, 2nd ed., 2013, section 5.5.1 (gyrocompassing).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.models.earth import EARTH_RATE
+from foucault.models.imu import LAYOUT, ImuModel
+
+FloatArray = npt.NDArray[np.float64]
+
+EQUATION = (
+    "gyro(a) = o + d t + e(a) . ((I + S_g + M_g) w + b_g);  "
+    "accel(a) = o_a + e(a) . ((I + S_a + M_a) f + b_a);  e(a) = (sin a, cos a, 0);  "
+    "w: true angular rate, f: true specific force, both in body axes; a: index angle, clockwise "
+    "seen from above; o, d: offset and drift of the gyro, found in every set-up"
+)
+"""The model equation in words, as stored in results."""
+
+RATE_LEVEL = (
+    "gyro.bias.x", "gyro.bias.y", "gyro.scale.x", "gyro.scale.y",
+    "gyro.misalignment.xy", "gyro.misalignment.yx",
+)  # fmt: skip
+"""The six parameters of the gyro that a level turntable shows."""
+
+RATE_TILTED = (*RATE_LEVEL, "gyro.misalignment.xz", "gyro.misalignment.yz")
+"""The eight that a tilted one shows."""
+
+FORCE = ("accel.bias.x", "accel.bias.y", "accel.scale.x", "accel.scale.y",
+         "accel.misalignment.yx")  # fmt: skip
+"""Errors of the accelerometer that matter."""
+
+SEEKER = Layout(tuple(c for c in LAYOUT.coefficients if c.name in (*RATE_TILTED, *FORCE)))
+"""All coefficients of a north seeker."""
+
+
+def attitude(heading: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """Return C_bn, shape (..., 3, 3): maps East-North-Up to the case.
+
+    Parameters
+    ----------
+    heading : ndarray, shape (...)
+        Of y_b, clockwise from north [rad].
+    pitch : ndarray, shape (...)
+        Nose up [rad].
+    roll : ndarray, shape (...)
+        Right side down [rad].
+    """
+    sf, cf = np.sin(heading), np.cos(heading)
+    st, ct = np.sin(pitch), np.cos(pitch)
+    sg, cg = np.sin(roll), np.cos(roll)
+    rows = (
+        (cg * cf + sg * st * sf, sg * st * cf - cg * sf, -sg * ct),
+        (ct * sf, ct * cf, st),
+        (sg * cf - cg * st * sf, -sg * sf - cg * st * cf, cg * ct),
+    )
+    return np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
+
+
+def earth_rate_b(
+    heading: FloatArray, pitch: FloatArray, roll: FloatArray, latitude: FloatArray
+) -> FloatArray:
+    """Return the Earth's rate in the case, shape (..., 3) [rad/s].
+
+    Parameters
+    ----------
+    heading : ndarray, shape (...)
+        Of y_b, clockwise from north [rad].
+    pitch : ndarray, shape (...)
+        Nose up [rad].
+    roll : ndarray, shape (...)
+        Right side down [rad].
+    latitude : ndarray, shape (...)
+        Positive north [rad].
+    """
+    C = attitude(heading, pitch, roll)
+    cl, sl = np.cos(latitude)[..., None], np.sin(latitude)[..., None]
+    return np.asarray(EARTH_RATE * (C[..., 1] * cl + C[..., 2] * sl))  # eqs. (6)-(8) of ref. [1]
+
+
+def up_b(pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """Return up in the case, shape (..., 3) [1]; specific force at rest is g times it.
+
+    Parameters
+    ----------
+    pitch : ndarray, shape (...)
+        Nose up [rad].
+    roll : ndarray, shape (...)
+        Right side down [rad].
+    """
+    ct = np.cos(pitch)
+    return np.stack(  # minus eqs. (9)-(11) of ref. [1], which are gravity
+        np.broadcast_arrays(-np.sin(roll) * ct, np.sin(pitch), np.cos(roll) * ct), -1
+    )
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """What is known of the instrument: its coefficients with covariance.
+
+    Attributes
+    ----------
+    coefficients : CoefficientVector
+        Some of `SEEKER`, with covariance where they were calibrated [SI].
+    serial : str
+        Of which instrument; empty where unknown.
+    """
+
+    coefficients: CoefficientVector = field(
+        default_factory=lambda: CoefficientVector.zeros(SEEKER.subset(()))
+    )
+    serial: str = ""
+
+    @property
+    def model(self) -> ImuModel:
+        """The same as matrices."""
+        return ImuModel.from_coefficients(self.coefficients)
+
+    def predict(self, w_b: FloatArray, f_b: FloatArray) -> FloatArray:
+        """Return what the base resolves: gyro x, y and accelerometer x, y, shape (..., 4) [SI].
+
+        Parameters
+        ----------
+        w_b : ndarray, shape (..., 3)
+            True rate in the case [rad/s].
+        f_b : ndarray, shape (..., 3)
+            True specific force in the case [m/s^2].
+        """
+        model = self.model
+        rate = w_b @ model.gyro_matrix[:2].T + model.gyro_bias[:2]
+        force = f_b @ model.accel_matrix[:2].T + model.accel_bias[:2]
+        return np.concatenate([rate, force], axis=-1)
+
+    def slopes(self, w_b: FloatArray, f_b: FloatArray) -> FloatArray:
+        """Return d predict / d coefficients, shape (..., 4, n) [SI].
+
+        Parameters
+        ----------
+        w_b : ndarray, shape (..., 3)
+            True rate in the case [rad/s].
+        f_b : ndarray, shape (..., 3)
+            True specific force in the case [m/s^2].
+        """
+        names = self.coefficients.names
+        out = np.zeros((*np.broadcast_shapes(w_b.shape, f_b.shape)[:-1], 4, len(names)))
+        for k, name in enumerate(names):
+            row, column, triad = _place(name)
+            out[..., 2 * triad + row, k] = 1.0 if column < 0 else (w_b, f_b)[triad][..., column]
+        return out
+
+
+def _place(name: str) -> tuple[int, int, int]:
+    """Return output axis, input axis (-1 for a bias) and triad (0 gyro, 1 accelerometer)."""
+    from foucault.models.imu import coefficient_slot
+
+    block, where = coefficient_slot(name)
+    triad = 0 if block.startswith("gyro") else 1
+    if block.endswith("bias"):
+        return int(np.atleast_1d(where)[0]), -1, triad
+    return int(where[0]), int(where[1]), triad

@@ -1,0 +1,290 @@
+"""Find north: heading, pitch, roll and latitude of set-ups in the field, each with its evidence.
+
+The calibration of `procedures.north_seeking` and its uncertainty go in; every set-up of a file is
+solved in one call. What is not known of the noise comes from the calibration, or from what the fits
+leave.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose import north_fix as evidence
+from foucault.diagnose.dwells import find_dwells, measured_noise
+from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
+from foucault.errors import Finding, error, finding
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north_seeking import Fixes, Known, solve
+from foucault.models.dwells import Dwells
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.north_seeker import SEEKER, Compensation
+from foucault.procedures.north_seeking import Progress, require_latitude, silent
+from foucault.procedures.north_settings import Settings
+from foucault.result import Check, Level, Result, Verdict, provenance
+from foucault.tables import IndexedLog
+
+FloatArray = npt.NDArray[np.float64]
+
+DRIFT_UNIT = np.radians(1.0 / 3600.0) / 3600.0
+"""1 deg/h per hour [rad/s^2]."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The solution of a file of readings: m set-ups, n dwells.
+
+    Attributes
+    ----------
+    dwells : Dwells
+        The readings [SI].
+    pairs : Pairs
+        Four numbers of every set-up [SI].
+    fixes : Fixes
+        Heading, pitch, roll, latitude of every set-up [rad].
+    known : Known
+        Place, and what decided between solutions.
+    noise : ImuNoise
+        Noise that was taken [SI].
+    noise_source : str
+        "declared", "measured in the dwells", "of the calibration" or "from the residuals".
+    compensation : Compensation
+        Errors of the instrument.
+    calibration : dict
+        Instrument, date and verdict of the calibration; empty without one.
+    drift_sd : float
+        Sd that the gyro's linear drift had before: 0 none, infinite where free [rad/s^2].
+    checks : tuple of tuple of Check, length m
+        Tests of every set-up.
+    verdicts : tuple of Verdict, length m
+        What they say together.
+    setup_findings : tuple of tuple of Finding, length m
+        What was noticed of every set-up.
+    findings : tuple of Finding
+        What was noticed of the whole file.
+    bound : ndarray, shape (m, 4)
+        Cramer-Rao bound, white noise and a perfect instrument alone [rad].
+    drift_effect : ndarray, shape (m,)
+        Heading error of a linear drift of 1 deg/h per hour that is not estimated [rad].
+    instrument : dict
+        Name, serial and so on.
+    site : Site
+        Place.
+    provenance : dict
+        Versions, input, date, duration.
+    """
+
+    dwells: Dwells
+    pairs: Pairs
+    fixes: Fixes
+    known: Known
+    noise: ImuNoise
+    noise_source: str
+    compensation: Compensation
+    calibration: dict[str, Any]
+    drift_sd: float
+    checks: tuple[tuple[Check, ...], ...]
+    verdicts: tuple[Verdict, ...]
+    setup_findings: tuple[tuple[Finding, ...], ...]
+    findings: tuple[Finding, ...]
+    bound: FloatArray
+    drift_effect: FloatArray
+    instrument: dict[str, Any]
+    site: Site
+    provenance: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.fixes)
+
+
+def find_north(
+    log: IndexedLog,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    calibration: Result | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Survey:
+    """Find the heading of every set-up of a log.
+
+    Parameters
+    ----------
+    log : IndexedLog
+        Samples or means with index angles [SI].
+    site : Site
+        Gravity, and the latitude unless it is to be estimated.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of the sensors [SI]; None takes it from the dwells, the calibration or the residuals.
+    calibration : Result or None
+        Of this instrument; None takes one without errors, but for `prior`.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients that were not calibrated [SI].
+    instrument : mapping or None
+        Name, serial and so on.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Raises
+    ------
+    FoucaultError
+        Wrong units or signs, stops that do not show the heading, the calibration of another
+        instrument: see `foucault.symptoms`.
+    """
+    started = clock.monotonic()
+    settings, about = settings or Settings(), dict(instrument or {})
+    compensation, told = _compensation(calibration, _beforehand(settings, prior or {}), about)
+    progress(0.1, "finding the dwells")
+    dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
+    known = _known(site, settings, dwells)
+    told = (*log.findings, *dwells.findings, *told, *evidence.stops(dwells, known))
+    if known.latitude is None:
+        other = "south" if settings.hemisphere == "north" else "north"
+        told += (finding("north.hemisphere", hemisphere=settings.hemisphere, other=other),)
+    progress(0.4, "solving")
+    noise, source = _noise(log, dwells, noise, calibration, settings)
+    free = drift_sd(dwells, noise, settings.drift, settings.drift_sd)
+    pairs = reduce(dwells, noise, _nuisance(settings, free))
+    evidence.require_plausible(dwells, pairs, known, compensation)
+    fixes = solve(pairs, known, compensation)
+    exact = replace(known, latitude_sd=0.0)
+    alone = solve(pairs.noise_alone, exact, Compensation(_values(compensation)))
+    judged = evidence.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy)
+    checks = evidence.checks(judged, _level(calibration))
+    progress(1.0, "done")
+    return Survey(
+        dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
+        checks, tuple(Verdict.of(c) for c in checks), evidence.findings(judged), told, alone.sd,
+        evidence.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
+        provenance(log.source, clock.monotonic() - started),
+    )  # fmt: skip
+
+
+def _beforehand(
+    settings: Settings, prior: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """What is known of accelerometers that no level table shows; a prior goes before it."""
+    usual = {
+        "accel.scale": (0.0, settings.accel_scale_sd),
+        "accel.misalignment": (0.0, settings.accel_misalignment_sd),
+    }
+    given = {name.rpartition(".")[0] for name in prior} | set(prior)
+    return {k: v for k, v in usual.items() if v[1] > 0 and k not in given} | dict(prior)
+
+
+def _known(site: Site, settings: Settings, dwells: Dwells) -> Known:
+    latitude = None if settings.unknown_latitude else site.latitude
+    if latitude is None and not settings.unknown_latitude:
+        raise error("north.fix_latitude")
+    if latitude is not None:
+        require_latitude(latitude)
+    level = settings.level_sd
+    if dwells.accel is None and level is None:
+        raise error("north.level_sd")
+    return Known(
+        site.gravity, latitude, settings.latitude_sd, settings.hemisphere, settings.near, level,
+    )  # fmt: skip
+
+
+def _nuisance(settings: Settings, drift: float) -> Nuisance:
+    sd = np.inf if settings.gyro_offset_sd is None else settings.gyro_offset_sd
+    return Nuisance(settings.gyro_offset, sd, drift, settings.index_sd)
+
+
+def _noise(
+    log: IndexedLog, dwells: Dwells, declared: ImuNoise | None, calibration: Result | None,
+    settings: Settings,
+) -> tuple[ImuNoise, str]:  # fmt: skip
+    """Return the noise, and where it comes from: what is nearest to these readings."""
+    if declared is not None:
+        return declared, "declared"
+    measured = measured_noise(log, dwells)
+    if measured is not None:
+        return measured, "measured in the dwells"
+    said = (calibration.diagnostics.get("noise") or {}) if calibration is not None else {}
+    if said.get("gyro_white"):
+        gyro = TriadNoise(
+            said["gyro_white"][0], said.get("gyro_bias_instability", 0.0),
+            said.get("gyro_correlation_time", 300.0), said.get("gyro_random_walk", 0.0),
+            said.get("gyro_quantisation", 0.0),
+        )  # fmt: skip
+        return ImuNoise(TriadNoise(said["accel_white"][0]), gyro), "of the calibration"
+    free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
+    found = from_residuals(dwells, _nuisance(settings, free))
+    if found is None:
+        what = '--gyro-noise "0.003 deg/sqrt(h)", or [noise] in the campaign file'
+        raise error("north.noise_unknown", what=what)
+    return found, "from the residuals"
+
+
+def _compensation(
+    calibration: Result | None, prior: Mapping[str, tuple[float, float]], about: dict[str, Any]
+) -> tuple[Compensation, tuple[Finding, ...]]:
+    """Return what is known of the instrument: the calibration, and priors of what it lacks."""
+    names: list[str] = []
+    values: list[float] = []
+    cov = np.zeros((0, 0))
+    told: tuple[Finding, ...] = ()
+    serial = ""
+    if calibration is None:
+        told = (finding("north.no_calibration"),)
+    else:
+        if calibration.procedure != "north_seeking":
+            file = str(calibration.provenance.get("file", "the calibration"))
+            raise error("north.other_result", file=file, given=calibration.procedure)
+        serial = str(calibration.instrument.get("serial") or "")
+        mine = str(about.get("serial") or "")
+        if serial and mine and serial != mine:
+            raise error("north.other_serial", given=mine, other=serial)
+        c = calibration.coefficients
+        names, values = list(c.names), list(c.values)
+        cov = np.zeros((len(c), len(c))) if c.cov is None else c.cov
+        if calibration.verdict.level is not Level.PASS:
+            reason = next(iter(calibration.verdict.reasons), "")
+            level = calibration.verdict.level.value
+            told = (finding("north.calibration_doubtful", level=level, reason=reason),)
+    more = {
+        n: prior[key]
+        for n in SEEKER.names
+        for key in prior
+        if n not in names and (n == key or n.startswith(key + "."))
+    }
+    full = np.zeros((len(names) + len(more),) * 2)
+    full[: len(names), : len(names)] = cov
+    full[len(names) :, len(names) :] = np.diag([sd**2 for _, sd in more.values()])
+    vector = CoefficientVector(
+        SEEKER.subset([*names, *more]), np.array([*values, *(v for v, _ in more.values())]), full
+    )
+    return Compensation(vector, serial), told
+
+
+def _values(compensation: Compensation) -> CoefficientVector:
+    """Return the coefficients without their uncertainty."""
+    return replace(compensation.coefficients, cov=None)
+
+
+def _level(calibration: Result | None) -> Level | None:
+    return None if calibration is None else calibration.verdict.level
+
+
+def _about(calibration: Result | None) -> dict[str, Any]:
+    if calibration is None:
+        return {}
+    return {
+        "instrument": dict(calibration.instrument),
+        "created": calibration.provenance.get("created"),
+        "verdict": calibration.verdict.level.value,
+        "site": dict(calibration.site),
+        "coefficients": len(calibration.coefficients),
+    }

@@ -1,0 +1,245 @@
+"""What can be chosen of north seeking, and the session that is simulated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from foucault import units
+from foucault.coefficients import CoefficientVector
+from foucault.errors import error
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.models.north_seeker import SEEKER
+from foucault.simulate.north_seeking import (
+    NorthPlan,
+    NorthSimulation,
+    Placement,
+    SeekerErrors,
+    Stops,
+    simulate_north,
+)
+from foucault.units import Quantity
+
+FloatArray = npt.NDArray[np.float64]
+Seconds = Annotated[float, Quantity("time")]
+Angle = Annotated[float, Quantity("angle")]
+Rate = Annotated[float, Quantity("angular rate")]
+Ramp = Annotated[float, Quantity("rate ramp")]
+Ratio = Annotated[float, Quantity("scale factor error")]
+
+MINUTE = float(np.radians(1.0 / 60.0))
+"""One arcmin [rad]."""
+
+MOST_LATITUDE = np.radians(89.0)
+"""Nearer to a pole the horizontal part of the Earth's rate is too small to be of use [rad]."""
+
+ORDERS = {
+    "published": (0.0, 180.0, 90.0, 270.0),
+    "sequential": (0.0, 90.0, 180.0, 270.0),
+    "palindrome": (0.0, 180.0, 90.0, 270.0, 270.0, 90.0, 180.0, 0.0),
+}
+"""Index angles of the orders that can be simulated by name [deg]."""
+
+SPREAD = {
+    "gyro.bias": ("0.02 deg/h", "angular rate"),
+    "gyro.scale": ("0.2 %", "scale factor error"),
+    "gyro.misalignment": ("5 arcmin", "misalignment"),
+    "gyro.misalignment.xz": ("10 arcmin", "misalignment"),
+    "gyro.misalignment.yz": ("10 arcmin", "misalignment"),
+    "accel.bias": ("100 ug", "specific force"),
+    "accel.scale": ("200 ppm", "scale factor error"),
+}
+"""What the errors of instruments are drawn from: standard deviation and kind."""
+
+
+class Settings(BaseModel):
+    """What can be chosen: of both, of the calibration on a turntable, of the fix in the field."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    drift: Literal["auto", "none", "linear"] = Field(
+        default="auto",
+        description="Linear drift of the gyro in each set-up; auto: estimated where it is nearly "
+        "free.",
+    )
+    drift_sd: Ramp | None = Field(
+        default=None, gt=0, examples=["0.05 deg/h/h"],
+        description="Standard deviation of that drift, if it is known; then it is weighed, not "
+        "estimated freely.",
+    )  # fmt: skip
+    index_sd: Angle = Field(
+        default=0.0, ge=0, description="Sd of every index angle, by itself."
+    )  # fmt: skip
+    settle: Seconds = Field(default=1.0, ge=0, description="Left out after every move of the base.")
+    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest dwell.")
+    tilt: Literal["auto", "one axis", "each"] = Field(
+        default="auto",
+        description="Calibration. one axis: the table turned about one vertical axis; each: it was "
+        "tilted too, and the accelerometers say how much.",
+    )
+    z_coupling: Literal["auto", "free", "no"] = Field(
+        default="auto",
+        description="Calibration. Two more parameters, the coupling of the rate along the axis of "
+        "the base, which only a tilted table shows; auto: with what `z_coupling_sd` says of them.",
+    )
+    z_coupling_sd: Angle = Field(
+        default=MINUTE * 10, gt=0, description="Calibration. Sd of that coupling beforehand."
+    )
+    heading_sd: Angle = Field(
+        default=0.0, ge=0, description="Calibration. Sd of every reference heading, by itself."
+    )
+    heading_offset_sd: Angle = Field(
+        default=0.0,
+        ge=0,
+        description="Calibration. Sd of an error that all reference headings share.",
+    )
+    level_sd: Angle | None = Field(
+        default=None, gt=0, examples=["1 arcmin"],
+        description="How far from level it may stand, about each axis; needed without "
+        "accelerometers.",
+    )  # fmt: skip
+    latitude_sd: Angle = Field(default=0.0, ge=0, description="Sd of the latitude in [site].")
+    accel_scale_sd: Ratio = Field(
+        default=200e-6,
+        ge=0,
+        description="Fix. Sd of the accelerometers' scale factors, which a level table does not "
+        "show.",
+    )
+    accel_misalignment_sd: Angle = Field(
+        default=MINUTE / 3,
+        ge=0,
+        description="Fix. Sd of the angle between the axes of tilt, which neither does.",
+    )
+    unknown_latitude: bool = Field(
+        default=False, description="Fix. Estimate the latitude; [site] needs gravity then."
+    )
+    hemisphere: Literal["north", "south"] = Field(
+        default="north", description="Fix. Decides between two roots where latitude is unknown."
+    )
+    near: Angle | None = Field(
+        default=None, examples=["120 deg"],
+        description="Fix. Rough heading, where the stops leave more than one.",
+    )  # fmt: skip
+    gyro_offset: Rate = Field(
+        default=0.0, description="Fix. The gyro's constant offset, if `gyro_offset_sd` is given."
+    )
+    gyro_offset_sd: Rate | None = Field(
+        default=None, gt=0, examples=["0.5 deg/h"],
+        description="Fix. Its sd; left out, the offset is found from the readings.",
+    )  # fmt: skip
+    accuracy: Angle | None = Field(
+        default=None, gt=0, examples=["0.1 deg"],
+        description="Fix. Wanted sd of the heading; the result says how long it takes.",
+    )  # fmt: skip
+
+
+class Session(BaseModel):
+    """The calibration session that `simulate` makes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    headings: int = Field(default=12, ge=1, description="Headings of the turntable, evenly spread.")
+    order: Literal["published", "sequential", "palindrome"] = Field(
+        default="published", description="Order of the stops of the base in each heading."
+    )
+    dwell: Seconds = Field(default=120.0, gt=0, description="Length of each stop.")
+    move: Seconds = Field(default=5.0, ge=0, description="Time from one stop to the next.")
+    tilts: tuple[str, ...] = Field(
+        default=("0 deg",),
+        description="Pitch of the table; the headings are gone through at each of them.",
+    )
+    offset_sd: Rate = Field(
+        default=MINUTE / 60, ge=0, description="Sd of the constant offset of the gyro."
+    )
+    gyro_drift: Ramp = Field(default=0.0, description="Linear drift of the gyro.")
+    accelerometers: Literal["base", "case", "none"] = Field(
+        default="base", description="One that turns with the gyro, two fixed to the case, or none."
+    )
+    rate: Annotated[float, Quantity("frequency")] = Field(
+        default=10.0, gt=0, description="Sample rate."
+    )
+    rows: Literal["means", "samples"] = Field(
+        default="means", description="One mean per stop, or a row per sample."
+    )
+
+
+def simulate(
+    session: Session,
+    *,
+    settings: Settings | None = None,
+    model: ImuModel,
+    noise: ImuNoise,
+    site: Site,
+    seed: int,
+) -> NorthSimulation:
+    """Simulate a session on a turntable.
+
+    Parameters
+    ----------
+    session : Session
+        Headings, stops and how long they last.
+    settings : Settings or None
+        Of the calibration to follow: what is wrong with table and base is drawn from them.
+    model : ImuModel
+        Errors of the instrument, resolved by the base.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity and latitude.
+    seed : int, shape ()
+        Seed of table, offset and noise [1].
+    """
+    settings = settings or Settings()
+    rng = np.random.default_rng([seed, 5])
+    common = settings.heading_offset_sd * float(rng.standard_normal())
+    offset = session.offset_sd * float(rng.standard_normal())
+    drift = session.gyro_drift
+    if settings.drift_sd is not None and not drift:
+        drift = settings.drift_sd * float(rng.standard_normal())
+    pitches = [units.parse(text, "angle", "tilts") for text in session.tilts]
+    if any(abs(p) >= np.pi / 2 for p in pitches):
+        raise error("north.tilt_plan", given=", ".join(session.tilts))
+    headings = np.arange(session.headings) * 2 * np.pi / session.headings
+    setups = tuple(
+        Placement(_name(heading, pitch, pitches), float(heading), pitch)
+        for pitch in pitches
+        for heading in headings
+    )
+    errors = SeekerErrors(
+        gyro_offset=offset, gyro_drift=drift, index_sd=settings.index_sd,
+        heading_sd=settings.heading_sd, heading_offset=common,
+    )  # fmt: skip
+    index = np.radians(ORDERS[session.order])
+    plan = NorthPlan(setups, Stops(index, np.full(len(index), session.dwell), session.move))
+    accel = None if session.accelerometers == "none" else session.accelerometers
+    return simulate_north(
+        plan, model=model, noise=noise, site=site, errors=errors, accel=accel, rate=session.rate,
+        rows=session.rows, seed=seed,
+    )  # fmt: skip
+
+
+def draw_errors(_grade: str, seed: int) -> ImuModel:
+    """Draw the errors of one north seeker, those that repeat with its index angle.
+
+    Parameters
+    ----------
+    _grade : str
+        Not needed: what base and housing do hardly depends on the class of the gyro.
+    seed : int, shape ()
+        Seed [1].
+    """
+    sd = {name: units.parse(text, kind) for name, (text, kind) in SPREAD.items()}
+    wanted = [n for n in SEEKER.names if n.rpartition(".")[0] in sd]
+    rng = np.random.default_rng(seed)
+    values = [sd.get(n, sd[n.rpartition(".")[0]]) * float(rng.standard_normal()) for n in wanted]
+    return ImuModel.from_coefficients(CoefficientVector(SEEKER.subset(wanted), np.array(values)))
+
+
+def _name(heading: float, pitch: float, pitches: list[float]) -> str:
+    name = f"{np.degrees(heading):g}"
+    return name if len(pitches) == 1 else f"{name} at {np.degrees(pitch):g}"

@@ -1,0 +1,281 @@
+"""The calibration of a north seeker: exact, and as sure as is promised."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.consistency import nees
+from foucault.errors import Status
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.north_calibration import (
+    Rig,
+    build,
+    calibrate_batch,
+    covariance_parts,
+    fit,
+    names_of,
+    tilts,
+)
+from foucault.estimate.north_reduction import reduce
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.north_seeker import (
+    RATE_LEVEL,
+    RATE_TILTED,
+    SEEKER,
+    Compensation,
+)
+from make_dwells import FIELD, QUIET, errors, level, make_dwells, size
+
+LATITUDE = 0.7
+SITE = Site.at(LATITUDE)
+PITCHES = np.radians([8.0, -8.0, 0.0])
+TILTED = np.vstack([level(12) + [0.0, p, 0.0] for p in PITCHES])
+ONE_AXIS = names_of("one axis", True, False)
+EACH = names_of("each", True, True)
+
+
+def only(name, value=None):
+    return Compensation(CoefficientVector(SEEKER.subset((name,)), np.array([value or size(name)])))
+
+
+def rig(poses, tilt="one axis", **words):
+    return Rig(poses[:, 0], words.pop("site", SITE), tilt, words.pop("accelerometers", True), **words)
+
+
+def solved(poses, instrument, tilt="one axis", names=None, noise=QUIET, **words):
+    made = {k: words.pop(k) for k in ("accel", "offset", "seed", "dwell") if k in words}
+    said = words.pop("said", poses)
+    known = words.pop("known", None)
+    added = noise if noise is not QUIET else None
+    pairs = reduce(make_dwells(poses, LATITUDE, instrument=instrument, noise=added, **made), noise)
+    names = names or (ONE_AXIS if tilt == "one axis" else EACH)
+    return fit(build(pairs, rig(said, tilt, **words), names, known=known))
+
+
+def compare(found, instrument, rtol=1e-6):
+    want = instrument.model.coefficients(found.coefficients.names).values
+    scale = np.array([size(n) for n in found.coefficients.names])
+    np.testing.assert_allclose(found.coefficients.values / scale, want / scale, atol=rtol)
+
+
+# -- exact ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*RATE_LEVEL, "accel.bias.x", "accel.bias.y"])
+def test_level_one_error_returns_exactly_that_error(name):
+    found = solved(level(), only(name), offset=2e-6)
+    assert found.status is Status.CONVERGED
+    assert set(found.coefficients.names) == {*RATE_LEVEL, "accel.bias.x", "accel.bias.y"}
+    compare(found, only(name))
+
+
+@pytest.mark.parametrize("name", RATE_TILTED)
+def test_tilted_one_error_returns_exactly_that_error(name):
+    found = solved(TILTED, only(name), "each", offset=2e-6)
+    assert set(found.coefficients.names) == set(RATE_TILTED)
+    compare(found, only(name))
+
+
+def test_all_errors_at_once():
+    gyro = errors(RATE_LEVEL + ("accel.bias.x", "accel.bias.y"), seed=3)
+    compare(solved(level(), gyro), gyro)
+    everything = errors(seed=4)
+    accel = [n for n in SEEKER.names if n.startswith("accel")]
+    held = Compensation(everything.model.coefficients(accel))
+    compare(solved(TILTED, everything, "each", known=held), everything)
+    # Three headings are enough, and two are not.
+    compare(solved(level(3), gyro), gyro)
+    poor = solved(level(2), gyro)
+    assert poor.status is Status.UNOBSERVABLE
+    assert poor.weakest
+
+
+def test_a_table_off_the_vertical_does_not_touch_the_coefficients():
+    """The axis leans by 3 arcmin: the accelerometers, which turn with the heading, show it."""
+    gyro = errors(RATE_LEVEL + ("accel.bias.x", "accel.bias.y"), seed=5)
+    lean = np.radians(3 / 60)
+    psi = level()[:, 0]
+    # Up, seen from a case on an axis that leans towards east, in headings of that axis.
+    up = np.column_stack([-np.sin(lean) * np.cos(psi), -np.sin(lean) * np.sin(psi)])
+    pitch = np.arcsin(up[:, 1])
+    roll = np.arctan2(-up[:, 0], np.sqrt(1 - np.sum(up**2, axis=1)))
+    # East of the case's own level plane stays where it was to second order.
+    found = solved(np.column_stack([psi, pitch, roll]), gyro, said=level())
+    scale = np.array([size(n) for n in ONE_AXIS])
+    off = found.coefficients.values - gyro.model.coefficients(ONE_AXIS).values
+    assert np.abs(off / scale).max() < 1e-3
+    assert np.linalg.norm(found.state.table[:2]) == pytest.approx(lean, rel=1e-4)
+
+
+def test_a_common_error_of_the_headings_goes_into_the_couplings():
+    """Off by d, x takes d of y and y minus d of x; nothing shows it."""
+    d = 1e-3
+    psi = level()
+    found = solved(psi, None, said=psi + [d, 0, 0])
+    c = dict(zip(found.coefficients.names, found.coefficients.values, strict=True))
+    # y_b points d to the left of where it was said: its sensing axis is turned.
+    assert c["gyro.misalignment.xy"] == pytest.approx(np.sin(d), rel=1e-4)
+    assert c["gyro.misalignment.yx"] == pytest.approx(-np.sin(d), rel=1e-4)
+    assert abs(c["gyro.scale.x"]) < 1e-6 and abs(c["gyro.bias.x"]) < 1e-12
+    assert found.chi_square < 1e-3
+    # What was said of it is in the uncertainty of both, fully correlated.
+    sure = solved(psi, None)
+    with_sd = solved(psi, None, heading_offset_sd=d)
+    cov = with_sd.coefficients.cov - sure.coefficients.cov
+    xy, yx = (with_sd.coefficients.names.index(f"gyro.misalignment.{a}") for a in ("xy", "yx"))
+    assert cov[xy, xy] == pytest.approx(d**2, rel=1e-3)
+    assert cov[xy, yx] == pytest.approx(-(d**2), rel=1e-3)
+
+
+def test_without_accelerometers_the_level_counts():
+    gyro = errors(RATE_LEVEL, seed=6)
+    words = {"accel": None, "accelerometers": False, "names": names_of("one axis", False, False)}
+    compare(solved(level(), gyro, level_sd=1e-4, **words), gyro)
+    loose = solved(level(), gyro, level_sd=1e-3, **words).coefficients
+    # The axis off by phi acts on the horizontal rate like phi sin L in every heading alike.
+    assert loose.sd[loose.names.index("gyro.scale.x")] > 1e-4
+
+
+def test_the_batch_is_the_single_solution():
+    """Level, exact headings, equal noise: the regression of the paper."""
+    poses = level()
+    sd = FIELD.gyro.white / np.sqrt(60.0)
+    rows, singles = [], []
+    for seed in range(5):
+        gyro = errors(RATE_LEVEL, seed=seed)
+        d = make_dwells(poses, LATITUDE, instrument=gyro, accel=None, noise=FIELD, seed=seed,
+                        offset=1e-6)  # fmt: skip
+        rows.append(d.gyro.reshape(12, 4))
+        table = rig(poses, accelerometers=False, level_sd=0.0)
+        singles.append(fit(build(reduce(d, FIELD), table, RATE_LEVEL_ORDER)))
+    values, cov = calibrate_batch(np.array(rows), poses[:, 0], LATITUDE, sd)
+    scale = np.array([size(n) for n in RATE_LEVEL])
+    order = [RATE_LEVEL_ORDER.index(n) for n in RATE_LEVEL]
+    for k, one in enumerate(singles):
+        np.testing.assert_allclose(values[k] / scale, one.coefficients.values[order] / scale, atol=1e-6)
+        mine = one.coefficients.cov[np.ix_(order, order)]
+        np.testing.assert_allclose(cov / np.outer(scale, scale), mine / np.outer(scale, scale),
+                                   rtol=1e-4, atol=1e-9)  # fmt: skip
+    # The textbook: sd of a bias, and of a slope over 12 headings, from half differences.
+    w = EARTH_RATE * np.cos(LATITUDE)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov))[:2], sd / np.sqrt(2) / np.sqrt(12), rtol=1e-9)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov))[2:], sd / np.sqrt(2) / np.sqrt(6) / w, rtol=1e-9)
+
+
+RATE_LEVEL_ORDER = tuple(n for n in SEEKER.names if n in RATE_LEVEL)
+
+
+def test_tilts_are_those_of_the_set_ups():
+    ours = errors([n for n in SEEKER.names if n.startswith("accel")], seed=7)
+    poses = TILTED + [0.0, 0.0, 0.05]
+    pairs = reduce(make_dwells(poses, LATITUDE, instrument=ours), QUIET)
+    np.testing.assert_allclose(tilts(pairs, SITE.gravity, ours), poses[:, 1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("tilt", ["one axis", "each"])
+def test_derivatives_are_those_of_the_prediction(tilt):
+    poses = TILTED if tilt == "each" else level()
+    names = EACH if tilt == "each" else ONE_AXIS
+    pairs = reduce(make_dwells(poses, LATITUDE, instrument=errors(seed=8), noise=FIELD), FIELD)
+    table = rig(poses, tilt, heading_sd=1e-4, heading_offset_sd=1e-3, latitude_sd=1e-3)
+    problem = build(pairs, table, names)
+    one = np.ones(problem.n_blocks)
+    rng = np.random.default_rng(9)
+    free = problem.linearise(problem.start, one).jacobian.shape[1]
+    state = problem.retract(problem.start, 1e-4 * rng.standard_normal(free))
+    at = problem.linearise(state, one)
+    scale = np.linalg.norm(at.jacobian, axis=0)
+    for k in range(free):
+        h = 10.0 / scale[k]
+        step = h * np.eye(free)[k]
+        ends = [problem.linearise(problem.retract(state, s * step), one).residuals for s in (1, -1)]
+        numeric = (ends[1] - ends[0]) / (2 * h)
+        np.testing.assert_allclose(numeric / scale[k], at.jacobian[:, k] / scale[k], atol=1e-5)
+
+
+# -- as sure as is promised ----------------------------------------------------------------------
+
+
+def drawn(seed, *, tilted=False, heading_sd=0.0, offset_sd=0.0, latitude_sd=0.0, claimed=1.0):
+    """Error and covariance of one calibration, everything drawn from what is claimed of it."""
+    rng = np.random.default_rng([seed, 3])
+    gyro = errors(RATE_TILTED if tilted else RATE_LEVEL, seed=seed)
+    poses = TILTED if tilted else level()
+    said = poses.copy()
+    said[:, 0] += offset_sd * rng.standard_normal() + heading_sd * rng.standard_normal(len(poses))
+    true = LATITUDE + latitude_sd * rng.standard_normal()
+    d = make_dwells(poses, true, instrument=gyro, noise=FIELD, seed=seed, offset=1e-6)
+    table = rig(said, "each" if tilted else "one axis", heading_sd=claimed * heading_sd,
+                heading_offset_sd=claimed * offset_sd, latitude_sd=claimed * latitude_sd)  # fmt: skip
+    found = fit(build(reduce(d, FIELD), table, EACH if tilted else ONE_AXIS))
+    assert found.status is Status.CONVERGED
+    want = gyro.model.coefficients(found.coefficients.names).values
+    return found.coefficients.values - want, found.coefficients.cov, found
+
+
+RIGS = {
+    "level": {},
+    "level, everything uncertain": {"heading_sd": 3e-4, "offset_sd": 2e-3, "latitude_sd": 5e-3},
+    "tilted": {"tilted": True},
+    "tilted, everything uncertain": {
+        "tilted": True, "heading_sd": 3e-4, "offset_sd": 2e-3, "latitude_sd": 5e-3,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", RIGS)
+def test_errors_have_the_size_that_was_promised(case):
+    runs = [drawn(seed, **RIGS[case]) for seed in range(40)]
+    errs, covs = (np.array([r[i] for r in runs]) for i in (0, 1))
+    total = float(nees(errs, covs).sum())
+    low, high = chi_square_limits(errs.size, tests=8)
+    assert low < total < high
+    for wrong in (0.75, 1.3):
+        assert not low < total / wrong**2 < high
+    dof = sum(r[2].dof for r in runs)
+    low, high = chi_square_limits(dof, tests=8)
+    assert low < sum(r[2].chi_square for r in runs) < high
+
+
+def test_uncertainty_of_the_table_that_is_not_claimed_shows():
+    uncertain = RIGS["level, everything uncertain"]
+    runs = [drawn(seed, **uncertain, claimed=0.3) for seed in range(20)]
+    total = float(nees(np.array([r[0] for r in runs]), np.array([r[1] for r in runs])).sum())
+    assert total > chi_square_limits(20 * len(ONE_AXIS), tests=8)[1]
+
+
+def test_sources_of_the_covariance():
+    pairs = reduce(make_dwells(level(), LATITUDE), FIELD)
+    plain = covariance_parts(pairs, rig(level()))
+    assert set(plain) == {"gyro noise", "tilt: noise"}
+    loose = covariance_parts(pairs, rig(level(), heading_sd=1e-3))
+    assert set(loose) - set(plain) == {"reference headings"}
+    w = EARTH_RATE * np.cos(LATITUDE)
+    diagonal = np.einsum("mii->m", loose["reference headings"][:, :2, :2])
+    np.testing.assert_allclose(diagonal, (1e-3 * w) ** 2, rtol=1e-6)
+
+
+def test_the_covariance_of_tilts_is_that_of_the_rates_they_turn():
+    pairs = reduce(make_dwells(TILTED, LATITUDE), FIELD)
+    table = rig(TILTED, "each")
+    parts = covariance_parts(pairs, table)
+    S = pairs.sources["tilt: noise"]
+    h = 1e-4
+    slope = np.zeros((len(pairs), 2, 2))
+    for k in range(2):
+        ends = []
+        for sign in (1.0, -1.0):
+            values = pairs.values.copy()
+            values[:, 2 + k] += sign * h
+            scene = build(replace(pairs, values=values), table, EACH)
+            r = scene.linearise(scene.start, np.ones(len(pairs)))
+            root = np.linalg.cholesky(np.asarray(sum(parts.values())))
+            ends.append(np.einsum("mij,mj->mi", root, r.residuals.reshape(len(pairs), 2)))
+        slope[:, :, k] = (ends[0] - ends[1]) / (2 * h)
+    want = np.einsum("mik,mkl,mjl->mij", slope, S[:, 2:, 2:], slope)
+    np.testing.assert_allclose(parts["tilt: noise"] / EARTH_RATE**2, want / EARTH_RATE**2, rtol=1e-3,
+                               atol=1e-16)  # fmt: skip
