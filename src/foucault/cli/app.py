@@ -11,7 +11,18 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from foucault.cli import allan, campaigns, export, fleet, plans, results, sessions, study, watch
+from foucault.cli import (
+    allan,
+    campaigns,
+    export,
+    fleet,
+    north,
+    plans,
+    results,
+    sessions,
+    study,
+    watch,
+)
 from foucault.cli.screen import INTERRUPTED, Screen
 from foucault.errors import FoucaultError
 
@@ -95,7 +106,7 @@ def _program(
     ctx.obj.quiet, ctx.obj.json = quiet, json
 
 
-for _module in (campaigns, plans, sessions, results, fleet, allan, study, export, watch):
+for _module in (campaigns, plans, sessions, results, fleet, north, allan, study, export, watch):
     _module.add_to(app)
 
 

@@ -76,13 +76,19 @@ def _conclude(screen: Screen, result: Result, folder: Path, **more: Any) -> None
 
 def report(
     ctx: typer.Context,
-    folder: Annotated[Path, typer.Argument(help="A run folder.")],
+    folder: Annotated[Path, typer.Argument(help="A run folder, or the folder of `north`.")],
 ) -> None:
     """Write the report again from what the run folder holds."""
     from foucault import report as reports
+    from foucault.campaign import north_folder
+    from foucault.report import north
+    from foucault.run_folder import REPORT_FILE
 
     screen: Screen = ctx.obj
-    file = reports.write(folder)
+    if (folder / north_folder.NORTH_FILE).is_file():
+        file = north.write(north_folder.load(folder), folder / REPORT_FILE)
+    else:
+        file = reports.write(folder)
     screen.say(f"Wrote {file}.")
     screen.data({"report": str(file)})
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.models.imu import EQUATION, INVERSE, SCALE_EQUATION, SCALE_INVERSE, ImuModel
+from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
 from foucault.report.page import Block, Code, Equation, Section, Text
 from foucault.result import Result
 
@@ -24,11 +25,18 @@ print(result.verdict.level, result.coefficients, sep="\\n")
 f_b, w_ib_b = result.model.compensate(accel, gyro)"""
 
 
+_NORTH = """\
+foucault north READINGS --calibration result.json -o fix"""
+
+
 def how_to_apply(result: Result) -> Section | None:
     """Equation, command, a few lines of Python, and the matrices."""
     said, meant = _split(result.equation)
     blocks: list[Block] = [Equation(said)] if said else []
     blocks += [Text(f"Here {line}.") for line in meant]
+    if result.equation == NORTH_EQUATION:
+        blocks += [Text("In the field, from the run folder:"), Code(_NORTH)]
+        return Section("How to apply it", "The instrument says, for what is true:", blocks)
     inverse = {EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE}.get(result.equation)
     imu = inverse is not None and bool(np.isfinite(result.coefficients.values).all())
     if imu and inverse is not None:

@@ -238,7 +238,12 @@ def _limit_lines(y: FloatArray, limit: float) -> list[Trace]:
 
 def shares(symbols: Sequence[str], share: Mapping[str, FloatArray]) -> Figure:
     """Draw the `share` [percent] of each source in the variance of each coefficient."""
-    labels = [_lowered(s) for s in symbols]
+    alt = "Share of every source in the variance of every coefficient"
+    return stacked([_lowered(s) for s in symbols], share, alt)
+
+
+def stacked(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) -> Figure:
+    """Draw the `share` [percent] of each source in the variance of what has these labels."""
     data = [
         {
             "type": "bar",
@@ -269,7 +274,7 @@ def shares(symbols: Sequence[str], share: Mapping[str, FloatArray]) -> Figure:
         showlegend=True,
     )
     look["legend"] = look["legend"] | {"traceorder": "normal"}
-    return Figure(data, look, alt="Share of every source in the variance of every coefficient")
+    return Figure(data, look, alt=alt)
 
 
 def held_out(n: npt.ArrayLike, error: FloatArray, sd: FloatArray, unit: str) -> Figure:

@@ -18,6 +18,7 @@ from foucault.report import on_table
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
+from foucault.report.headings import headings
 from foucault.report.page import Column, Items, Section, Table
 from foucault.report.rate_table import rate_steps
 from foucault.report.uncertainty import budget, coefficients, correlation, unseen
@@ -120,22 +121,22 @@ def provenance(result: Result) -> Section | None:
     inputs = [*facts.get("inputs", []), *([facts["input"]] if facts.get("input") else [])]
     rest = {k: v for k, v in facts.items() if k not in ("inputs", "input", "versions", "created")}
     rows = [
-        *[[k, _words(v)] for k, v in result.instrument.items() if k not in certificates.KNOWN],
-        *[[f"input {k}", _words(v)] for one in inputs for k, v in one.items()],
-        *[[k, _words(v)] for k, v in rest.items()],
-        ["versions", _words(facts["versions"])] if facts.get("versions") else [],
+        *[[k, words(v)] for k, v in result.instrument.items() if k not in certificates.KNOWN],
+        *[[f"input {k}", words(v)] for one in inputs for k, v in one.items()],
+        *[[k, words(v)] for k, v in rest.items()],
+        ["versions", words(facts["versions"])] if facts.get("versions") else [],
         ["status", result.status.value],
     ]
     columns = [Column("what"), Column("value", "long")]
     return Section("Provenance", "", [Table(columns, [row for row in rows if row])])
 
 
-def _words(value: Any) -> str:
+def words(value: Any) -> str:
     """Write a plain JSON value for people."""
     if isinstance(value, dict):
-        return "; ".join(f"{k} {_words(v)}" for k, v in value.items())
+        return "; ".join(f"{k} {words(v)}" for k, v in value.items())
     if isinstance(value, list):
-        return ", ".join(_words(v) for v in value)
+        return ", ".join(words(v) for v in value)
     if isinstance(value, float):
         return f"{value:.6g}"
     return "unknown" if value is None else str(value)
@@ -147,6 +148,7 @@ SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     norms,
     on_table.norms,
     rate_steps,
+    headings,
     residuals,
     on_table.residuals,
     orientations,

@@ -130,6 +130,7 @@ def unseen(result: Result) -> Section | None:
 # -- budget --------------------------------------------------------------------------------
 
 _MEASURED = ("A", "scatter of the samples within the readings")
+_LEFT = ("A", "scatter of the residuals")
 _UNKNOWN = ("", "not known; it is part of the scatter")
 _DECLARED = ("B", "noise as declared in the campaign")
 _BASIS = {
@@ -146,6 +147,11 @@ _BASIS = {
     "rate of the table": ("B", "table_rate_sd as given; tilt of the outer axis"),
     "fixture": ("B", "fixture_sd as given in the campaign"),
     "parts of turns": ("B", "Earth rate across the axis that a part of a turn leaves"),
+    "reference headings": ("B", "heading_sd as given"),
+    "indexing": ("B", "index_sd as given"),
+    "gyro drift": ("B", "slow noise and drift as given"),
+    "tilt: drift": ("B", "slow noise as given"),
+    "table, latitude and what was known before": ("B", "what the campaign says of them"),
     "prior": ("B", "prior as given in the campaign"),
     "local gravity": ("B", "standard uncertainty of local gravity"),
 }
@@ -204,6 +210,7 @@ def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
         kind, basis = _BASIS.get(source, ("", ""))
         if source.endswith(" noise"):
             known = _MEASURED if noise.startswith("measured") else _DECLARED
+            known = _LEFT if noise.endswith("the residuals") else known
             kind, basis = _UNKNOWN if noise.startswith("unknown") else known
         worst = int(np.nanargmax(values))
         mean, most = (_percent(float(v)) for v in (np.nanmean(values), values[worst]))

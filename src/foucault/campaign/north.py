@@ -1,0 +1,170 @@
+"""Find north from a file: a campaign of a north seeker, or readings whose titles say all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from foucault import run_folder
+from foucault.campaign.reading import load as load_campaign
+from foucault.campaign.running import read_log
+from foucault.campaign.tables import SiteTable
+from foucault.errors import error, finding
+from foucault.files import sha256
+from foucault.logs import indexed
+from foucault.logs.indexed_own import description_of
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.procedures.north_fix import Survey, find_north
+from foucault.procedures.north_settings import Settings
+from foucault.result import Result
+from foucault.tables import IndexedLog
+
+Progress = Callable[[float, str], None]
+
+PROCEDURE = "north_seeking"
+
+
+def _silent(_fraction: float, _words: str) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said beside the readings; it goes before what a campaign file says.
+
+    Attributes
+    ----------
+    site : mapping
+        Keys of [site]: latitude [rad], height [m], gravity [m/s^2].
+    settings : mapping
+        Keys of [procedure] [SI].
+    gyro_white, accel_white : float or None
+        White noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
+    reads : {"specific force", "gravity"} or None
+        Sign of the accelerometers of readings without a campaign.
+    serial : str
+        Serial number of the instrument.
+    """
+
+    site: Mapping[str, Any]
+    settings: Mapping[str, Any]
+    gyro_white: float | None = None
+    accel_white: float | None = None
+    reads: str | None = None
+    serial: str = ""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """Readings, and what their file says of them."""
+
+    log: IndexedLog
+    instrument: dict[str, Any]
+    site: Mapping[str, Any]
+    settings: Settings
+    noise: ImuNoise | None
+    prior: Mapping[str, tuple[float, float]]
+
+
+def run(
+    readings: str | Path,
+    said: Said | None = None,
+    *,
+    calibration: str | Path | None = None,
+    progress: Progress = _silent,
+) -> Survey:
+    """Find the heading of every set-up of a file.
+
+    Parameters
+    ----------
+    readings : str or Path
+        A campaign file, or a CSV or Parquet file whose titles carry the units.
+    said : Said or None
+        What is said beside it.
+    calibration : str, Path or None
+        Run folder or result.json of the calibration.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Survey
+        The solution of all set-ups [SI].
+    """
+    said, path = said or Said({}, {}), Path(readings)
+    # A wrong calibration shows before a long log is read.
+    known: dict[str, str] = {}
+    result: Result | None = None
+    if calibration is not None:
+        result, known = _calibration(Path(calibration))
+    read = _campaign(path, said, progress) if path.suffix == ".toml" else _bare(path, said)
+    settings = Settings.model_validate(read.settings.model_dump() | dict(said.settings))
+    instrument = read.instrument | ({"serial": said.serial} if said.serial else {})
+    survey = find_north(
+        read.log, site=_site(read.site, said, settings), settings=settings,
+        noise=_noise(read, said), calibration=result, prior=read.prior, instrument=instrument,
+        progress=progress,
+    )  # fmt: skip
+    findings = survey.findings
+    if survey.compensation.serial and not instrument.get("serial"):
+        findings += (finding("north.whose", serial=survey.compensation.serial),)
+    made = survey.provenance | {"settings": settings.model_dump(), "calibration": known}
+    return replace(survey, findings=findings, provenance=made)
+
+
+def _calibration(path: Path) -> tuple[Result, dict[str, str]]:
+    result = run_folder.load_result(path, with_tables=False)
+    file = path / run_folder.RESULT_FILE if path.is_dir() else path
+    made = result.provenance | {"file": str(file)}
+    return replace(result, provenance=made), {"file": str(file), "sha256": sha256(file)}
+
+
+def _campaign(path: Path, said: Said, progress: Progress) -> _Read:
+    campaign = load_campaign(path)
+    if campaign.procedure != PROCEDURE:
+        raise error("north.other_campaign", file=path, given=campaign.procedure)
+    if said.reads is not None:
+        raise error("north.reads_declared", file=path)
+    log = read_log(campaign, progress)
+    return _Read(
+        log, campaign.instrument, campaign.tables.site.model_dump(), campaign.settings,
+        campaign.noise, campaign.prior,
+    )  # fmt: skip
+
+
+def _bare(path: Path, said: Said) -> _Read:
+    description, told = description_of(path, said.reads)
+    log = indexed.read(description, path.parent)
+    return _Read(replace(log, findings=told + log.findings), {}, {}, Settings(), None, {})
+
+
+def _site(given: Mapping[str, Any], said: Said, settings: Settings) -> Site:
+    site = {**given, **said.site}
+    if settings.unknown_latitude and site.get("gravity") is None and site.get("latitude") is None:
+        raise error("north.fix_gravity")
+    if not settings.unknown_latitude and site.get("latitude") is None:
+        raise error("north.fix_latitude")
+    return SiteTable.model_validate(site).site()
+
+
+def _noise(read: _Read, said: Said) -> ImuNoise | None:
+    if said.gyro_white is None and said.accel_white is None:
+        return read.noise
+    if read.noise is None:
+        for given, mine, missing, other in (
+            ("gyro", said.gyro_white, "accelerometers", said.accel_white),
+            ("accelerometers", said.accel_white, "gyro", said.gyro_white),
+        ):
+            needed = missing == "gyro" or read.log.accel is not None
+            if mine is not None and other is None and needed:
+                raise error("north.noise_half", given=given, missing=missing)
+    start = read.noise or ImuNoise(TriadNoise(), TriadNoise())
+    accel, gyro = start.accel, start.gyro
+    if said.accel_white is not None:
+        accel = replace(accel, white=said.accel_white)
+    if said.gyro_white is not None:
+        gyro = replace(gyro, white=said.gyro_white)
+    return ImuNoise(accel, gyro)

@@ -1,0 +1,361 @@
+"""The folder of a search for north: everything found, and enough to write its report again.
+
+::
+
+    north.json        every set-up: angles, covariance, bound, budget, checks, findings [SI, rad]
+    fixes.csv         a row per set-up for a spreadsheet, in degrees
+    fixes.parquet     the same in SI, with covariance and budget
+    dwells.parquet    every reading with its fit and residual
+    report.html       for people, written by `report.north`
+
+north.json is replaced last and knows the hashes of the tables.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import error
+from foucault.files import atomic, unwritable
+from foucault.models.readings import mean_variance
+from foucault.run_folder import REPORT_FILE, RESULT_FILE
+
+if TYPE_CHECKING:
+    from foucault.procedures.north_fix import Survey
+
+FloatArray = npt.NDArray[np.float64]
+Columns = dict[str, tuple[Any, str]]
+
+SCHEMA = "foucault.north/1"
+NORTH_FILE, CSV_FILE, FIXES_FILE, DWELLS_FILE = (
+    "north.json", "fixes.csv", "fixes.parquet", "dwells.parquet",
+)  # fmt: skip
+
+ANGLES = ("heading", "pitch", "roll", "latitude")
+
+UNRESOLVED = "sign of the vertical rate"
+"""What the budget calls the uncertainty that covers both roots, where neither can be told."""
+
+COVERED = {"north.ambiguous": "one heading", "north.dwell_short": "accuracy"}
+"""Findings that say what a check says too -> the check."""
+
+ROUNDING = 1e-3
+"""Part of a variance that may be missing in the sum of its sources [1]."""
+
+
+@dataclass(frozen=True)
+class NorthRecord:
+    """What a search for north has found, as its folder keeps it.
+
+    Attributes
+    ----------
+    about : dict
+        What north.json says [SI].
+    dwells : dict of str to ndarray
+        Columns of dwells.parquet [SI].
+    """
+
+    about: Mapping[str, Any]
+    dwells: Mapping[str, npt.NDArray[Any]]
+
+
+def record(survey: Survey) -> NorthRecord:
+    """Return what the folder of a survey keeps.
+
+    Parameters
+    ----------
+    survey : Survey
+        The solution of all set-ups [SI].
+    """
+    columns = _dwells(survey)
+    return NorthRecord(_document(survey), {k: np.asarray(v) for k, (v, _) in columns.items()})
+
+
+def save(survey: Survey, folder: str | Path) -> NorthRecord:
+    """Write the folder of a survey, without its report, whole or not at all.
+
+    Parameters
+    ----------
+    survey : Survey
+        The solution of all set-ups [SI].
+    folder : str or Path
+        Made where it does not exist; an earlier survey in it is replaced.
+
+    Returns
+    -------
+    NorthRecord
+        What was written.
+    """
+    folder = Path(folder)
+    if (folder / RESULT_FILE).exists():
+        raise error("north.folder", folder=folder)
+    columns, about = _dwells(survey), _document(survey)
+    files = {
+        DWELLS_FILE: _parquet(columns),
+        FIXES_FILE: _parquet(_fixes(about)),
+        CSV_FILE: _csv(about).encode("utf-8"),
+    }
+    about["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    text = json.dumps(about, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as stack:  # closed in reverse order, once everything is on the disk
+            stack.enter_context(atomic(folder / NORTH_FILE)).write_text(text, encoding="utf-8")
+            for name, data in files.items():
+                stack.enter_context(atomic(folder / name)).write_bytes(data)
+        (folder / REPORT_FILE).unlink(missing_ok=True)  # it belongs to an earlier survey
+    except OSError as problem:
+        raise unwritable(folder, problem) from problem
+    return NorthRecord(about, {k: np.asarray(v) for k, (v, _) in columns.items()})
+
+
+def load(folder: str | Path) -> NorthRecord:
+    """Read a folder back.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder.
+    """
+    import pyarrow.parquet as pq
+
+    file = Path(folder) / NORTH_FILE
+    try:
+        about = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as problem:
+        raise error("result.not_json", file=file, problem=problem) from None
+    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
+        given = about.get("schema") if isinstance(about, dict) else None
+        raise error("result.schema", file=file, given=f"has schema {given!r}", allowed=SCHEMA)
+    where = {"file": file, "table": "dwells", "path": DWELLS_FILE}
+    try:
+        data = (file.parent / DWELLS_FILE).read_bytes()
+    except FileNotFoundError:
+        raise error("result.table_missing", **where) from None
+    if hashlib.sha256(data).hexdigest() != about["files"][DWELLS_FILE]:
+        raise error("result.table_changed", **where)
+    table = pq.read_table(io.BytesIO(data))
+    return NorthRecord(about, {c: table.column(c).to_numpy() for c in table.column_names})
+
+
+# -- north.json ----------------------------------------------------------------------------
+
+
+def _document(survey: Survey) -> dict[str, Any]:
+    out = {
+        "schema": SCHEMA,
+        "instrument": survey.instrument,
+        "site": asdict(survey.site),
+        "known": asdict(survey.known),
+        "noise": {"source": survey.noise_source} | asdict(survey.noise),
+        "calibration": survey.calibration,
+        "coefficients": {
+            row["name"]: {k: row[k] for k in ("value", "sd", "unit")}
+            for row in survey.compensation.coefficients.rows()
+        },
+        "drift_sd": "free" if np.isinf(survey.drift_sd) else survey.drift_sd,
+        "findings": [f.as_dict() for f in survey.findings],
+        "setups": [_setup(survey, i) for i in range(len(survey.fixes))],
+        "provenance": survey.provenance,
+    }
+    return {key: _plain(value) for key, value in out.items()}
+
+
+def _setup(survey: Survey, i: int) -> dict[str, Any]:
+    fixes, pairs, dwells = survey.fixes, survey.pairs, survey.dwells.of(i)
+    sd = fixes.sd[i]
+    verdict = survey.verdicts[i]
+    end = float(np.max(dwells.start + dwells.time))
+    out: dict[str, Any] = {"name": survey.dwells.names[i]}
+    for k, angle in enumerate(ANGLES):
+        value = {"value": fixes.angles[i, k], "sd": sd[k], "bound": survey.bound[i, k]}
+        out[angle] = value
+    other = dict(zip(ANGLES, fixes.other[i], strict=True))
+    return out | {
+        "verdict": str(verdict.level),
+        "reasons": list(verdict.reasons),
+        "warnings": _warnings(survey, i),
+        "reference_heading": survey.dwells.heading[i],
+        "covariance": fixes.cov[i].tolist(),
+        "budget": _budget(survey, i),
+        "ambiguous": fixes.ambiguous[i],
+        "other": other | {"square": fixes.other_square[i] - fixes.square[i]},
+        "clamped": fixes.clamped[i],
+        "solved": fixes.status[i] == 0,
+        "rate": {"x": pairs.values[i, 0], "y": pairs.values[i, 1]},
+        "specific_force": {"x": pairs.values[i, 2], "y": pairs.values[i, 3]},
+        "gyro_offset": pairs.offset[i],
+        "gyro_drift": pairs.drift[i],
+        "drift_effect": survey.drift_effect[i],
+        "chi_square": {
+            sensor: {"value": pairs.chi_square[i, k], "dof": pairs.dof[i, k]}
+            for k, sensor in enumerate(("gyro", "accel"))
+        },
+        "dwells": len(dwells),
+        "measured": float(dwells.time.sum()),
+        "start": float(dwells.start.min()),
+        "duration": end - float(dwells.start.min()),
+        "checks": [asdict(c) for c in survey.checks[i]],
+        "findings": [f.as_dict() for f in survey.setup_findings[i]],
+    }
+
+
+def _warnings(survey: Survey, i: int) -> str:
+    """Return why a set-up did not pass, and what else was noticed, as one text."""
+    failed = {c.name for c in survey.checks[i] if not c.passed}
+    noticed = [
+        f.message for f in survey.setup_findings[i]
+        if f.severity != "note" and COVERED.get(f.code) not in failed
+    ]  # fmt: skip
+    return " ".join([*survey.verdicts[i].reasons, *noticed])
+
+
+def _budget(survey: Survey, i: int) -> dict[str, dict[str, float]]:
+    """Return standard deviations by source, negative where a source makes the sum smaller."""
+    variances = {name: variance[i] for name, variance in survey.fixes.sources.items()}
+    rest = np.diagonal(survey.fixes.cov[i]) - sum(variances.values())
+    if rest[0] > ROUNDING * survey.fixes.cov[i, 0, 0]:
+        variances[UNRESOLVED] = rest
+    return {
+        name: dict(zip(ANGLES, np.sign(v) * np.sqrt(np.abs(v)), strict=True))
+        for name, v in variances.items()
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold; None for what is not finite."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int)) else str(value)
+
+
+# -- tables --------------------------------------------------------------------------------
+
+
+def _dwells(survey: Survey) -> Columns:
+    """Return every reading with its fit, and what the figures need of it."""
+    d, pairs = survey.dwells, survey.pairs
+    each = pairs.values[d.setup]
+    turned = each[:, 0] * d.sine + each[:, 1] * d.cosine
+    out: Columns = {
+        "setup": (d.setup, ""),
+        "name": (np.array(d.names, object)[d.setup], ""),
+        "start": (d.start, "s"),
+        "time": (d.time, "s"),
+        "index": (d.index, "rad"),
+        "cosine": (d.cosine, "1"),
+        "sine": (d.sine, "1"),
+        "gyro": (d.gyro, "rad/s"),
+        "gyro_fit": (pairs.fit, "rad/s"),
+        "gyro_constant": (pairs.fit - turned, "rad/s"),  # offset and drift
+        "gyro_sd": (np.sqrt(mean_variance(survey.noise.gyro, d.time, d.interval)), "rad/s"),
+        "residual": (pairs.residuals, "1"),
+    }
+    if d.accel is None:
+        return out
+    sd = np.sqrt(mean_variance(survey.noise.accel, d.time, d.interval))
+    if d.accel.shape[1] == 2:
+        out["accel_x"], out["accel_y"] = (d.accel[:, 0], "m/s^2"), (d.accel[:, 1], "m/s^2")
+    else:
+        turned = each[:, 2] * d.sine + each[:, 3] * d.cosine
+        out["accel"] = (d.accel[:, 0], "m/s^2")
+        out["accel_constant"] = (_offset(d.accel[:, 0] - turned, sd, d.setup), "m/s^2")
+        out["accel_residual"] = (pairs.accel_residuals, "1")
+    return out | {"accel_sd": (sd, "m/s^2")}
+
+
+def _offset(left: FloatArray, sd: FloatArray, setup: npt.NDArray[np.int64]) -> FloatArray:
+    """Return the mean of what the tilt leaves of each set-up, for every row, shape (n,)."""
+    weight = np.ones_like(sd) if not sd.all() else sd**-2
+    return np.asarray((np.bincount(setup, weight * left) / np.bincount(setup, weight))[setup])
+
+
+def _fixes(about: Mapping[str, Any]) -> Columns:
+    """Return a row per set-up in SI."""
+    rows = about["setups"]
+    out: Columns = {"setup": ([r["name"] for r in rows], "")}
+    for angle in ANGLES:
+        for key, name in (("value", angle), ("sd", f"{angle}_sd"), ("bound", f"{angle}_bound")):
+            out[name] = (_numbers(r[angle][key] for r in rows), "rad")
+    for i, one in enumerate(ANGLES):
+        for k, two in enumerate(ANGLES[:i]):
+            covariance = _numbers(r["covariance"][i][k] for r in rows)
+            out[f"covariance_{two}_{one}"] = (covariance, "rad^2")
+    for source in dict.fromkeys(name for r in rows for name in r["budget"]):
+        part = _numbers(r["budget"].get(source, {}).get("heading") for r in rows)
+        out[f"heading_sd.{source}"] = (part, "rad")
+    reference = _numbers(r["reference_heading"] for r in rows)
+    out |= {
+        "reference_heading": (reference, "rad"),
+        "other_heading": (_numbers(r["other"]["heading"] for r in rows), "rad"),
+        "ambiguous": ([r["ambiguous"] for r in rows], ""),
+        "gyro_offset": (_numbers(r["gyro_offset"] for r in rows), "rad/s"),
+        "gyro_drift": (_numbers(r["gyro_drift"] for r in rows), "rad/s^2"),
+        "drift_effect": (_numbers(r["drift_effect"] for r in rows), "rad"),
+        "dwells": ([r["dwells"] for r in rows], "1"),
+        "measured": (_numbers(r["measured"] for r in rows), "s"),
+        "verdict": ([r["verdict"] for r in rows], ""),
+        "warnings": ([r["warnings"] for r in rows], ""),
+    }
+    return out
+
+
+def _numbers(values: Any) -> FloatArray:
+    return np.array([np.nan if v is None else v for v in values], float)
+
+
+def _csv(about: Mapping[str, Any]) -> str:
+    """Return a row per set-up as people want it: degrees, and words."""
+    titles = ["set-up"]
+    for angle in ANGLES:
+        titles += [f"{angle} (deg)", f"{angle} sd (deg)"]
+    titles += ["bound of the heading sd (deg)", "reference heading (deg)", "other heading (deg)",
+               "gyro offset (deg/h)", "dwells", "measured (s)", "verdict", "warnings"]  # fmt: skip
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(titles)
+    for r in about["setups"]:
+        cells = [r["name"]]
+        for angle in ANGLES:
+            cells += [_degrees(r[angle]["value"]), _degrees(r[angle]["sd"])]
+        other = r["other"]["heading"] if r["ambiguous"] else None
+        cells += [_degrees(v) for v in (r["heading"]["bound"], r["reference_heading"], other)]
+        offset = "" if r["gyro_offset"] is None else f"{3600 * np.degrees(r['gyro_offset']):.6f}"
+        cells += [offset, str(r["dwells"]), f"{r['measured']:.3f}", r["verdict"], r["warnings"]]
+        writer.writerow(cells)
+    return stream.getvalue()
+
+
+def _degrees(value: float | None) -> str:
+    return "" if value is None else f"{np.degrees(value):.6f}"
+
+
+def _parquet(columns: Columns) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    arrays = [pa.array(v) for v, _ in columns.values()]
+    schema = pa.schema(
+        [pa.field(name, array.type, metadata={"unit": unit})
+         for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]
+    )  # fmt: skip
+    buffer = io.BytesIO()
+    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), buffer)
+    return buffer.getvalue()

@@ -1,0 +1,387 @@
+"""The command that plans north seeking: north plan."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foucault.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from foucault.diagnose.north_plan import Prediction
+    from foucault.errors import Finding
+    from foucault.models.noise import ImuNoise
+    from foucault.models.north_seeker import Compensation
+    from foucault.plans.north_choice import Choice, Row
+
+EXAMPLES = (
+    'Examples: foucault north plan --latitude "47 deg" --gyro "0.003 deg/sqrt(h)" --accuracy '
+    '"0.1 deg"; foucault north plan --latitude "-33 deg" --gyro navigation --minutes 10 -o '
+    "stops.csv"
+)
+
+ACCEL = "5 ug/sqrt(Hz)"
+"""Noise of the accelerometers where it is not given."""
+
+DRIFT = "0.1 deg/h/h"
+"""Drift to show the effect of where it is not given."""
+
+TILTED = "10 deg"
+"""Tilt to show the effect of where none is given."""
+
+
+def plan(
+    ctx: typer.Context,
+    latitude: Annotated[str, typer.Option(help="Of the site, positive north, such as '47 deg'.")],
+    gyro: Annotated[
+        str | None,
+        typer.Option(help="Angle random walk, such as '0.003 deg/sqrt(h)', or a grade's name."),
+    ] = None,
+    noise: Annotated[
+        Path | None, typer.Option(help="Campaign file whose [noise] is taken, instead of --gyro.")
+    ] = None,
+    accuracy: Annotated[
+        str | None, typer.Option(help="Wanted standard deviation of the heading: '0.1 deg'.")
+    ] = None,
+    minutes: Annotated[float | None, typer.Option(help="Time there is, moves included.")] = None,
+    gyro_bias_instability: Annotated[
+        str | None, typer.Option(help="Sd of the gyro's slowly changing bias: '0.005 deg/h'.")
+    ] = None,
+    gyro_correlation_time: Annotated[
+        str | None, typer.Option(help="Correlation time of that bias; '300 s' if left out.")
+    ] = None,
+    gyro_random_walk: Annotated[
+        str | None, typer.Option(help="Rate random walk: '0.002 deg/h/sqrt(h)'.")
+    ] = None,
+    accel: Annotated[
+        str | None, typer.Option(help=f"Noise of the accelerometers; '{ACCEL}' if left out.")
+    ] = None,
+    drift: Annotated[
+        str | None, typer.Option(help="Linear drift of the gyro to expect: '0.01 deg/h/h'.")
+    ] = None,
+    drift_estimated: Annotated[
+        bool,
+        typer.Option(
+            "--drift-estimated/--drift-ignored", help="Whether the solution estimates the drift."
+        ),
+    ] = True,
+    tilt: Annotated[
+        str | None, typer.Option(help="Up to which the case may be tilted; level if left out.")
+    ] = None,
+    level_sd: Annotated[
+        str | None, typer.Option(help="Without accelerometers: how well the case is levelled.")
+    ] = None,
+    index_sd: Annotated[str | None, typer.Option(help="Sd of every index angle.")] = None,
+    latitude_sd: Annotated[str | None, typer.Option(help="Sd of the latitude.")] = None,
+    unknown_latitude: Annotated[
+        bool, typer.Option("--unknown-latitude", help="The readings have to tell the latitude too.")
+    ] = False,
+    rough: Annotated[
+        str | None, typer.Option(help="Sd of a rough heading that is known: '2 deg'.")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Result of the calibration to be used.")
+    ] = None,
+    move: Annotated[
+        str, typer.Option(help="Time from one stop to the next, settling included.")
+    ] = "10 s",
+    order: Annotated[
+        list[str] | None,
+        typer.Option(help="Compare only this order: palindrome, '8 positions', 'continuous 3' ..."),
+    ] = None,
+    cycles: Annotated[int, typer.Option(help="How often each order of stops is repeated.")] = 1,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="CSV file for the stops to make.")
+    ] = None,
+) -> None:
+    """Say how many minutes north seeking takes, and in which order to stop."""
+    from foucault.diagnose.north_plan import Conditions
+    from foucault.errors import error
+    from foucault.plans.north_choice import Task, compare
+    from foucault.plans.north_seeking import NAMES, write_stops
+
+    screen: Screen = ctx.obj
+    if accuracy is None and minutes is None:
+        raise error("north_plan.wanted")
+    slow = {
+        "bias_instability": ("--gyro-bias-instability", gyro_bias_instability, "angular rate"),
+        "correlation_time": ("--gyro-correlation-time", gyro_correlation_time, "time"),
+        "random_walk": ("--gyro-random-walk", gyro_random_walk, "rate random walk"),
+    }
+    conditions = Conditions(
+        _latitude(latitude),
+        _noise(gyro, noise, accel, slow),
+        latitude_sd=_size("--latitude-sd", latitude_sd),
+        latitude_known=not unknown_latitude,
+        tilt=_size("--tilt", tilt),
+        drift=_size("--drift", drift, "rate ramp"),
+        drift_estimated=drift_estimated,
+        index_sd=_size("--index-sd", index_sd),
+        level_sd=None if level_sd is None else _size("--level-sd", level_sd),
+        compensation=_compensation(calibration),
+    )
+    for option, given, fine, with_what in (
+        ("--drift-ignored", "given", drift_estimated or drift is not None, "given with --drift"),
+        ("--latitude-sd", latitude_sd, not (latitude_sd and unknown_latitude),
+         "left out with --unknown-latitude"),
+        ("--tilt", tilt, not (tilt and level_sd), "left out with --level-sd"),
+        ("--accel", accel, not (accel and level_sd), "left out with --level-sd"),
+    ):  # fmt: skip
+        _refuse(option, given, fine, with_what)
+    _refuse("--tilt", tilt, conditions.tilt < math.radians(89.0), "below 89 deg")
+    _refuse("--minutes", minutes, minutes is None or 0 < minutes < math.inf, "above 0")
+    task = Task(
+        conditions,
+        None if accuracy is None else _size("--accuracy", accuracy),
+        None if minutes is None else 60.0 * minutes,
+        _size("--move", move, "time"),
+        None if rough is None else _size("--rough", rough),
+    )
+    _refuse("--accuracy", accuracy, task.accuracy != 0, "above 0")
+    choice = compare(task, order or NAMES, cycles)
+    if output is not None:
+        write_stops(choice.best.order, choice.best.time, task.move, output)
+    _show(screen, choice, _size("--drift", drift or DRIFT, "rate ramp"), output)
+
+
+def _size(option: str, text: str | None, kind: str = "angle") -> float:
+    """Return what an option says, not negative; 0 where it says nothing [SI]."""
+    from foucault import units
+
+    if text is None:
+        return 0.0
+    value = units.parse(text, kind, option)
+    _refuse(option, text, 0 <= value < math.inf, "0 or above")
+    return value
+
+
+def _refuse(option: str, given: object, fine: bool, allowed: str) -> None:
+    from foucault.errors import error
+
+    if not fine:
+        raise error("north_plan.range", option=option, given=given, allowed=allowed)
+
+
+def _latitude(text: str) -> float:
+    from foucault import units
+    from foucault.procedures.north_seeking import require_latitude
+
+    value = units.parse(text, "angle", "--latitude")
+    require_latitude(value)
+    return value
+
+
+def _noise(
+    gyro: str | None, file: Path | None, accel: str | None,
+    slow: dict[str, tuple[str, str | None, str]],
+) -> ImuNoise:  # fmt: skip
+    from dataclasses import replace
+
+    from foucault import campaign, units
+    from foucault.errors import error
+    from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
+
+    if (gyro is None) == (file is None):
+        given = "Nothing says" if gyro is None else "Both --gyro and --noise say"
+        raise error("north_plan.gyro", given=given, grades=", ".join(GRADES))
+    if file is not None:
+        for option, text, _ in (("--accel", accel, ""), *slow.values()):
+            if text is not None:
+                raise error("north_plan.noise_option", option=option)
+        found = campaign.load(file).noise
+        if found is None:
+            raise error(
+                "north_plan.gyro", given=f"Nothing in '{file}' says", grades=", ".join(GRADES)
+            )
+    elif gyro in GRADES:
+        found = grade(str(gyro)).noise
+    else:
+        white = units.parse(gyro, "angle random walk", "--gyro")
+        forces = units.parse(ACCEL, "velocity random walk")
+        found = ImuNoise(TriadNoise(white=forces), TriadNoise(white=white))
+    if accel is not None:
+        white = _size("--accel", accel, "velocity random walk")
+        found = replace(found, accel=replace(found.accel, white=white))
+    more = {key: _size(*said) for key, said in slow.items() if said[1] is not None}
+    found = replace(found, gyro=replace(found.gyro, **more))
+    option, text, _ = slow["correlation_time"]
+    _refuse(option, text, found.gyro.correlation_time > 0, "above 0")
+    useful = text is None or found.gyro.bias_instability > 0
+    _refuse(option, text, useful, "given with --gyro-bias-instability")
+    if not found.gyro.white > 0:
+        raise error("north_plan.no_noise", given=gyro or "zero")
+    return found
+
+
+def _compensation(path: Path | None) -> Compensation:
+    from foucault.errors import error
+    from foucault.models.north_seeker import Compensation
+    from foucault.run_folder import load_result
+
+    if path is None:
+        return Compensation()
+    result = load_result(path, with_tables=False)
+    if result.procedure != "north_seeking":
+        raise error("north.other_result", file=path, given=result.procedure)
+    return Compensation(result.coefficients, str(result.instrument.get("serial") or ""))
+
+
+# -- what is shown -------------------------------------------------------------------------
+
+
+def _show(screen: Screen, choice: Choice, drift: float, output: Path | None) -> None:
+    from foucault import units
+
+    task, best = choice.task, choice.best
+    tilted = _tilted(choice)
+    findings = _findings(choice)
+    wanted = () if task.accuracy is None else (f"minutes for {_angle(task.accuracy)}",)
+    time = () if task.total is None else (f"sd in {_minutes(task.total)} min",)
+    ramp = f"{units.convert(drift, 'rate ramp', 'deg/h/h'):.4g} deg/h/h"
+    screen.table(
+        "",
+        ("order", *wanted, *time, f"error by {ramp} of drift", "needs"),
+        [_cells(row, choice, drift) for row in choice.rows],
+    )
+    screen.say(*_advice(choice), "")
+    if best.at is not None:
+        screen.table("what the sd is made of, of the recommended order", ("source", "sd", "share"),
+                     _budget(best.at))  # fmt: skip
+    if tilted is not None:
+        screen.say(f"Tilted by up to {TILTED}, with the tilt measured: {_angle(tilted)}.")
+    screen.findings(findings)
+    if output is not None:
+        screen.say(f"Stops: {output}")
+    screen.data(_document(choice, drift, tilted, findings, output))
+
+
+def _tilted(choice: Choice) -> float | None:
+    """Return the sd of the recommended order with a tilt, where none was given [rad]."""
+    from dataclasses import replace
+
+    from foucault import units
+    from foucault.plans.north_choice import at_time
+
+    c, best = choice.task.conditions, choice.best
+    if c.tilt or c.level_sd is not None or best.at is None:
+        return None
+    other = replace(choice.task, conditions=replace(c, tilt=units.parse(TILTED, "angle")))
+    return at_time(best.order, best.time, other, drift=False).sd
+
+
+def _cells(row: Row, choice: Choice, drift: float) -> list[str]:
+    cells = [row.order.name]
+    if choice.task.accuracy is not None:
+        cells.append(_minutes(row.needed) if math.isfinite(row.needed) else _floor(row))
+    if choice.task.total is not None:
+        cells.append(row.why if row.at is None else _angle(row.sd))
+    cells.append("" if row.at is None else _angle(row.drift_error * drift))
+    return [*cells, row.order.needs]
+
+
+def _floor(row: Row) -> str:
+    if row.floor is None:
+        return row.why
+    return f"not reachable: floor {_angle(row.floor.sd)} from {row.limit}"
+
+
+def _advice(choice: Choice) -> list[str]:
+    """Which order to use, and why."""
+    task, best = choice.task, choice.best
+    how = f"Use {best.order.name}: {choice.reason}."
+    what = f"{_minutes(best.time)} minutes give {_angle(best.sd)} (1 sd)"
+    per = _per_stop(best, task.move)
+    out = [how, f"{what}{', ' + per if per else ''}."]
+    if task.accuracy is not None and not math.isfinite(best.needed):
+        out.append(f"{_angle(task.accuracy)} is {_floor(best)}.")
+    if choice.beyond is not None:
+        better = choice.beyond
+        gain = f"{_angle(better.sd)} in {_minutes(better.time)} minutes"
+        out.append(f"With {better.order.needs}, {better.order.name} gives {gain}.")
+    if choice.repeats is not None:
+        times, sd = choice.repeats
+        out.append(
+            f"Gone through {times} times in the same time (--cycles {times}) it gives "
+            f"{_angle(sd)}: slow noise of the gyro does less to shorter stops."
+        )
+    return out
+
+
+def _per_stop(row: Row, move: float) -> str:
+    from foucault.plans.north_seeking import StopOrder
+
+    if not isinstance(row.order, StopOrder):
+        return ""
+    lengths = row.order.stops(row.time, move)
+    return f"{_range(float(lengths.min()), float(lengths.max()))} per stop"
+
+
+def _range(least: float, most: float) -> str:
+    return f"{least:.0f} s" if most - least < 0.5 else f"{least:.0f} to {most:.0f} s"
+
+
+def _budget(at: Prediction) -> list[tuple[str, ...]]:
+    whole = sum(at.sources.values())
+    rows = sorted(at.sources.items(), key=lambda item: -item[1])
+    return [(n, _angle(math.sqrt(v)), f"{v / whole:.1%}") for n, v in rows if v > 1e-6 * whole]
+
+
+def _findings(choice: Choice) -> list[Finding]:
+    from foucault.errors import finding
+    from foucault.plans.north_choice import SEEN, SHORTEST
+
+    task, best = choice.task, choice.best
+    out = []
+    minutes = _minutes(best.time)
+    if choice.signal < SEEN:
+        factor = SEEN / choice.signal
+        out.append(finding(
+            "north_plan.gyro_noisy", minutes=minutes, ratio=f"{1 / choice.signal:.2g}",
+            factor=f"{factor:.2g}", longer=f"{factor**2:.2g}",
+        ))  # fmt: skip
+    if task.accuracy is not None and task.total is not None and best.sd > task.accuracy:
+        cure = f"The accuracy is {_floor(best)}."
+        if math.isfinite(best.needed):
+            from dataclasses import replace
+
+            longer = replace(best, time=max(best.needed, best.order.shortest(task.move, SHORTEST)))
+            use = _per_stop(longer, task.move).replace(" per", " for each")
+            cure = f"Use at least {use or 'that long'}: {_minutes(longer.time)} minutes in all."
+        out.append(finding(
+            "north_plan.dwell_short", minutes=minutes, stop=_per_stop(best, task.move) or "turning",
+            sd=_angle(best.sd), accuracy=_angle(task.accuracy), cure=cure,
+        ))  # fmt: skip
+    return out
+
+
+def _angle(value: float) -> str:
+    """Write an angle in degrees."""
+    from foucault import units
+
+    degrees = math.degrees(value)
+    if not degrees < 90.0:
+        return "more than 90 deg"
+    return "0 deg" if degrees < 1e-9 else f"{units.plain(degrees, 3)} deg"
+
+
+def _minutes(seconds: float) -> str:
+    return f"{math.ceil(seconds / 6 - 1e-6) / 10:g}"  # upwards, in tenths
+
+
+def _document(
+    choice: Choice, drift: float, tilted: float | None, findings: list[Finding],
+    output: Path | None,
+) -> dict[str, Any]:  # fmt: skip
+    """All of it as JSON: angles in rad, times in s."""
+    return {
+        "orders": [row.as_dict(choice.task.move, drift) for row in choice.rows],
+        "recommended": choice.best.order.name,
+        "reason": choice.reason,
+        "advice": _advice(choice),
+        "tilted_sd": tilted,
+        "findings": [f.as_dict() for f in findings],
+        "file": None if output is None else str(output),
+    }

@@ -1,0 +1,207 @@
+"""The command north: what it prints and writes, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from foucault import run_folder
+from foucault.cli import app
+from foucault.coefficients import CoefficientVector
+from foucault.models.north_seeker import RATE_LEVEL, SEEKER
+from make_north import ARGUMENTS, PALINDROME, many, write_readings
+from make_result import make_result
+
+
+def run(*words: object) -> Result:
+    result = CliRunner().invoke(app, [str(w) for w in words])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def readings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("north") / "readings.csv"
+    write_readings(file)
+    return file
+
+
+@pytest.fixture
+def calibration(tmp_path: Path) -> Path:
+    """A calibration as `calibrate` leaves it, of instrument SN 4."""
+    sd = np.full(len(RATE_LEVEL), 1e-7)
+    vector = CoefficientVector(SEEKER.subset(RATE_LEVEL), 0 * sd, np.diag(sd**2))
+    result = replace(
+        make_result(), procedure="north_seeking", coefficients=vector, instrument={"serial": "SN 4"}
+    )
+    run_folder.save(result, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_one_set_up_on_the_screen_and_nothing_written(readings: Path) -> None:
+    result = run("north", readings, *ARGUMENTS)
+    assert result.exit_code == 0
+    assert "Mark 7" in result.output and "123.5" in result.output and "± 0.05" in result.output
+    assert "Noise: declared." in result.output and "Calibration: none" in result.output
+    assert "To be twice as good, gyro noise must come down" in result.output
+    assert "verdict: pass" in result.output
+    assert [p.name for p in readings.parent.iterdir()] == ["readings.csv"]
+
+
+def test_many_with_a_wanted_accuracy(tmp_path: Path) -> None:
+    write_readings(tmp_path / "r.csv", many(5), reference=True)
+    out = tmp_path / "out"
+    result = run("north", tmp_path / "r.csv", *ARGUMENTS, "--accuracy", "0.02 deg", "-o", out)
+    assert result.exit_code == 3
+    assert "verdict: 0 of 5 set-ups passed" in result.output
+    assert "minus reference (deg)" in result.output
+    assert "Dwell at least" in result.output and "The same in 2 more set-ups." in result.output
+    assert (out / "report.html").is_file()
+    before = (out / "report.html").read_text()
+    (out / "report.html").unlink()
+    again = run("report", out)
+    assert again.exit_code == 0 and (out / "report.html").read_text() == before
+
+
+def test_too_noisy_is_unusable(tmp_path: Path) -> None:
+    write_readings(tmp_path / "r.csv", dwell=5.0)
+    words = [w.replace("0.003", "3") for w in ARGUMENTS]
+    result = run("north", tmp_path / "r.csv", *words)
+    assert result.exit_code == 4 and "too noisy by a factor" in result.output
+
+
+def test_json_says_all(readings: Path, tmp_path: Path) -> None:
+    result = run("north", readings, *ARGUMENTS, "-o", tmp_path / "out", "--json")
+    said = json.loads(result.stdout)
+    assert said["schema"] == "foucault.north/1" and Path(said["report"]).is_file()
+    setup = said["setups"][0]
+    assert setup["name"] == "Mark 7" and setup["verdict"] == "pass"
+    off = setup["heading"]["value"] - np.radians(123.456)
+    assert abs(off) < 4 * setup["heading"]["sd"]
+    assert setup["heading"]["bound"] <= setup["heading"]["sd"] * (1 + 1e-9)
+    file = json.loads((tmp_path / "out" / "north.json").read_text())
+    assert file == {k: v for k, v in said.items() if k not in ("folder", "report")}
+
+
+def test_the_latitude_can_be_unknown(readings: Path) -> None:
+    words = [w for w in ARGUMENTS if w not in ("--latitude", "47.3 deg")]
+    result = run("north", readings, *words, "--unknown-latitude", "--gravity", "9.80828 m/s^2")
+    assert result.exit_code == 0 and "latitude (deg)" in result.output and "47." in result.output
+    south = run("north", readings, *words, "--unknown-latitude", "--gravity", "9.80828 m/s^2",
+                "--hemisphere", "south", "--json")  # fmt: skip
+    assert json.loads(south.stdout)["setups"][0]["latitude"]["value"] < 0
+
+
+def test_settings_of_the_command_line_arrive(readings: Path) -> None:
+    words = ["--latitude-sd", "0.5 deg", "--near", "120 deg", "--index-sd", "10 arcsec",
+             "--drift", "linear", "--height", "430 m"]  # fmt: skip
+    said = json.loads(run("north", readings, *ARGUMENTS, *words, "--json").stdout)
+    assert said["known"]["latitude_sd"] == pytest.approx(np.radians(0.5))
+    assert said["known"]["near"] == pytest.approx(np.radians(120))
+    assert said["drift_sd"] == "free" and said["site"]["height"] == 430
+    assert "indexing" in said["setups"][0]["budget"]
+    assert said["setups"][0]["gyro_drift"] != 0
+
+
+def test_a_calibration_and_its_serial_number(readings: Path, calibration: Path) -> None:
+    result = run("north", readings, *ARGUMENTS, "--calibration", calibration, "--serial", "SN 4")
+    assert result.exit_code == 0 and "Calibration: pass" in result.output
+    said = json.loads(
+        run("north", readings, *ARGUMENTS, "--calibration", calibration, "--json").stdout
+    )
+    codes = [f["code"] for f in said["findings"]]
+    assert "north.whose" in codes and said["calibration"]["instrument"]["serial"] == "SN 4"
+    assert said["provenance"]["calibration"]["file"].endswith("result.json")
+    assert "calibration: bias" in said["setups"][0]["budget"]
+    note = run("north", readings, *ARGUMENTS, "--calibration", calibration / "result.json")
+    assert "The calibration is of instrument SN 4; the readings name none." in note.output
+    other = run("north", readings, *ARGUMENTS, "--calibration", calibration, "--serial", "SN 5")
+    assert other.exit_code == 1
+    assert "of instrument SN 5, the calibration is of SN 4" in other.output
+
+
+def test_a_result_of_something_else(readings: Path, tmp_path: Path) -> None:
+    run_folder.save(make_result(), tmp_path / "run")
+    result = run("north", readings, *ARGUMENTS, "--calibration", tmp_path / "run")
+    assert result.exit_code == 1 and "is a result of hand-rotated" in result.output
+
+
+CAMPAIGN = """
+[instrument]
+name = "Seeker"
+serial = "SN 9"
+[site]
+latitude = "47.3 deg"
+[log]
+file = "readings.csv"
+setup = "setup"
+time = { column = "time (s)", unit = "s" }
+index = { column = "index (rad)", unit = "rad" }
+gyro = { column = "gyro (rad/s)", unit = "rad/s" }
+accel = { column = "specific force (m/s^2)", unit = "m/s^2", reads = "specific force" }
+averaged = { column = "dwell (s)", unit = "s" }
+[procedure]
+name = "north_seeking"
+[noise]
+gyro = { white = "0.003 deg/sqrt(h)" }
+accel = { white = "30 ug/sqrt(Hz)" }
+"""
+
+
+def test_a_campaign_says_the_same(readings: Path, tmp_path: Path, calibration: Path) -> None:
+    file = readings.parent / "campaign.toml"
+    file.write_text(CAMPAIGN)
+    try:
+        said = json.loads(run("north", file, "--json").stdout)
+        bare = json.loads(run("north", readings, *ARGUMENTS, "--json").stdout)
+        assert said["setups"][0]["heading"] == bare["setups"][0]["heading"]
+        assert said["instrument"]["serial"] == "SN 9"
+        louder = run("north", file, "--gyro-noise", "0.006 deg/sqrt(h)", "--json")
+        double = json.loads(louder.stdout)["setups"][0]["heading"]["sd"]
+        assert double == pytest.approx(2 * said["setups"][0]["heading"]["sd"], rel=1e-4)
+        other = run("north", file, "--calibration", calibration)
+        assert other.exit_code == 1 and "the calibration is of SN 4" in other.output
+        twice = run("north", file, "--accel-reads", "gravity")
+        assert twice.exit_code == 1 and "which states it in [log.accel]" in twice.output
+    finally:
+        file.unlink()
+
+
+def test_a_campaign_of_something_else(tmp_path: Path) -> None:
+    run("init", "hand_rotated", "-o", tmp_path / "campaign.toml")
+    result = run("north", tmp_path / "campaign.toml")
+    assert result.exit_code == 1
+    assert "is a campaign of hand_rotated, not of a north seeker" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--latitude", "47.3"], "--latitude"),
+        (["--latitude", "95 deg"], "outside -90 to 90 deg"),
+        (["--latitude", "89.5 deg"], "beyond +-89 deg"),
+        (["--latitude", "3 m"], "--latitude: 'm' does not measure angle"),
+        (["--latitude-sd", "0 deg"], "--latitude-sd"),
+        (["--gyro-noise", "0.003 deg/h"], "--gyro-noise: 'deg/h' does not measure"),
+        (["--unknown-latitude"], "--latitude and --unknown-latitude contradict one another"),
+    ],
+)
+def test_mistakes_are_one_sentence(readings: Path, words: list[str], said: str) -> None:
+    result = run("north", readings, *ARGUMENTS, *words)
+    assert result.exit_code == 1 and said in result.output and "Traceback" not in result.output
+
+
+def test_help_speaks_of_north_alone() -> None:
+    for words in (["north", "--help"], ["north", "plan", "--help"]):
+        result = run(*words)
+        assert result.exit_code == 0
+        assert f"foucault {' '.join(words[:-1])} " in result.output.partition("Example")[2]
+    usage = run("north").output
+    assert "foucault north find" not in usage
+    assert len(PALINDROME) == 8
