@@ -18,6 +18,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import north_seeking
 import on_table
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -285,6 +286,7 @@ def rows() -> list[Row]:
     out.append(Row("overlapping Allan deviation, 1e6 samples, 18 averaging times", ours, 0.008,
                    "allantools", peer))  # fmt: skip
     out += table_rows()
+    out += north_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
@@ -310,6 +312,26 @@ def table_rows() -> list[Row]:
         ours, peer = measure(ferraris)
         out.append(Row("Ferraris' method as published, with checks and result, CPU", ours, None,
                        "imucal", peer))  # fmt: skip
+    return out
+
+
+def north_rows() -> list[Row]:
+    """Measure what finding north costs."""
+    ours, peer = measure(north_seeking.CLOSED_FORM), measure(north_seeking.NUMPY)
+    what = "a million north fixes of four stops in closed form, with sd, two threads, each, wall"
+    out = [
+        Row(f"{what}, latitude known", ours["2 known"], 1.2e-7,
+            "the same in NumPy without sd", peer),
+        Row(f"{what}, latitude unknown", ours["2 unknown"], 1.2e-7),
+    ]  # fmt: skip
+    (known, unknown), peer = measure(north_seeking.LIKELIHOOD), measure(north_seeking.SCIPY)
+    what = "north fix by maximum likelihood in a batch of 20,000, with budget, each, CPU"
+    out += [
+        Row(f"{what}, latitude known", known, 1e-5, "one set-up in SciPy, no covariance", peer),
+        Row(f"{what}, latitude unknown", unknown, 1e-5),
+        Row("calibrating a north seeker, 12 headings, in a batch, each, CPU",
+            measure(north_seeking.CALIBRATION), 1.5e-6),
+    ]  # fmt: skip
     return out
 
 
