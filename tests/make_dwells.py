@@ -95,6 +95,14 @@ def level(m=12):
     return np.column_stack([2 * np.pi * np.arange(m) / m, np.zeros((m, 2))])
 
 
+def leaning(*pitches):
+    """The same at each of these pitches [deg]."""
+    heading = level()[:, 0]
+    return np.vstack([
+        np.column_stack([heading, np.full(12, np.radians(p)), np.zeros(12)]) for p in pitches
+    ])  # fmt: skip
+
+
 def turn(a, b):
     """Angle a minus angle b, between -pi and pi."""
     return (np.asarray(a) - b + np.pi) % (2 * np.pi) - np.pi

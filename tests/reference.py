@@ -214,3 +214,58 @@ def _central(left: object, x: FloatArray, step: float = 1e-6) -> FloatArray:
         h[k] = step
         columns.append((left(x + h) - left(x - h)) / (2 * step))
     return np.stack(columns, axis=1)
+
+
+def four_position_tilt(A: FloatArray, unit: float) -> tuple[FloatArray, FloatArray]:
+    """Pitch and roll of gravity, read along +y, -y, +x, -x in counts, `unit` counts per g.
+
+    Liu Cheng (2016), (20) and (21) with Ka, and sin of roll on the left of (21).
+    """
+    A1, A2, A3, A4 = np.moveaxis(A, -1, 0)
+    st = -(A1 - A2) / (2 * unit)
+    sg = (A3 - A4) / (2 * unit * np.sqrt(1 - st**2))
+    return np.arcsin(st), np.arcsin(sg)
+
+
+def four_position_rates(U: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
+    """M and N of readings along +y, -y, +x, -x, `scale` counts per Earth's rate: (24), (25)."""
+    U1, U2, U3, U4 = np.moveaxis(U, -1, 0)
+    return (U1 - U2) / (2 * scale), (U3 - U4) / (2 * scale)
+
+
+def four_position_calibration(U: FloatArray, heading: FloatArray, w_n: float) -> FloatArray:
+    """b12, Kxy, Kg12, b34, Kg34, Kyx of level readings (m, 4): regressions (40)-(46)."""
+    wx, wy = -w_n * np.sin(heading), w_n * np.cos(heading)
+    rows = np.stack([np.ones_like(wx), wx, wy], axis=1)
+    U12, U34 = (U[:, 0] - U[:, 1]) / 2, (U[:, 2] - U[:, 3]) / 2
+    return np.concatenate([np.linalg.lstsq(rows, u, rcond=None)[0] for u in (U12, U34)])
+
+
+def four_position_compensated(
+    U: FloatArray, parameters: FloatArray, w_ie: float
+) -> tuple[FloatArray, FloatArray]:
+    """M and N with the parameters of a calibration: (48), (49)."""
+    b12, Kxy, Kg12, b34, Kg34, Kyx = parameters
+    U1, U2, U3, U4 = np.moveaxis(U, -1, 0)
+    y, x = (U1 - U2) / 2 - b12, (U3 - U4) / 2 - b34
+    determinant = Kg12 * Kg34 - Kxy * Kyx
+    wx = (x * Kg12 - y * Kyx) / determinant
+    wy = (y * Kg34 - x * Kxy) / determinant
+    return wy / w_ie, wx / w_ie
+
+
+def four_position_heading(
+    M: FloatArray, N: FloatArray, theta: FloatArray, gamma: FloatArray, latitude=None, sign=1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Heading and latitude, (26)-(33); `sign` is that of the rate along z_b."""
+    st, ct, sg, cg = np.sin(theta), np.cos(theta), np.sin(gamma), np.cos(gamma)
+    if latitude is None:
+        B = -2 * (st * M - sg * ct * N)
+        C = (sg * st * M - N * ct) ** 2 + (cg * M) ** 2 - (cg * ct) ** 2
+        sl = (-B + sign * np.sqrt(np.maximum(B**2 - 4 * C, 0.0))) / 2
+    else:
+        sl = np.sin(latitude)
+    cl = np.sqrt(1 - sl**2)
+    cf = (M - st * sl) / (ct * cl)
+    sf = (sg * (st * M - sl) - N * ct) / (cl * cg * ct)
+    return np.arctan2(sf, cf) % (2 * np.pi), np.arcsin(sl) * np.ones_like(M)

@@ -200,7 +200,9 @@ def test_accelerometers_of_the_case_are_means():
     pairs = reduce(d, FIELD)
     for k in range(3):
         np.testing.assert_allclose(pairs.values[k, 2:], d.of(k).accel.mean(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(pairs.cov[:, [2, 3], [2, 3]], FIELD.accel.white**2 / 120.0, rtol=1e-6)
+    np.testing.assert_allclose(
+        pairs.cov[:, [2, 3], [2, 3]], FIELD.accel.white**2 / 120.0, rtol=1e-6
+    )
     assert not pairs.cov[:, 2, 3].any()
 
 
@@ -212,7 +214,7 @@ def test_without_accelerometers_tilt_is_unseen():
 
 
 def test_index_errors_turn_every_reading_by_itself():
-    """Covariance against finite differences of the readings."""
+    """Covariance against finite differences of the readings, weighed for it alike."""
     d = make_dwells(attitudes(3, 30.0), LATITUDE, stops=ORDERS["uneven"])
     index_sd = 1e-4
     pairs = reduce(d, FIELD, Nuisance(index_sd=index_sd))
@@ -226,7 +228,7 @@ def test_index_errors_turn_every_reading_by_itself():
             pair = four[d.setup]
             moved = replace(d, gyro=c * pair[:, 1] + s * pair[:, 0],
                             accel=(c * pair[:, 3] + s * pair[:, 2])[:, None])  # fmt: skip
-            ends.append(reduce(moved, FIELD).values)
+            ends.append(reduce(moved, FIELD, Nuisance(index_sd=index_sd)).values)
         slope = (ends[0] - ends[1]) / 2e-4
         want += index_sd**2 * np.einsum("mi,mj->mij", slope, slope)
     scale = np.array([EARTH_RATE, EARTH_RATE, 9.8, 9.8]) * index_sd
@@ -260,7 +262,9 @@ def test_set_ups_together_are_those_one_by_one():
             np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
         for name, S in alone.sources.items():
             np.testing.assert_allclose(together.sources[name][i], S[0], rtol=1e-9, atol=1e-30)
-        np.testing.assert_allclose(together.residuals[joined.setup == i], alone.residuals, rtol=1e-6)
+        np.testing.assert_allclose(
+            together.residuals[joined.setup == i], alone.residuals, rtol=1e-6
+        )
 
 
 # -- against simulated noise ---------------------------------------------------------------------
@@ -322,8 +326,9 @@ def test_index_errors_scatter_as_predicted():
 
 def test_pieces_of_a_rotation_scatter_as_predicted():
     noise = ImuNoise(TriadNoise(3e-4), TriadNoise(9e-7))
+    wrong = SeekerErrors(gyro_offset=20 * DEG_H, accel_offset=0.01)
     d, truth = simulated(noise, Rotation(3.0, np.radians(6.0)), n=60, rows="samples", pause=60.0,
-                         errors=SeekerErrors(gyro_offset=20 * DEG_H, accel_offset=0.01))  # fmt: skip
+                         errors=wrong)  # fmt: skip
     pairs = reduce(d, noise)
     assert len(d) > 60 * 30
     assert consistent(pairs, truth)

@@ -75,11 +75,30 @@ def test_without_latitude_too_with_the_root_of_the_hemisphere(hemisphere, latitu
         np.testing.assert_allclose(fixes.angles[:, 3], lat, atol=1e-7)
 
 
+@pytest.mark.parametrize("latitude", [-75.0, -30.0, -2.0, 2.0, 47.0, 80.0])
+def test_without_latitude_at_any_tilt_the_truth_is_one_of_two(latitude):
+    """Tilted further than the latitude, both signs of the rate along z may fit."""
+    lat = latitude * DEG
+    hemisphere = "north" if lat > 0 else "south"
+    for tilt in (45.0, 70.0, 89.0):
+        poses = tilted(40, tilt, seed=int(tilt))
+        pairs = reduce(make_dwells(poses, lat), QUIET)
+        fixes = solve(pairs, known(lat, given=None, hemisphere=hemisphere))
+        truth = np.column_stack([poses, np.full(len(poses), lat)])
+        off, other = (np.abs(turn(x, truth)).max(axis=1) for x in (fixes.angles, fixes.other))
+        found = off < 1e-4 / np.cos(tilt * DEG)
+        also = fixes.ambiguous & (other < 1e-4 / np.cos(tilt * DEG))
+        covered = off < 5 * np.max(fixes.sd, axis=1)
+        assert (found | also | covered).all()
+
+
 def test_an_ambiguity_near_the_equator_is_seen_and_a_rough_latitude_settles_it():
     lat, poses = 3.0 * DEG, tilted(36, 12.0)
     pairs = reduce(make_dwells(poses, lat, noise=FIELD, dwell=120.0), FIELD)
     blind = solve(pairs, known(lat, given=None))
-    right, other = (np.abs(turn(x[:, 0], poses[:, 0])) < 0.3 * DEG for x in (blind.angles, blind.other))
+    right, other = (
+        np.abs(turn(x[:, 0], poses[:, 0])) < 0.3 * DEG for x in (blind.angles, blind.other)
+    )
     covered = np.abs(turn(blind.angles[:, 0], poses[:, 0])) < 3 * blind.sd[:, 0]
     assert (right | other | covered).all(), "one of both is the truth, or the uncertainty says so"
     wrong = ~right & ~covered
@@ -120,7 +139,9 @@ def test_two_stops_and_a_rough_heading(stops):
     # Without it there is a second heading that fits, and it is said.
     blind = solve(pairs, known(lat))
     assert blind.ambiguous[clear].all()
-    best = np.minimum(np.abs(turn(blind.angles[:, 0], truth)), np.abs(turn(blind.other[:, 0], truth)))
+    best = np.minimum(
+        np.abs(turn(blind.angles[:, 0], truth)), np.abs(turn(blind.other[:, 0], truth))
+    )
     np.testing.assert_allclose(best[clear], 0.0, atol=1e-6)
 
 
@@ -178,7 +199,9 @@ def test_level_the_uncertainty_is_the_formula():
     gyro = FIELD.gyro.white / np.sqrt(60.0) / np.sqrt(2) / (EARTH_RATE * np.cos(lat))
     tilt = FIELD.accel.white / np.sqrt(60.0) / np.sqrt(2) / gravity(lat)
     np.testing.assert_allclose(fixes.sources["gyro noise"][:, 0], gyro**2, rtol=1e-4)
-    np.testing.assert_allclose(fixes.sources["tilt: noise"][:, 0], (tilt * np.tan(lat)) ** 2, rtol=1e-2)
+    np.testing.assert_allclose(
+        fixes.sources["tilt: noise"][:, 0], (tilt * np.tan(lat)) ** 2, rtol=1e-2
+    )
     np.testing.assert_allclose(fixes.sd[:, 1:3], tilt, rtol=1e-2)
 
 
@@ -211,7 +234,9 @@ def test_without_accelerometers_the_levelling_counts():
     fixes = solve(reduce(dwells, QUIET), known(lat, level_sd=sd))
     np.testing.assert_allclose(turn(fixes.angles[:, 0], poses[:, 0]), 0.0, atol=1e-7)
     # About north the tilt turns the heading; about east the rate itself tells, so that it is known.
-    np.testing.assert_allclose(np.sqrt(fixes.sources["tilt: level"][:, 0]), sd * np.tan(lat), rtol=1e-3)
+    np.testing.assert_allclose(
+        np.sqrt(fixes.sources["tilt: level"][:, 0]), sd * np.tan(lat), rtol=1e-3
+    )
     np.testing.assert_allclose(fixes.cov[:, 0, 0], fixes.sources["tilt: level"][:, 0], rtol=1e-3)
 
 
@@ -246,8 +271,8 @@ def test_errors_have_the_size_that_was_promised(case):
         its = Compensation(replace(c, values=drawn, cov=None))
         if words.get("latitude_sd"):
             true = lat + words["latitude_sd"] * rng.standard_normal()
-        values.append(make_dwells([pose], true, stops=FOUR, dwell=240.0, instrument=its, noise=FIELD,
-                                  seed=int(rng.integers(1 << 30))))  # fmt: skip
+        values.append(make_dwells([pose], true, stops=FOUR, dwell=240.0, instrument=its,
+                                  noise=FIELD, seed=int(rng.integers(1 << 30))))  # fmt: skip
     first = values[0]
     setup = np.repeat(np.arange(m), 4)
     joined = replace(

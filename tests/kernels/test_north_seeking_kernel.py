@@ -159,9 +159,7 @@ def test_likelihood_is_the_minimum_with_its_covariance(form, sd):
     latitude = 0.8005
     if sd < 1e-6:
         start[:, 3] = latitude  # the twin's general method takes no step along so steep a valley
-    angles, P, gain, square, predicted, status = likely(
-        form, y, cov, start, A, b, g, latitude, sd
-    )
+    angles, P, _, square, predicted, status = likely(form, y, cov, start, A, b, g, latitude, sd)
     assert not status.any()
     for k in range(len(y)):
         x, want, least = reference.north_likelihood(

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.rests import resolution
 from foucault.errors import Finding, error, finding
 from foucault.models.dwells import Dwells
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -259,6 +260,10 @@ def _mean(x: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
 # -- noise ---------------------------------------------------------------------------------
 
 
+STILL = 1e-6
+"""Noise of a signal that never leaves a step, in steps: next to none [1]."""
+
+
 def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
     """Measure the white noise of a log by differences of successive means within its dwells.
 
@@ -289,8 +294,18 @@ def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
     if sum(len(x) for x in steps) < 10:
         return None
     size = np.sqrt(np.mean(np.concatenate(steps) ** 2, axis=0) / 2 * block * dt)
-    accel = float(np.sqrt(np.mean(size[1:] ** 2))) if len(size) > 1 else 0.0
-    return ImuNoise(TriadNoise(white=accel), TriadNoise(white=float(size[0])))
+    columns = [log.gyro] if log.accel is None else [log.gyro, *log.accel.T]
+    step = np.array([resolution(x) for x in columns])
+    # Rounding that the noise does not stir leaves a constant error in every dwell; a signal that
+    # never leaves a step says nothing of its noise: then it is taken for still.
+    stirred = size / np.sqrt(dt) > step / 2
+    white = np.where(stirred, np.maximum(size, step * np.sqrt(dt / 12)), STILL * step)
+    coarse = np.where(stirred, 0.0, step)
+    gyro = TriadNoise(float(white[0]), quantisation=float(coarse[0]))
+    if log.accel is None:
+        return ImuNoise(gyro=gyro)
+    accel = float(np.sqrt(np.mean(white[1:] ** 2)))
+    return ImuNoise(TriadNoise(accel, quantisation=float(coarse[1:].max())), gyro)
 
 
 def _turning(dwells: Dwells) -> npt.NDArray[np.bool_]:

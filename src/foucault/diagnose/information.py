@@ -160,4 +160,6 @@ def information(at: Linearised, layout: Layout) -> Information:
     layout : Layout
         The coefficients.
     """
-    return Information(layout, gauss_newton.eliminate(at, len(layout)))
+    root = gauss_newton.eliminate(at, len(layout))
+    # Fewer observations than coefficients leave fewer rows.
+    return Information(layout, np.pad(root, ((0, len(layout) - len(root)), (0, 0))))

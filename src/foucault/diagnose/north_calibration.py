@@ -1,24 +1,19 @@
-"""Judge the calibration of a north seeker: checks, budget, bound, tables, and gross mistakes."""
+"""Judge the calibration of a north seeker: gross mistakes, checks, headings that stand out."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
-from foucault.diagnose.information import information
 from foucault.errors import ADVICE, Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_calibration import Rig, covariance_parts, tilts
+from foucault.estimate.north_calibration import Rig
 from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import Known, solve, turned
 from foucault.estimate.snooping import snoop
 from foucault.models.dwells import Dwells
-from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation
 from foucault.result import Check, Estimate, Level, Problem
+from foucault.units import STANDARD_GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -30,6 +25,16 @@ ENOUGH = 6
 
 TURNED = np.radians(20.0)
 """An index zero further off than this is a mistake, no misalignment [rad]."""
+
+FAR = 0.01
+"""Scale factors, or a turn about the axis of the base, that are larger than this may well be a
+mistake; instruments have a few tenths of it [1]."""
+
+SUSPECT = 1e-2
+"""Accelerometer biases that may rather be a case that stands askew on the table [m/s^2]."""
+
+VAGUE = 0.1
+"""Standard deviation of a scale factor or coupling that is as good as unknown [1]."""
 
 LEAN, BIASED = 2e-3, 2e-2
 """A table leaned on purpose where its set-ups depart from one axis by the first, or where the
@@ -108,7 +113,12 @@ def require_sound(estimate: Estimate) -> None:
         The calibration.
     """
     if estimate.status is Status.UNOBSERVABLE:
-        raise error("north.undetermined", names="; ".join(estimate.weakest))
+        weakest = "; ".join(estimate.weakest) or "the coefficients, with the tilt of the table"
+        raise error("north.undetermined", names=weakest)
+    c = estimate.coefficients
+    vague = [n for n, sd in zip(c.names, c.sd, strict=True) if "bias" not in n and sd > VAGUE]
+    if vague:  # seen only by what a table that is not quite level turns into them
+        raise error("north.undetermined", names=", ".join(vague))
     model = Compensation(estimate.coefficients).model
     M = model.gyro_matrix[:2, :2]
     det = float(np.linalg.det(M))
@@ -117,13 +127,55 @@ def require_sound(estimate: Estimate) -> None:
     size = np.sqrt(det)
     if not 0.5 < size < 2:
         raise error("north.gyro_scale", factor=f"{size:.4g}")
-    angle = float(np.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1]))
+    angle = _turn(M)
     if abs(angle) > TURNED:
         raise error("north.index_zero", angle=f"{np.degrees(angle):.1f}")
 
 
-def _rows(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
-    """Return residuals and redundancies of the observations, shape (m, k)."""
+def _turn(M: FloatArray) -> float:
+    """Return by how much a 2 x 2 matrix turns, clockwise [rad]."""
+    return float(np.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1]))
+
+
+def suspicious(estimate: Estimate, latitude: float) -> list[Finding]:
+    """Name what fits, but is larger than what instruments have.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The calibration.
+    latitude : float
+        Positive north [rad].
+    """
+    M = Compensation(estimate.coefficients).model.gyro_matrix[:2, :2]
+    found = []
+    size = float(np.sqrt(np.linalg.det(M)))
+    if abs(size - 1) > FAR:
+        like = np.degrees(np.arccos(min(np.cos(latitude) * size, 1.0)))
+        found.append(finding("north.scale_common", size=f"{100 * (size - 1):+.2g}",
+                             latitude=f"{np.copysign(like, latitude):.1f}"))  # fmt: skip
+    c = estimate.coefficients
+    bias = float(np.hypot(c.get("accel.bias.x"), c.get("accel.bias.y")))
+    if bias > SUSPECT:
+        lean = f"{np.degrees(bias / STANDARD_GRAVITY) * 60:.0f}"
+        mg = f"{bias / STANDARD_GRAVITY * 1e3:.2g}"
+        found.append(finding("north.wedge", bias=mg, lean=lean))
+    angle = _turn(M)
+    if abs(angle) > FAR:
+        found.append(finding("north.turned", angle=f"{np.degrees(angle):.2f}"))
+    return found
+
+
+def leftovers(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and redundancies of the observations, shape (m, k) each [1].
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The calibration.
+    pairs : Pairs
+        Set-ups [SI].
+    """
     used = estimate.blocks >= 0
     shape = (len(pairs), -1)
     share = np.clip(1.0 - estimate.leverage[used], 0.0, 1.0)
@@ -140,7 +192,7 @@ def squares(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
     pairs : Pairs
         Set-ups [SI].
     """
-    r, share = _rows(estimate, pairs)
+    r, share = leftovers(estimate, pairs)
     parts = (slice(0, 2), slice(2, 4))
     return (
         np.array([np.sum(r[:, p] ** 2) for p in parts]),
@@ -170,23 +222,52 @@ def chi_square(estimate: Estimate, pairs: Pairs) -> dict[str, list[float]]:
     }
 
 
-def checks(pairs: Pairs, estimate: Estimate, source: str) -> tuple[Check, ...]:
+def checks(
+    pairs: Pairs, rig: Rig, problem: Problem, estimate: Estimate, source: str
+) -> tuple[Check, ...]:
     """Return every test of the calibration.
 
     Parameters
     ----------
     pairs : Pairs
         Set-ups [SI].
+    rig : Rig
+        The turntable.
+    problem : Problem
+        What was solved.
     estimate : Estimate
         The calibration.
     source : str
         Where the noise came from.
     """
     out = [_converged(estimate), _redundancy(pairs, estimate)]
+    out += [*_fitting(problem, estimate, source), *_level(estimate, rig)]
     if source != "from the residuals":
         tests = chi_square(estimate, pairs)
         out += [_explained(name, row[0], row[3], len(tests)) for name, row in tests.items()]
     return tuple(out)
+
+
+def _fitting(problem: Problem, estimate: Estimate, source: str) -> list[Check]:
+    found = outlier(problem, estimate, source == "from the residuals")
+    if found is None:
+        return []
+    _, beyond, size = found
+    words = f"The set-up that fits worst is {size:.1f} standard deviations from the others"
+    words += "." if beyond <= 1 else ": more than chance gives."
+    return [Check("every heading fits", beyond, None, 1.0, beyond <= 1, words)]
+
+
+def _level(estimate: Estimate, rig: Rig) -> list[Check]:
+    """Whether the table stands as level as was said, where the accelerometers can tell."""
+    said = np.isfinite(rig.level_sd) and rig.level_sd > 0
+    if not (said and rig.accelerometers and rig.tilt == "one axis"):
+        return []
+    value = float(np.sum(estimate.state.table[:2] ** 2)) / rig.level_sd**2
+    _, high = chi_square_limits(2)
+    words = f"The axis of the table is {np.sqrt(value / 2):.2f} times level_sd from the vertical"
+    words += "." if value <= high else ": it is less level than was said."
+    return [Check("level", value, None, high, value <= high, words)]
 
 
 def _converged(estimate: Estimate) -> Check:
@@ -216,8 +297,13 @@ def _explained(name: str, value: float, dof: float, tests: int) -> Check:
     return Check(name, value, low, high, inside, words[0].upper() + words[1:])
 
 
-def findings(problem: Problem, estimate: Estimate, dwells: Dwells) -> list[Finding]:
-    """Name the headings that do not fit the others.
+def outlier(
+    problem: Problem, estimate: Estimate, measured: bool
+) -> tuple[int, float, float] | None:
+    """Find the set-up that fits the others worst.
+
+    Where the noise was measured by these very residuals it is measured anew without the set-up in
+    question, for an outlier hides behind the noise that it makes.
 
     Parameters
     ----------
@@ -225,55 +311,41 @@ def findings(problem: Problem, estimate: Estimate, dwells: Dwells) -> list[Findi
         What was solved.
     estimate : Estimate
         Its solution.
-    dwells : Dwells
-        For the names of the set-ups.
+    measured : bool
+        Whether the noise is that of the residuals.
+
+    Returns
+    -------
+    tuple of (int, float, float) or None
+        Its number, its test over the limit (above 1: it does not fit), and its residual over the
+        sd [1]; None where nothing controls a set-up.
     """
+    from scipy.special import fdtri
+
     at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
     rows = int(np.sum(at.blocks == 0))
     test = snoop(at, estimate.state_cov, rows)
-    limits = [chi_square_limits(d, tests=len(test.test))[1] if d else np.inf for d in test.dof]
-    beyond = np.flatnonzero(test.test > limits)
-    if not len(beyond):
-        return []
-    worst = int(beyond[np.argmax(test.test[beyond])])
-    size = float(np.sqrt(test.test[worst] / test.dof[worst]))
-    return [finding("north.heading_outlier", name=dwells.names[worst], size=f"{size:.1f}")]
+    own = np.maximum(test.dof, 1.0)
+    ratio = test.test / own
+    n = len(ratio)
+    limits = np.array([chi_square_limits(d, tests=n)[1] for d in own]) / own
+    rest = estimate.dof - own
+    if measured:
+        controlled = (test.dof > 0) & (rest >= 1)
+        left = np.maximum(estimate.chi_square - test.test, 1e-12) / np.maximum(rest, 1.0)
+        ratio = ratio / left
+        limits = fdtri(own, np.maximum(rest, 1.0), 1 - 0.01 / n)
+    else:
+        controlled = test.dof > 0
+    beyond = np.where(controlled, ratio / limits, 0.0)
+    if not controlled.any():
+        return None
+    worst = int(np.argmax(beyond))
+    return worst, float(beyond[worst]), float(np.sqrt(ratio[worst]))
 
 
-def noise_json(noise: ImuNoise, source: str) -> dict[str, Any]:
-    """Return the noise for result.json.
-
-    Parameters
-    ----------
-    noise : ImuNoise
-        Noise [SI].
-    source : str
-        Where it came from.
-    """
-    return {
-        "source": source,
-        "gyro_white": [noise.gyro.white],
-        "accel_white": [noise.accel.white],
-        "gyro_bias_instability": noise.gyro.bias_instability,
-        "gyro_correlation_time": noise.gyro.correlation_time,
-        "gyro_random_walk": noise.gyro.random_walk,
-        "gyro_quantisation": noise.gyro.quantisation,
-    }
-
-
-def _gain(problem: Problem, estimate: Estimate, scene_root: FloatArray) -> FloatArray:
-    """How the coefficients answer to each number, shape (n, m, k)."""
-    n = len(problem.layout)
-    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
-    used = at.blocks >= 0
-    m, k = scene_root.shape[:2]
-    J = at.jacobian[used].reshape(m, k, -1)
-    back = np.linalg.solve(np.swapaxes(scene_root, 1, 2), J)
-    return np.asarray(np.einsum("nj,mkj->nmk", estimate.state_cov[:n], back))
-
-
-def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict[str, list[float]]:
-    """Split the variance of every coefficient by source.
+def findings(problem: Problem, estimate: Estimate, dwells: Dwells, source: str) -> list[Finding]:
+    """Name the heading that does not fit the others.
 
     Parameters
     ----------
@@ -281,180 +353,13 @@ def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict
         What was solved.
     estimate : Estimate
         Its solution.
-    pairs : Pairs
-        Set-ups, their covariance by source [SI].
-    rig : Rig
-        The turntable.
-    """
-    parts = covariance_parts(pairs, rig)
-    gain = _gain(problem, estimate, np.linalg.cholesky(np.asarray(sum(parts.values()))))
-    out = {name: np.einsum("nmi,mij,nmj->n", gain, S, gain) for name, S in parts.items()}
-    left = np.diag(estimate.state_cov)[: len(problem.layout)] - np.sum(list(out.values()), axis=0)
-    out["table, latitude and what was known before"] = np.maximum(left, 0.0)
-    total = np.sum(list(out.values()), axis=0)
-    return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-9 * total)}
-
-
-def bound(problem: Problem, estimate: Estimate) -> dict[str, Any]:
-    """Return the bound and the weakest combinations, for result.json.
-
-    Parameters
-    ----------
-    problem : Problem
-        With the noise alone.
-    estimate : Estimate
-        The calibration.
-    """
-    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
-    info = information(at, problem.layout)
-    return {
-        "bound": [float(v) for v in info.sd],
-        "weakest": [c.words for c in info.weakest()],
-    }
-
-
-def table_json(estimate: Estimate, rig: Rig) -> dict[str, Any]:
-    """Return what was found of the turntable, for result.json.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    rig : Rig
-        The turntable.
-    """
-    east, north, heading, _ = estimate.state.table
-    return {
-        "used": rig.tilt,
-        "tilt_about_east": float(east),
-        "tilt_about_north": float(north),
-        "common_heading": float(heading),
-        "heading_sd": rig.heading_sd,
-        "heading_offset_sd": rig.heading_offset_sd,
-    }
-
-
-def unseen(rig: Rig, names: tuple[str, ...]) -> list[str]:
-    """Say what the session cannot show in principle.
-
-    Parameters
-    ----------
-    rig : Rig
-        The turntable.
-    names : tuple of str
-        The coefficients found.
-    """
-    common = "it was taken as exact"
-    if rig.heading_offset_sd:
-        sd = np.degrees(rig.heading_offset_sd) * 60
-        common = f"its standard uncertainty, {sd:.3g} arcmin, is part of every coupling"
-    out = [
-        f"An error that all reference headings share goes straight into every later heading; "
-        f"{common}.",
-        "A wrong latitude: 1 arcmin is "
-        f"{np.tan(abs(rig.site.latitude or 0.0)) * np.radians(1 / 60) * 1e6:.0f} ppm in both "
-        "scale factors.",
-        "The gyro's constant offset, which every fix finds anew.",
-        "Other index angles than those used, and other temperatures.",
-    ]
-    if "gyro.misalignment.xz" not in names:
-        out.append(
-            "Coupling of the rate along the axis of the base: 0.001 of it moves the heading by "
-            "about 0.06 deg times the tangent of latitude, different at other tilts."
-        )
-    if rig.tilt == "one axis":
-        out.append("Scale factor of the accelerometers: 200 ppm are 7 arcsec of tilt at 10 deg.")
-    return out
-
-
-def circle_accuracy(errors: FloatArray) -> dict[str, float]:
-    """Return the usual figures of heading errors around the circle, for result.json.
-
-    Parameters
-    ----------
-    errors : ndarray, shape (m,)
-        Heading as found minus reference [rad].
-
-    Returns
-    -------
-    dict of str to float
-        "std" about the mean, "max" departure from the mean, "peak_to_peak", and "rms" and
-        "max_absolute" with the mean in [rad].
-    """
-    off = errors - errors.mean()
-    return {
-        "std": float(np.std(errors, ddof=1)) if len(errors) > 1 else 0.0,
-        "max": float(np.abs(off).max()),
-        "peak_to_peak": float(np.ptp(errors)),
-        "mean": float(errors.mean()),
-        "rms": float(np.sqrt(np.mean(errors**2))),
-        "max_absolute": float(np.abs(errors).max()),
-    }
-
-
-def heading_errors(
-    pairs: Pairs, rig: Rig, coefficients: CoefficientVector | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return heading minus reference and its sd, as a fix in each set-up would have them.
-
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups [SI].
-    rig : Rig
-        The turntable.
-    coefficients : CoefficientVector or None
-        The calibration; None for the instrument as it is.
-
-    Returns
-    -------
-    errors, sd : ndarray, shape (m,)
-        [rad].
-    """
-    level = None if rig.accelerometers else max(rig.level_sd, 1e-9)
-    known = Known(rig.site.gravity, rig.site.latitude, rig.latitude_sd, level_sd=level)
-    found = solve(pairs, known, Compensation() if coefficients is None else Compensation(
-        coefficients))  # fmt: skip
-    return turned(found.angles[:, 0] - rig.heading), found.sd[:, 0]
-
-
-def heading_table(
-    estimate: Estimate, pairs: Pairs, rig: Rig, dwells: Dwells
-) -> dict[str, npt.NDArray[Any]]:
-    """Return a row per set-up: readings, what is left of them, and tilt.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    pairs : Pairs
-        Set-ups [SI].
-    rig : Rig
-        The turntable.
     dwells : Dwells
         For the names of the set-ups.
+    source : str
+        Where the noise came from.
     """
-    left, share = _rows(estimate, pairs)
-    standard = np.where(share > 1e-6, left / np.sqrt(np.maximum(share, 1e-6)), np.nan)
-    root = np.linalg.cholesky(np.asarray(sum(covariance_parts(pairs, rig).values())))
-    raw = np.einsum("mij,mj->mi", root, left)
-    lean = tilts(pairs, rig.site.gravity, Compensation()) if rig.accelerometers else None
-    nothing = np.full(len(pairs), np.nan)
-    before, _ = heading_errors(pairs, rig, None)
-    after, sd = heading_errors(pairs, rig, estimate.coefficients)
-    return {
-        "setup": np.array(dwells.names),
-        "heading": rig.heading,
-        "gyro_x": pairs.values[:, 0],
-        "gyro_y": pairs.values[:, 1],
-        "left_x": raw[:, 0],
-        "left_y": raw[:, 1],
-        "residual_x": standard[:, 0],
-        "residual_y": standard[:, 1],
-        "offset": pairs.offset,
-        "heading_before": before,
-        "heading_after": after,
-        "heading_sd": sd,
-        "pitch": nothing if lean is None else lean[:, 0],
-        "roll": nothing if lean is None else lean[:, 1],
-    }
+    found = outlier(problem, estimate, source == "from the residuals")
+    if found is None or found[1] <= 1:
+        return []
+    name = dwells.names[found[0]]
+    return [finding("north.heading_outlier", name=name, size=f"{found[2]:.1f}")]

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.north_noise import signal_to_noise
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_reduction import UNSEEN, Pairs
-from foucault.estimate.north_seeking import Fixes, Known, compensated, solve, turned
+from foucault.estimate.north_reduction import Pairs
+from foucault.estimate.north_seeking import (
+    Fixes,
+    Known,
+    solve,
+    turned,
+)
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise
@@ -22,20 +25,11 @@ from foucault.result import Check, Level
 
 FloatArray = npt.NDArray[np.float64]
 
-TOO_FAST = 1.5
-"""Horizontal rate, in Earth rates, that no noise within reason gives [1]."""
-
-MANY_SD = 6.0
-"""What differs by so many standard deviations is no noise [1]."""
-
 SEES = 3.0
 """Horizontal Earth rate over its sd below which heading is guesswork [1]."""
 
 STEEP = np.radians(89.5)
 """At a tilt beyond this heading is hardly defined [rad]."""
-
-SAME = np.radians(1.0)
-"""Index angles nearer than this are one stop [rad]."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +52,9 @@ class Judged:
         Where it comes from.
     accuracy : float or None
         Wanted standard deviation of the heading [rad].
+    level : ndarray, shape (m,), or None
+        How far the accelerometers depart from level, of `level_square` [1]; None where there are
+        none, or nothing was said of the level.
     """
 
     dwells: Dwells
@@ -67,104 +64,7 @@ class Judged:
     noise: ImuNoise
     noise_source: str
     accuracy: float | None
-
-
-def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
-    """Look at the index angles of every set-up: missing, repeated, too few.
-
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    known : Known
-        A rough heading and how level the case stands, if they were given.
-
-    Raises
-    ------
-    FoucaultError
-        ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or the tilt.
-    """
-    patterns = [_pattern(dwells.of(i)) for i in range(len(dwells.names))]
-    found: list[Finding] = []
-    for name, angles in zip(dwells.names, patterns, strict=True):
-        distinct = sorted(set(angles))
-        if not _spans(distinct):
-            if known.near is None:
-                raise error("north.stops", name=name, stops=_list(distinct))
-            on_base = dwells.accel is not None and dwells.accel.shape[1] == 1
-            if on_base and known.level_sd is None:
-                raise error("north.stops_tilt", name=name, stops=_list(distinct))
-        found += _opposites(name, angles, distinct) if len(angles) < 24 else []
-    usual, times = Counter(map(tuple, map(sorted, patterns))).most_common(1)[0]
-    if times > 1 and times > len(patterns) / 2:
-        for name, angles in zip(dwells.names, patterns, strict=True):
-            if len(angles) != len(usual):
-                found.append(
-                    finding("north.stops_differ", name=name, given=len(angles),
-                            angles=_list(angles), most=len(usual))
-                )  # fmt: skip
-    return tuple(found)
-
-
-def _pattern(d: Dwells) -> list[int]:
-    """Return the index angles of a set-up in order, in whole degrees."""
-    return [round(float(np.degrees(a))) % 360 for a in d.index]
-
-
-def _list(angles: list[int]) -> str:
-    some = ", ".join(str(a) for a in angles[:12])
-    return some + (", ..." if len(angles) > 12 else "")
-
-
-def _spans(angles: list[int]) -> bool:
-    """Tell whether constant, cosine and sine over these angles can be told apart."""
-    a = np.radians(np.array(angles, float))
-    design = np.stack([np.ones_like(a), np.cos(a), np.sin(a)], 1)
-    return len(a) >= 3 and bool(np.linalg.svd(design, compute_uv=False)[-1] > 0.05)
-
-
-def _opposites(name: str, angles: list[int], distinct: list[int]) -> list[Finding]:
-    found = []
-    for stop in distinct:
-        missing = (stop + 180) % 360
-        if not any(abs((a - missing + 180) % 360 - 180) <= 2 for a in distinct):
-            found.append(finding("north.opposite_missing", name=name, stop=stop, missing=missing))
-            break
-    twice = [a for a, b in pairwise(angles) if a == b]
-    if twice and len(set(Counter(angles).values())) > 1:  # a palindrome has each as often
-        rest = _list([a for a in distinct if a != twice[0]])
-        found.append(finding("north.stop_repeated", name=name, stop=twice[0], other=rest))
-    return found
-
-
-def require_plausible(
-    dwells: Dwells, pairs: Pairs, known: Known, compensation: Compensation
-) -> None:
-    """Refuse more than the Earth's rate, and more than gravity.
-
-    Parameters
-    ----------
-    dwells : Dwells
-        For the names of the set-ups.
-    pairs : Pairs
-        Set-ups [SI].
-    known : Known
-        Gravity.
-    compensation : Compensation
-        Errors of the instrument.
-    """
-    numbers = compensated(pairs.values, known.gravity, compensation)
-    cov = pairs.cov
-    for axes, limit, size, code in (
-        (slice(0, 2), TOO_FAST, EARTH_RATE, "north.too_fast"),
-        (slice(2, 4), 1.0, known.gravity, "north.tilt"),
-    ):
-        length = np.linalg.norm(numbers[:, axes], axis=1)
-        sd = np.sqrt(np.einsum("nii->n", cov[:, axes, axes])) / size
-        wrong = np.flatnonzero((length - limit > MANY_SD * sd) & (sd < np.sqrt(UNSEEN) * 1e-2))
-        if len(wrong):
-            worst = int(wrong[np.argmax(length[wrong])])
-            raise error(code, name=dwells.names[worst], size=f"{length[worst]:.4g}")
+    level: FloatArray | None = None
 
 
 def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...]:
@@ -177,16 +77,22 @@ def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...
     calibration : Level or None
         Verdict of the calibration that was used.
     """
-    ratio = signal_to_noise(j.fixes)
+    ratio = signal_to_noise(j.fixes, j.pairs)
     return tuple(_checks(j, i, float(ratio[i]), calibration) for i in range(len(j.fixes)))
 
 
 def _checks(j: Judged, i: int, ratio: float, calibration: Level | None) -> tuple[Check, ...]:
+    if not np.isfinite(j.fixes.angles[i]).all():
+        return (_solved(j, i),)
     out = [_solved(j, i), _sees(ratio, bool(j.fixes.clamped[i]))]
     if j.noise_source != "from the residuals":
         out += [c for k in (0, 1) if (c := _scatter(j, i, k)) is not None]
-    if j.known.latitude is not None and j.known.level_sd is None:
+    elif (fitting := _fitting(j, i)) is not None:
+        out.append(fitting)
+    if j.known.latitude is not None:
         out.append(_norm(j, i))
+    if j.level is not None:
+        out.append(_level(float(j.level[i])))
     out.append(_ambiguous(j, i))
     out.append(_upright(j, i))
     if j.accuracy is not None:
@@ -243,10 +149,19 @@ def _norm(j: Judged, i: int) -> Check:
     return Check("rate and latitude", value, None, high, fine, words + ".")
 
 
+def _level(value: float) -> Check:
+    high = chi_square_limits(2)[1]
+    fine = value <= high
+    words = f"The tilt that the accelerometers say is {np.sqrt(value / 2):.2f} times level_sd"
+    words += "." if fine else ": the case is less level than was said."
+    return Check("level", value, None, high, fine, words)
+
+
 def _ambiguous(j: Judged, i: int) -> Check:
     fine = not bool(j.fixes.ambiguous[i])
     words = "No other heading fits." if fine else (
-        f"Heading {np.degrees(j.fixes.other[i, 0]):.3f} deg fits as well."
+        f"Heading {np.degrees(j.fixes.other[i, 0]):.3f} deg, at latitude "
+        f"{np.degrees(j.fixes.other[i, 3]):.2f} deg, fits as well."
     )  # fmt: skip
     return Check("one heading", float(fine), 1.0, None, fine, words)
 
@@ -292,6 +207,11 @@ def _findings(j: Judged, i: int) -> list[Finding]:
     if f.clamped[i] and j.known.latitude is None:
         size = np.linalg.norm(j.pairs.values[i, :2]) / EARTH_RATE
         found.append(finding("north.clamped", name=name, size=f"{size:.4f}"))
+    if j.known.near is not None:
+        near = np.broadcast_to(j.known.near, len(f))[i]
+        away = abs(float(turned(f.angles[i, 0] - near)))
+        if away > 3 * j.known.near_sd:
+            found.append(finding("north.far", name=name, away=f"{np.degrees(away):.0f}"))
     if j.accuracy is not None and not f.sd[i, 0] <= j.accuracy:
         sd, wanted = (f"{np.degrees(v):.4g}" for v in (f.sd[i, 0], j.accuracy))
         cure = _longer(j, i)
@@ -316,18 +236,45 @@ def _longer(j: Judged, i: int) -> str:
     return f"Dwell at least {dwell:.0f} s at each stop, with the same order."
 
 
+def _worst(j: Judged, i: int) -> tuple[int, float, float] | None:
+    """Return the reading that fits worst: its row, its test over the limit, and its size [sd].
+
+    Noise measured by the residuals of the file is measured anew without it.
+    """
+    from scipy.special import fdtri
+
+    rows = np.flatnonzero(j.dwells.setup == i)
+    total = int(j.pairs.dof[:, 0].sum())
+    if j.pairs.dof[i, 0] < 1:
+        return None
+    square = np.nan_to_num(j.pairs.residuals[rows]) ** 2
+    limit = chi_square_limits(1, tests=len(rows))[1]
+    if j.noise_source == "from the residuals":
+        square = square * total / (total - 2.0)  # as it was before Student's factor
+        square = square * (total - 1.0) / np.maximum(total - square, 1e-9)
+        limit = float(fdtri(1.0, total - 1.0, 1 - 0.01 / len(j.dwells)))
+    worst = int(np.argmax(square))
+    return int(rows[worst]), float(square[worst] / limit), float(np.sqrt(square[worst]))
+
+
+def _fitting(j: Judged, i: int) -> Check | None:
+    found = _worst(j, i)
+    if found is None:
+        return None
+    fine = found[1] <= 1
+    words = f"The reading that fits worst is {found[2]:.1f} standard deviations from the fit"
+    words += "." if fine else ": more than chance gives."
+    return Check("every reading fits", found[1], None, 1.0, fine, words)
+
+
 def _outlier(j: Judged, i: int) -> list[Finding]:
     """Name the reading that stands out; with one redundant reading all look alike."""
-    rows = np.flatnonzero(j.dwells.setup == i)
-    if j.pairs.dof[i, 0] < 2 or j.noise_source == "from the residuals":
+    found = _worst(j, i)
+    if found is None or found[1] <= 1 or j.pairs.dof[i, 0] < 2:
         return []
-    size = np.abs(np.nan_to_num(j.pairs.residuals[rows]))
-    worst = int(np.argmax(size))
-    if size[worst] ** 2 <= chi_square_limits(1, tests=len(rows))[1]:
-        return []
-    stop = f"{np.degrees(j.dwells.index[rows[worst]]) % 360:.1f}"
+    stop = f"{np.degrees(j.dwells.index[found[0]]) % 360:.1f}"
     return [finding("north.reading_outlier", name=j.dwells.names[i], stop=stop,
-                    size=f"{size[worst]:.1f}")]  # fmt: skip
+                    size=f"{found[2]:.1f}")]  # fmt: skip
 
 
 def drift_effect(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.estimate.north_seeking import Fixes
 from foucault.models.dwells import Dwells
+from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
 
 FloatArray = npt.NDArray[np.float64]
@@ -98,7 +99,7 @@ def _sizes(pairs: Pairs) -> FloatArray:
     return np.asarray(np.max(np.linalg.eigvalsh(pairs.cov[:, :2, :2]), axis=1))
 
 
-def signal_to_noise(fixes: Fixes) -> FloatArray:
+def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
     """Return the Earth's horizontal rate over the gyro's uncertainty across it, shape (m,) [1].
 
     Level that is ``w_ie cos L / sd``: one over what the gyro alone leaves uncertain of the heading.
@@ -107,6 +108,12 @@ def signal_to_noise(fixes: Fixes) -> FloatArray:
     ----------
     fixes : Fixes
         Solutions with their budget [rad].
+    pairs : Pairs
+        Set-ups [SI].
     """
     gyro = [v[:, 0] for name, v in fixes.sources.items() if name.startswith("gyro")]
-    return np.asarray(1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300)))
+    out = 1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300))
+    # Where the rate along z is lost it is that, and not the gyro, which leaves heading uncertain.
+    lost = fixes.status == 1
+    level = EARTH_RATE * np.cos(fixes.angles[:, 3]) / np.sqrt(_sizes(pairs))
+    return np.where(lost, level, out)

@@ -91,8 +91,9 @@ class State:
     ----------
     values : ndarray, shape (n,)
         The coefficients [SI].
-    table : ndarray, shape (4,)
-        Tilt of the axis about East and North, error of all headings and of the latitude [rad].
+    table : ndarray, shape (4 + k,)
+        Tilt of the axis about East and North, error of all headings and of the latitude [rad];
+        errors of accelerometers that give the tilt of every set-up [SI].
     """
 
     values: FloatArray
@@ -141,6 +142,7 @@ def build(
     names: tuple[str, ...],
     prior: CoefficientVector | None = None,
     known: Compensation | None = None,
+    table: FloatArray | None = None,
 ) -> Problem:
     """State the calibration as a least-squares problem.
 
@@ -155,15 +157,16 @@ def build(
     prior : CoefficientVector or None
         What is known of them [SI].
     known : Compensation or None
-        Errors of the accelerometers that are not found here.
+        Errors of the accelerometers that are not found here, with covariance (its diagonal).
+    table : ndarray, shape (4,), or None
+        Tilt of the table, if it was found before: what wrong headings do depends on it [rad].
     """
     known = known or Compensation()
     scene = _Scene(pairs, rig, names, known)
-    root = np.linalg.cholesky(np.asarray(sum(scene.covariance().values())))
+    root = np.linalg.cholesky(np.asarray(sum(scene.covariance(table).values())))
     m = len(pairs)
     blocks = np.repeat(np.arange(m), scene.used.size)
-    sd = np.array([rig.level_sd, rig.level_sd, rig.heading_offset_sd, rig.latitude_sd])
-    sd = np.where(scene.free, sd, 1.0)
+    sd = np.where(scene.free, scene.table_sd, 1.0)
 
     def linearise(state: State, weights: FloatArray) -> Linearised:
         predicted, J = scene.predict(state)
@@ -188,8 +191,8 @@ def build(
 
     start = np.zeros(len(names)) if prior is None else prior.values
     layout = SEEKER.subset(names)
-    return Problem(layout, State(start, np.zeros(4)), linearise, retract, lambda s: s.values, m,
-                   prior)  # fmt: skip
+    state = State(start, np.zeros(len(sd)))
+    return Problem(layout, state, linearise, retract, lambda s: s.values, m, prior)
 
 
 def covariance_parts(
@@ -233,12 +236,19 @@ class _Scene:
         rig, m = self.rig, len(self.pairs)
         one = rig.tilt == "one axis"
         self.used = np.arange(4 if rig.accelerometers and one else 2)
-        self.free = np.array([one and rig.level_sd > 0, one and rig.level_sd > 0,
-                              rig.heading_offset_sd > 0, rig.latitude_sd > 0])  # fmt: skip
         angles = np.zeros((m, 2))
+        own = np.zeros(0)
         if not one:
             angles = tilts(self.pairs, rig.site.gravity, self.known)
+            c = self.known.coefficients
+            own = np.zeros(len(c)) if c.cov is None else np.sqrt(np.diag(c.cov))
+        level = rig.level_sd if one else 0.0
+        self.table_sd = np.array(
+            [level, level, rig.heading_offset_sd, rig.latitude_sd, *own.tolist()]
+        )
+        self.free = self.table_sd > 0
         self.angles = angles
+        self.by_force = np.zeros((m, 2, 2)) if one else self._by_force()
 
     def truth(self, table: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return w_b, f_b, each (m, 3), and their slopes against the table, (m, 3, 4)."""
@@ -268,39 +278,48 @@ class _Scene:
         w, f, dw, df = self.truth(state.table)
         model = found.model
         by_table = np.concatenate([model.gyro_matrix[:2] @ dw, model.accel_matrix[:2] @ df], axis=1)
-        J = np.concatenate([found.slopes(w, f), by_table[..., self.free]], axis=2)
-        return found.predict(w, f)[:, self.used], J[:, self.used]
+        # Errors of the accelerometers turn the rate through the tilts that they give.
+        by_own = np.zeros((len(w), 4, len(self.table_sd) - 4))
+        if by_own.shape[2]:
+            by_own[:, :2] = -self.by_force @ self.known.slopes(w, f)[:, 2:]
+        predicted = found.predict(w, f) + by_own @ state.table[4:]
+        tied = np.concatenate([by_table, by_own], axis=2)[..., self.free]
+        J = np.concatenate([found.slopes(w, f), tied], axis=2)
+        return predicted[:, self.used], J[:, self.used]
 
-    def covariance(self) -> dict[str, FloatArray]:
+    def covariance(self, table: FloatArray | None = None) -> dict[str, FloatArray]:
         """Return the covariance of the numbers used by source, (m, k, k) each."""
-        _, _, dw, df = self.truth(np.zeros(4))
+        _, _, dw, df = self.truth(np.zeros(4) if table is None else table)
         by_heading = np.concatenate([dw[:, :2, 2], df[:, :2, 2]], axis=1)
         parts = dict(self.pairs.sources)
-        if self.rig.heading_sd:
-            each = np.einsum("ni,nj->nij", by_heading, by_heading)
-            parts["reference headings"] = self.rig.heading_sd**2 * each
-        if self.rig.tilt == "each" and self.rig.accelerometers:
-            for name, S in self.pairs.sources.items():
-                if S[:, 2:, 2:].any():
-                    parts[name] = S + self._tilt_covariance(S)
+        # A case tilted on a table that leans has another heading than the table says.
+        lean = self.rig.level_sd if self.rig.tilt == "each" else 0.0
+        tilt = np.hypot(*np.tan(self.angles.T))
+        variance = self.rig.heading_sd**2 + (lean * tilt) ** 2
+        if np.any(variance > 0):
+            each = np.einsum("n,ni,nj->nij", variance, by_heading, by_heading)
+            parts["reference headings"] = each
+        if self.rig.tilt == "each":  # what is left of a rate has the error of the tilts in it
+            turn = np.broadcast_to(np.eye(4), (len(dw), 4, 4)).copy()
+            turn[:, :2, 2:] = -self.by_force
+            parts = {k: turn @ S @ np.swapaxes(turn, 1, 2) for k, S in parts.items()}
         used = {k: v[:, self.used][:, :, self.used] for k, v in parts.items()}
         return {k: v for k, v in used.items() if v.any()}
 
-    def _tilt_covariance(self, S: FloatArray) -> FloatArray:
-        """What uncertain pitch and roll do to the rates, by finite differences of the tilts."""
+    def _by_force(self) -> FloatArray:
+        """Slope of the true rates against specific force through the tilts, (m, 2, 2)."""
         w_n = earth_rate_n(self.rig.site.latitude or 0.0)
         gravity, step = self.rig.site.gravity, 1e-6
-        slope = np.zeros((len(self.pairs), 4, 2))
+        slope = np.zeros((len(self.pairs), 2, 2))
         for k in range(2):
-            moved = self.pairs.values.copy()
-            moved[:, 2 + k] += step * gravity
             ends = []
             for sign in (1.0, -1.0):
-                values = 2 * self.pairs.values - moved if sign < 0 else moved
+                values = self.pairs.values.copy()
+                values[:, 2 + k] += sign * step * gravity
                 angles = tilts(replace(self.pairs, values=values), gravity, self.known)
                 ends.append(attitude(self.rig.heading, *angles.T) @ w_n)
-            slope[:, :2, k] = (ends[0] - ends[1])[:, :2] / (2 * step * gravity)
-        return np.asarray(np.einsum("nik,nkl,njl->nij", slope, S[:, 2:, 2:], slope))
+            slope[:, :, k] = (ends[0] - ends[1])[:, :2] / (2 * step * gravity)
+        return slope
 
 
 def calibrate_batch(

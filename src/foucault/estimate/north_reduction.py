@@ -213,7 +213,7 @@ def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:
 def _index_variance(d: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[FloatArray, ...]:
     """Return what wrong index angles add to the variance of gyro and accelerometer, (k,) each."""
     none = np.zeros(len(d))
-    if not nuisance.index_sd:
+    if not nuisance.index_sd or _turning(d):  # one error of a rotation leaves no residual
         return none, none
     out = []
     accel = d.accel
@@ -302,9 +302,19 @@ def _judge(
     dof[setups, sensor] = fit.dof
 
 
+def _turning(d: Dwells) -> bool:
+    """Tell whether the rows are pieces of a rotation: there the axis moves within each."""
+    return bool(np.all(d.cosine**2 + d.sine**2 < 1.0 - 1e-9))
+
+
 def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuisance) -> FloatArray:
-    """Covariance of index angles that are each off by themselves, shape (g, 4, 4)."""
+    """Covariance of wrong index angles, shape (g, 4, 4).
+
+    Stops are each off by themselves; a base that turns is off by the same angle all the time.
+    """
     across = np.stack([d.cosine, -d.sine])  # d e / d a = (cos a, -sin a)
     slope = np.stack([values[:, :2] @ across, values[:, 2:] @ across])  # of gyro, of accelerometer
-    turned = np.einsum("sik,spk->pik", weights, slope)
-    return np.asarray(nuisance.index_sd**2 * np.einsum("pik,pjk->pij", turned, turned))
+    moved = np.einsum("sik,spk->pik", weights, slope)
+    if _turning(d):
+        moved = moved.sum(axis=2, keepdims=True)
+    return np.asarray(nuisance.index_sd**2 * np.einsum("pik,pjk->pij", moved, moved))

@@ -22,43 +22,33 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.estimate.north_reduction import UNSEEN, Pairs
+from foucault.estimate.north_reduction import Pairs
+from foucault.estimate.north_roots import (
+    EXACT,
+    PLAUSIBLE,
+    Best,
+    Hemisphere,
+    Known,
+    best_of,
+    compensated,
+    starts_of,
+    turned,
+    widen,
+)
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation, earth_rate_b, up_b
 
+__all__ = [
+    "LATITUDE", "PLAUSIBLE", "Fixes", "Hemisphere", "Known", "closed_form", "compensated",
+    "level_square", "solve", "turned",
+]  # fmt: skip
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-Hemisphere = Literal["north", "south"]
-
-ROUNDS = 60
-"""Gauss-Newton steps at most [1]."""
-
-EXACT = 1e-9
-"""Standard deviation of a latitude that is known exactly [rad]."""
-
-DISTINCT = 1e-5
-"""Solutions nearer than this are one [rad]."""
-
-PLAUSIBLE = 25.0
-"""Another solution is possible where its sum of squares is larger by less than this, five sd: where
-the rate along z_b is small, errors of the latitude are far from Gaussian [1]."""
-
-AGAINST = 1e3
-"""What speaks against the opposite hemisphere, a heading opposite to the rough one, or a case that
-hangs upside down, which two components of gravity cannot tell from one that stands [1]."""
-
-DEFAULT = 1e-3
-"""What speaks against the other sign of the rate along z_b, where both give the same hemisphere:
-less than anything that is known, more than rounding [1]."""
-
-LOST = 10.0
-"""The rate along z_b is lost in the noise where its square is below this many sd of the horizontal
-rate [1]: five sd of its own."""
 
 CHUNK = 65536
 """Set-ups that one thread takes at a time [1]."""
@@ -121,35 +111,6 @@ class Fixes:
     def sd(self) -> FloatArray:
         """Standard deviations, shape (m, 4) [rad]."""
         return np.asarray(np.sqrt(np.einsum("nii->ni", self.cov)))
-
-
-@dataclass(frozen=True)
-class Known:
-    """What is known of the place and of the attitude before the readings.
-
-    Attributes
-    ----------
-    gravity : float
-        [m/s^2].
-    latitude : float or None
-        Positive north [rad]; None where unknown.
-    latitude_sd : float
-        Its standard deviation [rad].
-    hemisphere : {"north", "south"}
-        Decides between roots where the latitude is unknown.
-    near : float, ndarray of shape (m,), or None
-        Rough heading, which decides between solutions that fit alike [rad].
-    level_sd : float or None
-        How far from level the case may stand, about each axis; None where only the accelerometers
-        know [rad].
-    """
-
-    gravity: float
-    latitude: float | None = None
-    latitude_sd: float = 0.0
-    hemisphere: Hemisphere = "north"
-    near: float | FloatArray | None = None
-    level_sd: float | None = None
 
 
 def closed_form(
@@ -232,14 +193,14 @@ def solve(pairs: Pairs, known: Known, compensation: Compensation | None = None) 
         Errors of the instrument with covariance; None takes an instrument without errors.
     """
     compensation = compensation or Compensation()
-    pairs = _levelled(pairs, known)
-    starts, horizontal = _starts(pairs, known, compensation)
-    best = _best(pairs, pairs.cov, known, compensation, starts)
-    more = _calibration_sources(best.angles, known, compensation)
+    pairs, shared = _levelled(pairs, known, compensation)
+    starts, horizontal = starts_of(pairs, known, compensation)
+    best = best_of(pairs, pairs.cov, known, compensation, starts)
+    more = _calibration_sources(best.angles, known, compensation, shared)
     sources = pairs.sources | more
     if more:  # they change the weights a little: once more, from what was found
         again = [best.angles, np.where(np.isfinite(best.other), best.other, best.angles)]
-        best = _best(pairs, np.asarray(sum(sources.values())), known, compensation, again)
+        best = best_of(pairs, np.asarray(sum(sources.values())), known, compensation, again)
     budget = {
         name: np.einsum("nai,nij,naj->na", best.gain[..., :4], S, best.gain[..., :4])
         for name, S in sources.items()
@@ -247,210 +208,70 @@ def solve(pairs: Pairs, known: Known, compensation: Compensation | None = None) 
     if known.latitude is not None:
         budget[LATITUDE] = best.gain[..., 4] ** 2 * max(known.latitude_sd, EXACT) ** 2
     else:
-        _widen(best, horizontal, pairs, known, compensation)
-    clamped = horizontal > 1.0
-    ambiguous = (best.other_square < PLAUSIBLE + best.square) & (
-        np.abs(turned(best.other[:, 0] - best.angles[:, 0])) > np.sqrt(best.cov[:, 0, 0])
-    )
+        widen(best, horizontal, pairs, known, compensation, budget)
     return Fixes(
         best.angles, best.cov, budget, best.square, pairs.values - best.predicted, best.other,
-        best.other_square, ambiguous, best.status, clamped,
+        best.other_square, _ambiguous(best, known), best.status, horizontal > 1.0,
     )  # fmt: skip
 
 
-def turned(angle: FloatArray) -> FloatArray:
-    """Return `angle`, shape (...) [rad], between -pi and pi."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+def _ambiguous(best: Best, known: Known) -> npt.NDArray[np.bool_]:
+    """Tell where the other solution is possible, and says something else."""
+    sd = np.sqrt(np.einsum("nii->ni", best.cov))
+    apart = np.abs(turned(best.other[:, 0] - best.angles[:, 0])) > sd[:, 0]
+    if known.latitude is None:
+        apart |= np.abs(best.other[:, 3] - best.angles[:, 3]) > sd[:, 3]
+    return np.asarray(apart & (best.other_square < PLAUSIBLE + best.rank))
 
 
-def _widen(
-    best: _Best, horizontal: FloatArray, pairs: Pairs, known: Known, compensation: Compensation
-) -> None:
-    """Where the rate along z_b is lost in the noise, let the uncertainty cover both its signs.
+def _levelled(pairs: Pairs, known: Known, compensation: Compensation) -> tuple[Pairs, FloatArray]:
+    """Weigh the specific forces with how level the case stands, as far as that is known.
 
-    W = sqrt(1 - r^2) has no slope where r, the horizontal rate, is 1: there W is nothing better
-    than sqrt(2 k) for an error k of r.
+    Returns the pairs, and how much of the specific forces as measured is in theirs, (m, 4, 4).
     """
-    direction = pairs.values[:, :2] / np.maximum(
-        np.linalg.norm(pairs.values[:, :2], axis=1, keepdims=True), 1e-300
-    )
-    sd = np.sqrt(np.einsum("ni,nij,nj->n", direction, pairs.cov[:, :2, :2], direction)) / EARTH_RATE
-    lost = (1.0 - horizontal**2 < LOST * sd) & np.isfinite(best.angles[:, 0])
-    if not lost.any():
-        return
-    N, M, x, s = compensated(pairs.values[lost], known.gravity, compensation).T
-    excess = np.maximum(np.hypot(N, M), 1.0)
-    W = np.sqrt(LOST * sd[lost])
-    pitch, roll = _tilt(x, s)
-    ends = [_attitude_of(N / excess, M / excess, sign * W, pitch, roll) for sign in (1.0, -1.0)]
-    across = np.stack([-direction[lost, 1], direction[lost, 0]], 1)
-    turn = np.einsum("ni,nij,nj->n", across, pairs.cov[lost, :2, :2], across) / EARTH_RATE**2
-    tilt = np.einsum("nii->n", pairs.cov[lost, 2:, 2:]) / known.gravity**2
-    for axis, k, other in ((0, 0, turn), (3, 1, tilt)):
-        half = turned(ends[0][k] - ends[1][k]) / 2
-        best.cov[lost, axis, :], best.cov[lost, :, axis] = 0.0, 0.0
-        best.cov[lost, axis, axis] = half**2 + other
-    best.status[lost] = 1
-
-
-def _levelled(pairs: Pairs, known: Known) -> Pairs:
-    """Weigh the specific forces with how level the case stands, as far as that is known."""
-    if known.level_sd is None:
-        return pairs
-    level = (known.gravity * known.level_sd) ** 2 * np.eye(2)
     T = np.broadcast_to(np.eye(4), (len(pairs), 4, 4)).copy()
+    if known.level_sd is None:
+        return pairs, T
+    level = (known.gravity * known.level_sd) ** 2 * np.eye(2)
     T[:, 2:, 2:] = level @ np.linalg.inv(level + pairs.cov[:, 2:, 2:])
     rest = np.eye(4) - T
     prior = np.zeros((4, 4))
     prior[2:, 2:] = level
     sources = {k: T @ S @ np.swapaxes(T, 1, 2) for k, S in pairs.sources.items()}
     sources["tilt: level"] = rest @ prior @ np.swapaxes(rest, 1, 2)
-    values = np.einsum("nij,nj->ni", T, pairs.values)
-    return replace(pairs, values=values, sources={k: v for k, v in sources.items() if v.any()})
+    upright = compensation.predict(np.zeros(3), np.array([0.0, 0.0, known.gravity]))
+    upright[:2] = 0.0
+    values = np.einsum("nij,nj->ni", T, pairs.values) + rest @ upright
+    sources = {k: v for k, v in sources.items() if v.any()}
+    return replace(pairs, values=values, sources=sources), T
 
 
-def compensated(values: FloatArray, gravity: float, compensation: Compensation) -> FloatArray:
-    """Return the four numbers without the errors of the instrument, shape (m, 4) [1].
+def level_square(pairs: Pairs, known: Known, compensation: Compensation) -> FloatArray:
+    """Return how far the accelerometers depart from level, shape (m,) [1].
+
+    A sum of squares, chi-square with two degrees of freedom where `level_sd` is right.
 
     Parameters
     ----------
-    values : ndarray, shape (m, 4)
-        As measured [SI].
-    gravity : float
-        [m/s^2].
+    pairs : Pairs
+        Set-ups [SI].
+    known : Known
+        Gravity and `level_sd`.
     compensation : Compensation
-        Errors of the instrument; couplings of z are left in, as they need the attitude.
-
-    Returns
-    -------
-    ndarray, shape (m, 4)
-        Rates over the Earth's rate, specific forces over gravity, along x_b and y_b [1].
+        Errors of the accelerometers.
     """
-    model = compensation.model
-    rate = np.linalg.solve(model.gyro_matrix[:2, :2], (values[:, :2] - model.gyro_bias[:2]).T).T
-    force = np.linalg.solve(model.accel_matrix[:2, :2], (values[:, 2:] - model.accel_bias[:2]).T).T
-    return np.hstack([rate / EARTH_RATE, force / gravity])
-
-
-def _starts(
-    pairs: Pairs, known: Known, compensation: Compensation
-) -> tuple[list[FloatArray], FloatArray]:
-    """Return where to start from, each (m, 4), and the horizontal rate over the Earth's (m,)."""
-    N, M, x, s = compensated(pairs.values, known.gravity, compensation).T
-    pitch, roll = _tilt(x, s)
-    seen = pairs.cov[:, [0, 1], [0, 1]].max(axis=1) < 1e-3 * UNSEEN * EARTH_RATE**2
-    horizontal = np.where(seen, np.hypot(N, M), 0.0)
-    starts = []
-    square = np.sqrt(np.maximum(1 - M**2 - N**2, 1e-6))
-    for sign in (1.0, -1.0) if known.hemisphere == "north" else (-1.0, 1.0):
-        heading, latitude = _attitude_of(N, M, sign * square, pitch, roll)
-        if known.latitude is not None:
-            latitude = np.full_like(latitude, known.latitude)
-        starts.append(np.stack([heading, pitch, roll, latitude], 1))
-    if known.latitude is not None and not seen.all():
-        for heading in np.radians(np.arange(0.0, 360.0, 30.0)):
-            same = np.ones_like(pitch)
-            starts.append(np.stack([heading * same, pitch, roll, known.latitude * same], 1))
-    return starts, horizontal
-
-
-def _tilt(x: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return pitch and roll of two components of up, made shorter than 1 where they are not."""
-    shorter = np.maximum(np.hypot(s, x) / 0.99999, 1.0)
-    s, x = s / shorter, x / shorter
-    return np.arcsin(s), np.arctan2(-x, np.sqrt(np.maximum(1 - s**2 - x**2, 0.0)))
-
-
-def _attitude_of(
-    N: FloatArray, M: FloatArray, W: FloatArray, pitch: FloatArray, roll: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return heading and latitude of three components of the Earth's rate."""
-    X = np.cos(roll) * N + np.sin(roll) * W
-    q = np.cos(roll) * W - np.sin(roll) * N
-    Y = np.cos(pitch) * M - np.sin(pitch) * q
-    Z = np.sin(pitch) * M + np.cos(pitch) * q
-    return np.arctan2(-X, Y) % (2 * np.pi), np.arctan2(Z, np.hypot(X, Y))
-
-
-@dataclass
-class _Best:
-    """The best solution of each set-up, and the next best."""
-
-    angles: FloatArray
-    cov: FloatArray
-    gain: FloatArray
-    square: FloatArray
-    predicted: FloatArray
-    status: npt.NDArray[np.int8]
-    other: FloatArray
-    other_square: FloatArray
-
-
-def _best(
-    pairs: Pairs, covariance: FloatArray, known: Known, compensation: Compensation,
-    starts: list[FloatArray],
-) -> _Best:  # fmt: skip
-    found = [_from(pairs, covariance, known, compensation, start) for start in starts]
-    angles = np.stack([f[0] for f in found])
-    solved = np.stack([f[5] == 0 for f in found])
-    square = np.stack([np.where(np.isfinite(f[3]), f[3], np.inf) for f in found])
-    latitude_var = np.stack([f[1][:, 3, 3] for f in found])
-    # An unfinished solution is better than none, where no other is better.
-    rank = square + _preference(angles, latitude_var, known) + np.where(solved, 0.0, 1e6)
-    order = np.argsort(rank, axis=0, kind="stable")
-    each = np.arange(len(pairs))
-    pick = order[0]
-    best = angles[pick, each]
-    other, other_square = np.full_like(best, np.nan), np.full(len(pairs), np.inf)
-    for k in order[1:][::-1]:  # the best of those that differ is written last
-        there = angles[k, each]
-        apart = _apart(there, best)
-        take = (apart > DISTINCT) & solved[k, each]
-        other[take], other_square[take] = there[take], rank[k, each][take]
-    cov, gain, square, predicted, status = (
-        np.stack([f[i] for f in found])[pick, each] for i in (1, 2, 3, 4, 5)
-    )
-    return _Best(best, cov, gain, square, predicted, status, other, other_square)
-
-
-def _apart(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return how far two solutions are apart in heading or latitude, shape (m,) [rad]."""
-    return np.maximum(np.abs(turned(a[:, 0] - b[:, 0])), np.abs(a[:, 3] - b[:, 3]))
-
-
-def _preference(angles: FloatArray, latitude_var: FloatArray, known: Known) -> FloatArray:
-    """Return what speaks against solutions that fit alike, in squares of a sd, (k, m) [1]."""
-    out = np.where(np.abs(angles[..., 2]) > np.pi / 2, AGAINST, 0.0)
-    if known.latitude is None:  # no reading knows the hemisphere
-        sign = 1.0 if known.hemisphere == "north" else -1.0
-        beyond = np.maximum(-sign * angles[..., 3], 0.0)
-        out += np.minimum(beyond**2 / np.maximum(latitude_var, EXACT**2), AGAINST)
-        along_z = earth_rate_b(*np.moveaxis(angles, -1, 0))[..., 2]
-        out += np.where(sign * along_z < 0, DEFAULT, 0.0)
-    if known.near is not None:
-        out += AGAINST * (1 - np.cos(angles[..., 0] - known.near))
-    return out
-
-
-def _from(
-    pairs: Pairs, cov: FloatArray, known: Known, compensation: Compensation, start: FloatArray
-) -> tuple[FloatArray, ...]:
-    from foucault.kernels.north_seeking import likelihood_batch
-
-    model = compensation.model
-    A = np.vstack([model.gyro_matrix[:2], model.accel_matrix[:2]])
-    b = np.concatenate([model.gyro_bias[:2], model.accel_bias[:2]])
-    m = len(pairs)
-    latitude = np.full(m, 0.0 if known.latitude is None else known.latitude)
-    sd = np.full(m, np.inf if known.latitude is None else max(known.latitude_sd, EXACT))
-    found: tuple[FloatArray, ...] = likelihood_batch(
-        pairs.values, cov, start, A, b, np.full(m, known.gravity), EARTH_RATE, latitude, sd, ROUNDS
-    )
-    return found
+    up = np.array([0.0, 0.0, known.gravity])
+    miss = (pairs.values - compensation.predict(np.zeros(3), up))[:, 2:]
+    own = compensation.coefficients.cov
+    J = compensation.slopes(np.zeros(3), up)[2:]
+    calibrated = np.zeros((2, 2)) if own is None else J @ own @ J.T
+    level = (known.gravity * (known.level_sd or 0.0)) ** 2 * np.eye(2)
+    total = pairs.cov[:, 2:, 2:] + calibrated + level
+    return np.asarray(np.einsum("ni,ni->n", miss, np.linalg.solve(total, miss[..., None])[..., 0]))
 
 
 def _calibration_sources(
-    angles: FloatArray, known: Known, compensation: Compensation
+    angles: FloatArray, known: Known, compensation: Compensation, shared: FloatArray
 ) -> dict[str, FloatArray]:
     """What the uncertainty of the coefficients does to the four numbers, by kind."""
     c = compensation.coefficients
@@ -458,7 +279,7 @@ def _calibration_sources(
         return {}
     finite = np.where(np.isfinite(angles), angles, 0.0)
     w_b = earth_rate_b(*finite.T)
-    J = compensation.slopes(w_b, known.gravity * up_b(finite[:, 1], finite[:, 2]))
+    J = shared @ compensation.slopes(w_b, known.gravity * up_b(finite[:, 1], finite[:, 2]))
     # Coefficients are tied to one another: a coupling that a level session cannot show, and the
     # bias that made up for it. In the order of SOURCES each counts with what follows it, so that
     # the parts are independent and none is negative.

@@ -133,8 +133,8 @@ def _atan2(y, x):
 def likelihood_batch(y, cov, start, A, b, g, earth_rate, latitude, latitude_sd, rounds):
     """Solve n set-ups by maximum likelihood of the four numbers and the latitude known before.
 
-    The rotation is corrected in the case, ``C_bn <- exp(-[phi x]) C_bn``, so that no attitude is
-    singular; steps are halved until the sum of squares falls.
+    The rotation is corrected by ``C_bn <- C_bn exp([phi x])``, so that no attitude is singular;
+    steps are halved until the sum of squares falls.
 
     Parameters: y (n, 4) rates along x_b, y_b and specific forces along them [SI]; cov (n, 4, 4);
     start (n, 4) heading, pitch, roll, latitude [rad]; A (4, 3), b (4,) the model y = A w + b of
@@ -249,22 +249,28 @@ def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
 
 @kernel
 def _slopes(C, lat, A, g, earth_rate, J):
-    """Fill J (4, 4): slope of the prediction against phi and latitude; d h = h x phi."""
+    """Fill J (4, 4): slope of the prediction against phi (E, N, U) and latitude.
+
+    ``d (C v) = C (phi x v)``: specific force sees tilt alone and heading is one unknown by itself,
+    so that however exact the tilt, scaling keeps the normal equations well conditioned.
+    """
     sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
     for p in range(4):
+        x, y, z = 0.0, 0.0, 0.0
+        for q in range(3):
+            x += A[p, q] * C[q, 0]
+            y += A[p, q] * C[q, 1]
+            z += A[p, q] * C[q, 2]
         if p < 2:
-            x, y, z = (cl * C[0, 1] + sl * C[0, 2], cl * C[1, 1] + sl * C[1, 2],
-                       cl * C[2, 1] + sl * C[2, 2])  # fmt: skip
-            J[p, 3] = 0.0
-            for q in range(3):
-                J[p, 3] += A[p, q] * (cl * C[q, 2] - sl * C[q, 1])
+            J[p, 0] = z * cl - y * sl
+            J[p, 1] = x * sl
+            J[p, 2] = -x * cl
+            J[p, 3] = z * cl - y * sl
         else:
-            x, y, z = g * C[0, 2], g * C[1, 2], g * C[2, 2]
+            J[p, 0] = -y * g
+            J[p, 1] = x * g
+            J[p, 2] = 0.0
             J[p, 3] = 0.0
-        # columns of [h x]: A [h x] phi
-        J[p, 0] = A[p, 1] * z - A[p, 2] * y
-        J[p, 1] = A[p, 2] * x - A[p, 0] * z
-        J[p, 2] = A[p, 0] * y - A[p, 1] * x
 
 
 @kernel
@@ -311,18 +317,18 @@ def _scaled_cholesky(H, s):
 
 @kernel
 def _turned(C, x, y, z, T):
-    """Fill T with exp(-[phi x]) C."""
+    """Fill T with C exp([phi x])."""
     angle = math.sqrt(x * x + y * y + z * z)
     half = 0.5 * angle
     a = math.sin(angle) / angle if angle > 1e-9 else 1.0
     c = 0.5 * (math.sin(half) / half) ** 2 if angle > 1e-9 else 0.5
     for k in range(3):
-        u, v, w = C[0, k], C[1, k], C[2, k]
-        # phi x column, and phi x that
-        p, q, r = y * w - z * v, z * u - x * w, x * v - y * u
-        T[0, k] = u - a * p + c * (y * r - z * q)
-        T[1, k] = v - a * q + c * (z * p - x * r)
-        T[2, k] = w - a * r + c * (x * q - y * p)
+        u, v, w = C[k, 0], C[k, 1], C[k, 2]
+        # row x phi, and that x phi
+        p, q, r = v * z - w * y, w * x - u * z, u * y - v * x
+        T[k, 0] = u + a * p + c * (q * z - r * y)
+        T[k, 1] = v + a * q + c * (r * x - p * z)
+        T[k, 2] = w + a * r + c * (p * y - q * x)
 
 
 @kernel
@@ -340,12 +346,15 @@ def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, ga
     for p in range(4):
         for q in range(4):
             Hinv[p, q] /= d[p] * d[q]
-    # Slopes of heading, pitch and roll against phi; C_bn <- (I - [phi x]) C_bn.
+    # Slopes of heading, pitch and roll, first against a small rotation of the case,
+    # C_bn <- (I - [phi_b x]) C_bn, then against phi: phi_b = -C_bn phi.
     ct = math.hypot(C[0, 2], C[2, 2])
     sg, cg, t = -C[0, 2] / ct, C[2, 2] / ct, C[1, 2] / ct
-    E[0, 0], E[0, 1], E[0, 2] = sg / ct, 0.0, -cg / ct
-    E[1, 0], E[1, 1], E[1, 2] = cg, 0.0, sg
-    E[2, 0], E[2, 1], E[2, 2] = sg * t, 1.0, -cg * t
+    for q in range(3):
+        x, y, z = -C[0, q], -C[1, q], -C[2, q]
+        E[0, q] = (sg * x - cg * z) / ct
+        E[1, q] = cg * x + sg * z
+        E[2, q] = sg * t * x + y - cg * t * z
     E[3, 3] = 1.0
     for p in range(4):
         for q in range(4):

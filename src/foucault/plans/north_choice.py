@@ -323,9 +323,8 @@ def _chosen(task: Task, rows: tuple[Row, ...]) -> Choice:
     best = min(alike, key=lambda r: (round(r.drift_error / NO_DRIFT), _cost(r, task)))
     reason = "nothing else that can be done with what there is does better"
     if len(alike) > 1 and best.drift_error < min(alike, key=lambda r: _cost(r, task)).drift_error:
-        reason = (
-            "a linear drift of the gyro does least to it, and it costs 10 % in accuracy at most"
-        )
+        most = f"{ALIKE - 1:.0%}".replace("%", " %")
+        reason = f"a linear drift of the gyro does least to it, and it costs {most} of sd at most"
     better = [r for r in rows if r not in able and _cost(r, task) * ALIKE < _cost(best, task)]
     beyond = min(better, key=lambda r: _cost(r, task), default=None)
     return Choice(task, rows, best, reason, beyond, _repeats(best, task))

@@ -18,15 +18,24 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import north_fix as evidence
 from foucault.diagnose.dwells import find_dwells, measured_noise
+from foucault.diagnose.north_causes import causes
+from foucault.diagnose.north_input import require_plausible, stops
 from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
+from foucault.diagnose.north_validity import contradicted, other_conditions
 from foucault.errors import Finding, error, finding
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
-from foucault.estimate.north_seeking import Fixes, Known, solve
+from foucault.estimate.north_seeking import Fixes, Known, level_square, solve
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import SEEKER, Compensation
-from foucault.procedures.north_seeking import Progress, require_latitude, silent
+from foucault.procedures.north_seeking import (
+    Progress,
+    accelerometers_before,
+    require_latitude,
+    silent,
+    units_first,
+)
 from foucault.procedures.north_settings import Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
@@ -144,11 +153,13 @@ def find_north(
     """
     started = clock.monotonic()
     settings, about = settings or Settings(), dict(instrument or {})
-    compensation, told = _compensation(calibration, _beforehand(settings, prior or {}), about)
+    compensation, told = _compensation(
+        calibration, accelerometers_before(settings, prior or {}), about
+    )
     progress(0.1, "finding the dwells")
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     known = _known(site, settings, dwells)
-    told = (*log.findings, *dwells.findings, *told, *evidence.stops(dwells, known))
+    told = (*log.findings, *dwells.findings, *told, *stops(dwells, known))
     if known.latitude is None:
         other = "south" if settings.hemisphere == "north" else "north"
         told += (finding("north.hemisphere", hemisphere=settings.hemisphere, other=other),)
@@ -156,31 +167,29 @@ def find_north(
     noise, source = _noise(log, dwells, noise, calibration, settings)
     free = drift_sd(dwells, noise, settings.drift, settings.drift_sd)
     pairs = reduce(dwells, noise, _nuisance(settings, free))
-    evidence.require_plausible(dwells, pairs, known, compensation)
+    with units_first(log.findings):
+        require_plausible(dwells, pairs, known, compensation)
     fixes = solve(pairs, known, compensation)
+    told += causes(dwells, pairs, fixes, known, compensation)
     exact = replace(known, latitude_sd=0.0)
     alone = solve(pairs.noise_alone, exact, Compensation(_values(compensation)))
-    judged = evidence.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy)
+    level = None
+    if known.level_sd is not None and dwells.accel is not None:
+        level = level_square(pairs, known, compensation)
+    judged = evidence.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy, level)
     checks = evidence.checks(judged, _level(calibration))
+    sd = float(np.hypot(settings.heading_sd, settings.heading_offset_sd))
+    against = contradicted(dwells, fixes, sd)
+    noticed = tuple(a + b for a, b in zip(evidence.findings(judged), against, strict=True))
+    if calibration is not None:
+        told += other_conditions(dwells, log.temperature, calibration.validity)
     progress(1.0, "done")
     return Survey(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
-        checks, tuple(Verdict.of(c) for c in checks), evidence.findings(judged), told, alone.sd,
+        checks, tuple(Verdict.of(c) for c in checks), noticed, told, alone.sd,
         evidence.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
         provenance(log.source, clock.monotonic() - started),
     )  # fmt: skip
-
-
-def _beforehand(
-    settings: Settings, prior: Mapping[str, tuple[float, float]]
-) -> dict[str, tuple[float, float]]:
-    """What is known of accelerometers that no level table shows; a prior goes before it."""
-    usual = {
-        "accel.scale": (0.0, settings.accel_scale_sd),
-        "accel.misalignment": (0.0, settings.accel_misalignment_sd),
-    }
-    given = {name.rpartition(".")[0] for name in prior} | set(prior)
-    return {k: v for k, v in usual.items() if v[1] > 0 and k not in given} | dict(prior)
 
 
 def _known(site: Site, settings: Settings, dwells: Dwells) -> Known:
@@ -193,7 +202,8 @@ def _known(site: Site, settings: Settings, dwells: Dwells) -> Known:
     if dwells.accel is None and level is None:
         raise error("north.level_sd")
     return Known(
-        site.gravity, latitude, settings.latitude_sd, settings.hemisphere, settings.near, level,
+        site.gravity, latitude, settings.latitude_sd, settings.hemisphere, settings.near,
+        settings.near_sd, level,
     )  # fmt: skip
 
 

@@ -14,7 +14,8 @@ References
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,12 +24,15 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import north_calibration as evidence
+from foucault.diagnose import north_calibration_report as shown
 from foucault.diagnose.dwells import find_dwells, measured_noise
+from foucault.diagnose.north_input import stops
 from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
-from foucault.errors import Finding, error
+from foucault.errors import Finding, FoucaultError, error
 from foucault.estimate import north_calibration as estimation
 from foucault.estimate.north_calibration import Rig
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north_seeking import Known
 from foucault.logs import indexed, indexed_own
 from foucault.logs.indexed_description import IndexedDescription
 from foucault.models.dwells import Dwells
@@ -56,8 +60,12 @@ SIMULATE = {"grade": "navigation"}
 Z_COUPLING = ("gyro.misalignment.xz", "gyro.misalignment.yz")
 """The coupling of the rate along the axis of the base."""
 
-FRAME = "axes of the case, right-forward-up: headings of the turntable, axis of the base"
-GAUGE = "y_b is where the reference headings say, z_b the axis of the base"
+FRAME = "axes of the case, right-forward-up: headings of the turntable"
+GAUGES = {
+    "one axis": "y_b is where the reference headings say, z_b the axis of the turntable",
+    "each": "y_b is where the reference headings say, z_b the axis of the base",
+}
+"""What defines the axes, by the way the table was used."""
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
@@ -124,31 +132,57 @@ def calibrate(
     settings = settings or Settings()
     progress(0.1, "finding the dwells")
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
-    _require_headings(log, dwells)
+    _require_readings(log, dwells)
+    told = stops(dwells, Known(site.gravity))
     if site.latitude is None:
         raise error("north.calibration_latitude")
     require_latitude(site.latitude)
     progress(0.4, "calibrating")
     declared = noise or measured_noise(log, dwells)
-    solution = _solve(dwells, site, settings, declared, noise is not None, prior or {})
+    with units_first(log.findings):
+        solution = _solve(dwells, site, settings, declared, noise is not None, prior or {})
     progress(1.0, "done")
     result = _result(solution, dwells, settings, site)
     return replace(
         result,
-        findings=(*log.findings, *result.findings),
+        findings=(*log.findings, *told, *result.findings),
         instrument=dict(instrument or {}),
         validity=_validity(log, dwells, solution),
         provenance=provenance(log.source, clock.monotonic() - started),
     )
 
 
-def _require_headings(log: IndexedLog, dwells: Dwells) -> None:
+def _require_readings(log: IndexedLog, dwells: Dwells) -> None:
     missing = np.flatnonzero(~np.isfinite(dwells.heading))
     if log.heading is None or len(missing) == len(dwells.names):
         raise error("north.no_heading")
     if len(missing):
         names = ", ".join(f"'{dwells.names[i]}'" for i in missing[:5])
         raise error("north.heading_missing", names=names + ", ..." * (len(missing) > 5))
+    finite = np.isfinite(dwells.gyro)
+    if dwells.accel is not None:
+        finite &= np.isfinite(dwells.accel).all(axis=1)
+    if not finite.all():
+        raise error("north.not_a_number", name=dwells.names[dwells.setup[np.argmin(finite)]])
+
+
+@contextmanager
+def units_first(findings: tuple[Finding, ...]) -> Iterator[None]:
+    """Let a wrong unit that the reader has noticed explain what fails because of it.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        What the reader has noticed.
+    """
+    try:
+        yield
+    except FoucaultError as problem:
+        for seen in findings:
+            if seen.code in ("north.index_unit", "north.gyro_unit", "north.accel_unit"):
+                words = f"{problem.message} {seen.message}"
+                raise FoucaultError(seen.code, words, seen.cure) from None
+        raise
 
 
 def require_latitude(latitude: float) -> None:
@@ -182,7 +216,7 @@ def _solve(
     dwells: Dwells, site: Site, settings: Settings, noise: ImuNoise | None, declared: bool,
     given: Mapping[str, tuple[float, float]],
 ) -> _Solution:  # fmt: skip
-    known = Compensation(_held(given))
+    known = Compensation(_held(accelerometers_before(settings, given)))
     trial = noise or GUESS
     nuisance = Nuisance(
         drift_sd=drift_sd(dwells, trial, settings.drift, settings.drift_sd),
@@ -224,10 +258,9 @@ def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
         dwells.heading, site, "one axis", accelerometers, settings.heading_sd,
         settings.heading_offset_sd, level, settings.latitude_sd,
     )  # fmt: skip
-    if settings.tilt == "each":
-        return replace(rig, tilt="each")
-    if settings.tilt == "auto" and accelerometers and evidence.leans(pairs, rig):
-        return replace(rig, tilt="each")
+    tilted = settings.tilt == "auto" and accelerometers and evidence.leans(pairs, rig)
+    if settings.tilt == "each" or tilted:
+        return replace(rig, tilt="each", level_sd=settings.level_sd or 0.0)
     return rig
 
 
@@ -237,7 +270,12 @@ def _fit(
 ) -> tuple[Problem, Estimate]:  # fmt: skip
     names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
     problem = estimation.build(pairs, rig, names, _prior(names, given), known)
-    return problem, estimation.fit(problem)
+    estimate = estimation.fit(problem)
+    if rig.heading_sd and rig.tilt == "one axis":  # what wrong headings do depends on the tilt
+        table = estimate.state.table[:4]
+        problem = estimation.build(pairs, rig, names, _prior(names, given), known, table)
+        estimate = estimation.fit(problem)
+    return problem, estimate
 
 
 def _noise(
@@ -263,6 +301,27 @@ def _prior(
     return CoefficientVector(layout, mean, prior_sd=sd) if np.isfinite(sd).any() else None
 
 
+def accelerometers_before(
+    settings: Settings, prior: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Return what is known of accelerometers beforehand; a prior goes before it.
+
+    Parameters
+    ----------
+    settings : Settings
+        Usual sizes of their errors.
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    usual = {
+        "accel.bias": (0.0, settings.accel_bias_sd),
+        "accel.scale": (0.0, settings.accel_scale_sd),
+        "accel.misalignment": (0.0, settings.accel_misalignment_sd),
+    }
+    given = {name.rpartition(".")[0] for name in prior} | set(prior)
+    return {k: v for k, v in usual.items() if v[1] > 0 and k not in given} | dict(prior)
+
+
 def _held(given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
     """Return what is known of the accelerometers beforehand."""
     names = [n for n in SEEKER.names if n.startswith("accel.")]
@@ -275,17 +334,22 @@ def _held(given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
 
 
 def _result(s: _Solution, dwells: Dwells, settings: Settings, site: Site) -> Result:
-    checks = evidence.checks(s.pairs, s.estimate, s.source)
-    headings = evidence.heading_table(s.estimate, s.pairs, s.rig, dwells)
+    checks = evidence.checks(s.pairs, s.rig, s.problem, s.estimate, s.source)
+    headings = shown.heading_table(s.estimate, s.pairs, s.rig, dwells)
     return Result(
         procedure="north_seeking",
         coefficients=s.estimate.coefficients,
         equation=EQUATION,
         frame=FRAME,
-        gauge=GAUGE,
+        gauge=GAUGES[s.rig.tilt],
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*dwells.findings, *s.findings, *evidence.findings(s.problem, s.estimate, dwells)),
+        findings=(
+            *dwells.findings,
+            *s.findings,
+            *evidence.suspicious(s.estimate, site.latitude or 0.0),
+            *evidence.findings(s.problem, s.estimate, dwells, s.source),
+        ),
         status=s.estimate.status,
         site={
             "gravity": site.gravity,
@@ -296,19 +360,19 @@ def _result(s: _Solution, dwells: Dwells, settings: Settings, site: Site) -> Res
         },
         diagnostics={
             "iterations": s.estimate.iterations,
-            "noise": evidence.noise_json(s.noise, s.source),
+            "noise": shown.noise_json(s.noise, s.source),
             "chi_square": evidence.chi_square(s.estimate, s.pairs),
-            "budget": evidence.budget(s.problem, s.estimate, s.pairs, s.rig),
-            "unseen": evidence.unseen(s.rig, s.estimate.coefficients.names),
-            "table": evidence.table_json(s.estimate, s.rig),
+            "budget": shown.budget(s.problem, s.estimate, s.pairs, s.rig),
+            "unseen": shown.unseen(s.rig, s.estimate.coefficients.names),
+            "table": shown.table_json(s.estimate, s.rig),
             "circle_accuracy": {
-                when: evidence.circle_accuracy(headings[f"heading_{when}"])
+                when: shown.circle_accuracy(headings[f"heading_{when}"])
                 for when in ("before", "after")
             },
             "gyro_offset": float(np.median(s.pairs.offset)),
             "drift": settings.drift if not s.nuisance.drift_sd else "estimated",
             "z_coupling": None if s.z_test is None else list(s.z_test),
-            **evidence.bound(_noise_alone(s), s.estimate),
+            **shown.bound(_noise_alone(s), s.estimate),
         },
         tables={"headings": headings},
     )

@@ -6,11 +6,12 @@ from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
+from foucault.estimate.north_roots import NEAR_SD
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
@@ -30,6 +31,7 @@ Seconds = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 Rate = Annotated[float, Quantity("angular rate")]
 Ramp = Annotated[float, Quantity("rate ramp")]
+Force = Annotated[float, Quantity("specific force")]
 Ratio = Annotated[float, Quantity("scale factor error")]
 
 MINUTE = float(np.radians(1.0 / 60.0))
@@ -104,16 +106,21 @@ class Settings(BaseModel):
         "accelerometers.",
     )  # fmt: skip
     latitude_sd: Angle = Field(default=0.0, ge=0, description="Sd of the latitude in [site].")
+    accel_bias_sd: Force = Field(
+        default=1e-3,
+        ge=0,
+        description="Sd of the accelerometers' biases, where no calibration on one vertical "
+        "axis has found them.",
+    )
     accel_scale_sd: Ratio = Field(
         default=200e-6,
         ge=0,
-        description="Fix. Sd of the accelerometers' scale factors, which a level table does not "
-        "show.",
+        description="Sd of the accelerometers' scale factors, which a level table does not show.",
     )
     accel_misalignment_sd: Angle = Field(
         default=MINUTE / 3,
         ge=0,
-        description="Fix. Sd of the angle between the axes of tilt, which neither does.",
+        description="Sd of the angle between the axes of tilt, which neither does.",
     )
     unknown_latitude: bool = Field(
         default=False, description="Fix. Estimate the latitude; [site] needs gravity then."
@@ -125,6 +132,7 @@ class Settings(BaseModel):
         default=None, examples=["120 deg"],
         description="Fix. Rough heading, where the stops leave more than one.",
     )  # fmt: skip
+    near_sd: Angle = Field(default=NEAR_SD, gt=0, description="Fix. Sd of that rough heading.")
     gyro_offset: Rate = Field(
         default=0.0, description="Fix. The gyro's constant offset, if `gyro_offset_sd` is given."
     )
@@ -136,6 +144,14 @@ class Settings(BaseModel):
         default=None, gt=0, examples=["0.1 deg"],
         description="Fix. Wanted sd of the heading; the result says how long it takes.",
     )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Settings:
+        if self.drift == "none" and self.drift_sd is not None:
+            raise error("north.contradiction", first='drift = "none"', second="drift_sd")
+        if self.gyro_offset and self.gyro_offset_sd is None:
+            raise error("north.offset_alone")
+        return self
 
 
 class Session(BaseModel):

@@ -131,11 +131,15 @@ def _known(about: Mapping[str, Any]) -> Section:
 
 def _calibration(about: Mapping[str, Any]) -> Section | None:
     coefficients = about["coefficients"]
-    if not about["calibration"] and not coefficients:
-        return Section(
-            "Calibration", "None was used: bias, scale factors and coupling count as zero, and the "
-            "uncertainty knows nothing of them.", [],
-        )  # fmt: skip
+    without = ""
+    if not about["calibration"]:
+        without = (
+            "None was used: bias, scale factors and coupling count as zero, and the uncertainty "
+            "knows nothing of them"
+        )
+        if not coefficients:
+            return Section("Calibration", without + ".", [])
+        without += " but what was known before:"
     from foucault.models.imu import LAYOUT
 
     rows = []
@@ -159,7 +163,9 @@ def _calibration(about: Mapping[str, Any]) -> Section | None:
         ("place", certificate.place(used.get("site") or {})),
         ("verdict", str(used.get("verdict") or "")),
     ]
-    return Section("Calibration", "", [Facts([f for f in facts if f[1]]), Table(columns, rows)])
+    return Section(
+        "Calibration", without, [Facts([f for f in facts if f[1]]), Table(columns, rows)]
+    )
 
 
 def _provenance(about: Mapping[str, Any]) -> Section:

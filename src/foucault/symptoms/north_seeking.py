@@ -19,6 +19,14 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A calibration without latitude",
      "The latitude is not given, so that the Earth's rate at the turntable is not known.",
      'Write latitude = "48.8462 deg" in [site].'),
+    ("north.contradiction", "error",
+     "Settings that contradict one another",
+     "[procedure] says {first} and gives {second} too.",
+     "Leave one of them out."),
+    ("north.offset_alone", "error",
+     "An offset of the gyro without its uncertainty",
+     "[procedure] gives gyro_offset without gyro_offset_sd.",
+     'Say how well it is known, gyro_offset_sd = "0.5 deg/h"; or leave it out, and it is found.'),
     ("north.no_heading", "error",
      "A calibration without reference headings",
      "The log has no reference headings: errors of the instrument and its heading cannot be told "
@@ -58,6 +66,25 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The sensing axis at index angle 0 is {angle} deg from where the reference headings say.",
      'Give the index angle that is forward: zero = "... deg" in [log.index]; or correct the '
      "reference headings, which are those of forward."),
+    ("north.not_a_number", "error",
+     "A reading that is missing",
+     "Set-up '{name}' has a reading that is not a number.",
+     "Measure it again, or take the set-up out."),
+    ("north.scale_common", "warning",
+     "Scale factors that are far off together",
+     "Both scale factors of the gyro are off by {size} %, as if the latitude were {latitude} deg.",
+     "Check the latitude in [site], and unit and scale of [log.gyro]."),
+    ("north.turned", "warning",
+     "Reference headings or an index zero that may be off",
+     "The sensing axis at index angle 0 is {angle} deg from where the reference headings say; it "
+     "was taken as an error of the instrument, and every later heading depends on it.",
+     'Check where the table reads zero and what is forward: zero = "... deg" in [log.index].'),
+    ("north.wedge", "note",
+     "A bias of the accelerometers that may be a tilt",
+     "The accelerometers read {bias} mg that turn with the case. It was taken as their bias; if "
+     "the case stood askew on the table by {lean} arcmin, later tilts are off by that.",
+     "Check how the case was seated. Headings are right either way: they refer to the axis of the "
+     "table."),
     ("north.gyro_scale", "error",
      "A gyro in a wrong unit",
      "The gyro says {factor} times the Earth's rate.",
@@ -100,7 +127,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "directions.",
      'Stop at three index angles or more, such as 0, 180, 90, 270 deg; or give a rough heading, '
      'near = "120 deg", and for two stops that are not opposite the gyro\'s offset, '
-     'gyro_offset_sd.'),
+     'gyro_offset_sd. The rows of a set-up must follow one another.'),
     ("north.stops_tilt", "error",
      "Stops that do not show the tilt",
      "Set-up '{name}' stops at {stops} deg: an accelerometer on the base sees the tilt in one "
@@ -117,6 +144,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "In set-up '{name}' the base stopped twice running at {stop} deg; the other stops were "
      "{other} deg.",
      "Nothing to do if it was meant; otherwise a stop was forgotten or an index angle mistyped."),
+    ("north.overlap", "warning",
+     "Means that overlap",
+     "In set-up '{name}' a mean over {dwell} s is followed by the next after {step} s.",
+     "Check the units of time and dwell in [log], and that time is the beginning of each mean."),
     ("north.stops_differ", "warning",
      "Set-ups with other stops",
      "Set-up '{name}' has {given} stops ({angles} deg); most have {most}.",
@@ -125,6 +156,25 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Two headings that fit",
      "Set-up '{name}': heading {other} deg (latitude {latitude} deg) fits as well.",
      'Give the latitude, or roughly: latitude_sd = "1 deg"; or a rough heading, near = "120 deg".'),
+    ("north.other_stops", "warning",
+     "Stops that were not calibrated",
+     "The calibration was made with stops at {calibrated} deg; here the base {given}.",
+     "What repeats with the index angle may be another there: use the same stops, or calibrate "
+     "with these."),
+    ("north.other_temperature", "warning",
+     "Another temperature than that of the calibration",
+     "Here it is {given} degC; the calibration was made at {calibrated} degC.",
+     "Calibrate at this temperature, or let the instrument come to that of the calibration."),
+    ("north.reference", "warning",
+     "A heading that contradicts its reference",
+     "In set-up '{name}' the heading is {away} deg from the reference heading in the file, {size} "
+     "standard deviations.",
+     "One of them is wrong: check the calibration, the index zero, and what the reference refers "
+     "to (true, grid or magnetic north)."),
+    ("north.far", "warning",
+     "A heading far from the rough one",
+     "In set-up '{name}' the heading is {away} deg from the rough one that was given.",
+     "Check `near`, which is the heading of the forward axis, and the sense of the index angles."),
     ("north.clamped", "warning",
      "More horizontal rate than the Earth has",
      "In set-up '{name}' the rates along x and y together are {size} of the Earth's rate; the rate "
@@ -147,6 +197,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "No calibration was given: errors of the gyro that repeat with the index angle count as zero, "
      "and the uncertainty knows nothing of them.",
      "Give --calibration RESULT, or say how large they can be, such as \"gyro.bias\" in [prior]."),
+    ("north.misfit", "warning",
+     "An Earth's rate that does not fit the latitude",
+     "Rate, gravity and latitude contradict one another by {size} standard deviations; they agree "
+     "if {causes}.",
+     "Check that first: headings change by up to {change} deg."),
     ("north.hemisphere", "note",
      "A hemisphere that was assumed",
      "Without latitude the hemisphere was taken as {hemisphere}.",

@@ -1,0 +1,138 @@
+"""Look at readings before north is sought: stops, times, and sizes that cannot be."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+
+from foucault.errors import Finding, error, finding
+from foucault.estimate.north_reduction import UNSEEN, Pairs
+from foucault.estimate.north_seeking import Known, compensated
+from foucault.models.dwells import Dwells
+from foucault.models.earth import EARTH_RATE
+from foucault.models.north_seeker import Compensation
+
+TOO_FAST = 1.5
+"""Horizontal rate, in Earth rates, that no noise within reason gives [1]."""
+
+MANY_SD = 6.0
+"""What differs by so many standard deviations is no noise [1]."""
+
+OVERLAP = 0.9
+"""Means that begin within this share of the one before overlap; clocks are coarse [1]."""
+
+
+def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
+    """Look at the index angles of every set-up: missing, repeated, too few.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    known : Known
+        A rough heading and how level the case stands, if they were given.
+
+    Raises
+    ------
+    FoucaultError
+        ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or the tilt.
+    """
+    patterns = [_pattern(dwells.of(i)) for i in range(len(dwells.names))]
+    found: list[Finding] = []
+    times = Counter(map(tuple, patterns))
+    for pattern, count in times.items():  # set-ups with the same stops are named once
+        angles = list(pattern)
+        name = dwells.names[patterns.index(angles)]
+        name += f" and {count - 1} more" * (count > 1)
+        distinct = sorted(set(angles))
+        if not _spans(distinct):
+            if known.near is None:
+                raise error("north.stops", name=name, stops=_list(distinct))
+            on_base = dwells.accel is not None and dwells.accel.shape[1] == 1
+            if on_base and known.level_sd is None:
+                raise error("north.stops_tilt", name=name, stops=_list(distinct))
+        found += _opposites(name, angles, distinct) if len(angles) < 24 else []
+    found += _overlaps(dwells)
+    usual, often = Counter(map(tuple, map(sorted, patterns))).most_common(1)[0]
+    if often > 1 and often > len(patterns) / 2:
+        for name, angles in zip(dwells.names, patterns, strict=True):
+            if len(angles) != len(usual):
+                found.append(
+                    finding("north.stops_differ", name=name, given=len(angles),
+                            angles=_list(angles), most=len(usual))
+                )  # fmt: skip
+    return tuple(found)
+
+
+def _pattern(d: Dwells) -> list[int]:
+    """Return the index angles of a set-up in order, in whole degrees."""
+    return [round(float(np.degrees(a))) % 360 for a in d.index]
+
+
+def _list(angles: list[int]) -> str:
+    some = ", ".join(str(a) for a in angles[:12])
+    return some + (", ..." if len(angles) > 12 else "")
+
+
+def _spans(angles: list[int]) -> bool:
+    """Tell whether constant, cosine and sine over these angles can be told apart."""
+    a = np.radians(np.array(angles, float))
+    design = np.stack([np.ones_like(a), np.cos(a), np.sin(a)], 1)
+    return len(a) >= 3 and bool(np.linalg.svd(design, compute_uv=False)[-1] > 0.05)
+
+
+def _opposites(name: str, angles: list[int], distinct: list[int]) -> list[Finding]:
+    found = []
+    for stop in distinct:
+        missing = (stop + 180) % 360
+        if not any(abs((a - missing + 180) % 360 - 180) <= 2 for a in distinct):
+            found.append(finding("north.opposite_missing", name=name, stop=stop, missing=missing))
+            break
+    twice = [a for a, b in pairwise(angles) if a == b]
+    if twice and len(set(Counter(angles).values())) > 1:  # a palindrome has each as often
+        rest = _list([a for a in distinct if a != twice[0]])
+        found.append(finding("north.stop_repeated", name=name, stop=twice[0], other=rest))
+    return found
+
+
+def _overlaps(dwells: Dwells) -> list[Finding]:
+    """Notice means that begin long before the one before has ended."""
+    step = np.diff(dwells.start)
+    early = (step < OVERLAP * dwells.time[:-1]) & (np.diff(dwells.setup) == 0)
+    if not early.any():
+        return []
+    row = int(np.argmax(early))
+    return [finding("north.overlap", name=dwells.names[dwells.setup[row]],
+                    dwell=f"{dwells.time[row]:.4g}", step=f"{step[row]:.4g}")]  # fmt: skip
+
+
+def require_plausible(
+    dwells: Dwells, pairs: Pairs, known: Known, compensation: Compensation
+) -> None:
+    """Refuse more than the Earth's rate, and more than gravity.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        For the names of the set-ups.
+    pairs : Pairs
+        Set-ups [SI].
+    known : Known
+        Gravity.
+    compensation : Compensation
+        Errors of the instrument.
+    """
+    numbers = compensated(pairs.values, known.gravity, compensation)
+    cov = pairs.cov
+    for axes, limit, size, code in (
+        (slice(0, 2), TOO_FAST, EARTH_RATE, "north.too_fast"),
+        (slice(2, 4), 1.0, known.gravity, "north.tilt"),
+    ):
+        length = np.linalg.norm(numbers[:, axes], axis=1)
+        sd = np.sqrt(np.einsum("nii->n", cov[:, axes, axes])) / size
+        wrong = np.flatnonzero((length - limit > MANY_SD * sd) & (sd < np.sqrt(UNSEEN) * 1e-2))
+        if len(wrong):
+            worst = int(wrong[np.argmax(length[wrong])])
+            raise error(code, name=dwells.names[worst], size=f"{length[worst]:.4g}")

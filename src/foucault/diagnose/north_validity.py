@@ -1,0 +1,92 @@
+"""Does a calibration hold here: its stops, its temperature, a reference heading."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import Finding, finding
+from foucault.estimate.north_seeking import Fixes, turned
+from foucault.models.dwells import Dwells
+
+FloatArray = npt.NDArray[np.float64]
+
+NEAR_STOP = 2.0
+"""Index angles that differ by less are the same stop [deg]."""
+
+WARM = 5.0
+"""Temperatures within so much of those of the calibration are the same [K]."""
+
+ZERO = 273.15
+"""0 degC [K]."""
+
+CONTRADICTS = 4.0
+"""A heading further from its reference than this contradicts it [sd]."""
+
+
+def other_conditions(
+    dwells: Dwells, temperature: FloatArray | None, validity: Mapping[str, Any]
+) -> tuple[Finding, ...]:
+    """Compare stops and temperature with those of the calibration.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    temperature : ndarray, shape (n,), or None
+        Of the instrument [K].
+    validity : mapping
+        What the result of the calibration says of itself.
+    """
+    found = []
+    calibrated = [float(a) for a in validity.get("index") or ()]
+    here = np.degrees(dwells.index) % 360.0
+    if calibrated:
+        apart = np.abs((here[:, None] - np.array(calibrated) + 180.0) % 360.0 - 180.0).min(axis=1)
+        others = sorted({round(float(a)) % 360 for a in here[apart > NEAR_STOP]})
+        if others:
+            given = "stops at " + _list(others) + " deg" if len(others) < 24 else "turned"
+            found.append(finding("north.other_stops", given=given, calibrated=_list(calibrated)))
+    said = validity.get("temperature")
+    if said and temperature is not None:
+        low, high = float(np.min(temperature)), float(np.max(temperature))
+        if low < said[0] - WARM or high > said[1] + WARM:
+            found.append(finding("north.other_temperature", given=_range(low, high),
+                                 calibrated=_range(*said)))  # fmt: skip
+    return tuple(found)
+
+
+def contradicted(
+    dwells: Dwells, fixes: Fixes, heading_sd: float
+) -> tuple[tuple[Finding, ...], ...]:
+    """Compare every heading with the reference in the file, where there is one.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        With reference headings, NaN where there are none [rad].
+    fixes : Fixes
+        Solutions [rad].
+    heading_sd : float
+        Standard deviation of the references [rad].
+    """
+    away = turned(fixes.angles[:, 0] - dwells.heading)
+    size = np.abs(away) / np.sqrt(fixes.cov[:, 0, 0] + heading_sd**2)
+    return tuple(
+        (finding("north.reference", name=name, away=f"{np.degrees(a):.3g}", size=f"{z:.1f}"),)
+        if z > CONTRADICTS
+        else ()
+        for name, a, z in zip(dwells.names, away, size, strict=True)
+    )
+
+
+def _list(angles: list[Any]) -> str:
+    return ", ".join(f"{a:g}" for a in angles[:8]) + ", ..." * (len(angles) > 8)
+
+
+def _range(low: float, high: float) -> str:
+    one, two = f"{low - ZERO:.0f}", f"{high - ZERO:.0f}"
+    return one if one == two else f"{one} to {two}"

@@ -1,0 +1,283 @@
+"""From simulated tables to coefficients: exact, consistent, and every check can fail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose import north_calibration as evidence
+from foucault.diagnose.consistency import nees
+from foucault.errors import FoucaultError, Status
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.north_seeker import RATE_LEVEL, RATE_TILTED, SEEKER
+from foucault.procedures.north_seeking import (
+    Session,
+    Settings,
+    calibrate,
+    draw_errors,
+    names_of,
+    simulate,
+)
+from foucault.result import Level, Verdict
+from make_dwells import FIELD, QUIET, level, make_dwells, make_log, size
+
+SITE = Site.at(0.8)
+ARCMIN = np.radians(1 / 60)
+TILTS = ("8 deg", "-8 deg", "0 deg")
+
+
+def model_of(values):
+    names = tuple(n for n in SEEKER.names if n in values)
+    vector = CoefficientVector(SEEKER.subset(names), np.array([values[n] for n in names]))
+    return ImuModel.from_coefficients(vector)
+
+
+def made(session=None, settings=None, *, model=None, noise=FIELD, seed=1):
+    model = ImuModel() if model is None else model
+    return simulate(session or Session(), settings=settings, model=model, noise=noise, site=SITE,
+                    seed=seed)  # fmt: skip
+
+
+def done(session=None, settings=None, *, model=None, noise=FIELD, seed=1, known="same", **words):
+    log = made(session, settings, model=model, noise=noise, seed=seed).log
+    given = noise if known == "same" else known
+    return calibrate(log, site=SITE, settings=settings, noise=given, **words)
+
+
+def check_of(result, name):
+    return next(c for c in result.checks if c.name == name)
+
+
+@pytest.mark.parametrize("name", RATE_TILTED)
+@pytest.mark.parametrize("tilted", [False, True])
+def test_one_error_returns_exactly_that_error(name, tilted):
+    if not tilted and name not in RATE_LEVEL:
+        pytest.skip("a level table does not show it")
+    session = Session(tilts=TILTS if tilted else ("0 deg",))
+    settings = Settings(z_coupling="auto" if tilted else "no")
+    result = done(session, settings, model=model_of({name: size(name)}), noise=QUIET)
+    assert result.status is Status.CONVERGED and result.verdict.level is Level.PASS
+    found = dict(zip(result.coefficients.names, result.coefficients.values, strict=True))
+    assert set(RATE_TILTED if tilted else RATE_LEVEL) <= set(found)
+    for other, value in found.items():
+        want = size(name) if other == name else 0.0
+        assert abs(value - want) < 5e-3 * size(other), other
+
+
+SESSIONS = {
+    "level": (Session(), Settings()),
+    "two on the case": (Session(accelerometers="case"), Settings()),
+    "none": (Session(accelerometers="none"), Settings(level_sd=ARCMIN)),
+    "all uncertain": (
+        Session(order="palindrome", gyro_drift=1e-10),
+        Settings(heading_sd=ARCMIN, heading_offset_sd=3 * ARCMIN, index_sd=ARCMIN),
+    ),
+    "tilted": (Session(tilts=TILTS), Settings()),
+    "tilted, free": (Session(tilts=TILTS), Settings(z_coupling="free")),
+    "samples": (Session(dwell=30.0, rows="samples", rate=2.0), Settings()),
+}
+
+
+@cache
+def scatter(case, n=16, claimed=1.0):
+    """Errors and covariances of n instruments, drawn from what is said of them."""
+    session, settings = SESSIONS[case]
+    errs, covs, levels = [], [], []
+    told = None if case == "samples" else replace(
+        FIELD, gyro=replace(FIELD.gyro, white=claimed * FIELD.gyro.white),
+        accel=replace(FIELD.accel, white=claimed * FIELD.accel.white),
+    )  # fmt: skip
+    for seed in range(n):
+        model = draw_errors("", seed)
+        result = done(session, settings, model=model, seed=50 + seed, known=told)
+        errs.append(
+            result.coefficients.values - model.coefficients(result.coefficients.names).values
+        )
+        covs.append(result.coefficients.cov)
+        levels.append(result.verdict.level)
+    return float(nees(np.array(errs), np.array(covs)).sum()), np.size(errs), levels
+
+
+@pytest.mark.parametrize("case", SESSIONS)
+def test_errors_have_the_size_that_was_promised(case):
+    total, dof, levels = scatter(case)
+    low, high = chi_square_limits(dof, tests=len(SESSIONS))
+    assert low < total < high
+    assert levels.count(Level.PASS) >= 15
+
+
+@pytest.mark.parametrize("claimed", [0.6, 1.6])
+def test_noise_that_is_wrongly_declared_is_rejected(claimed):
+    total, dof, levels = scatter("level", claimed=claimed)
+    low, high = chi_square_limits(dof)
+    assert not low < total < high
+    assert levels.count(Level.DOUBTFUL) > 3
+
+
+def test_where_the_noise_came_from():
+    quiet = done().diagnostics["noise"]
+    assert quiet["source"] == "declared"
+    dwells = done(Session(dwell=30.0, rows="samples", rate=2.0), known=None)
+    assert dwells.diagnostics["noise"]["source"] == "measured in the dwells"
+    left = done(known=None)
+    assert left.diagnostics["noise"]["source"] == "from the residuals"
+    assert not [c for c in left.checks if "over" in c.name], "no test of noise by itself"
+    for result in (dwells, left):
+        assert result.diagnostics["noise"]["gyro_white"][0] == pytest.approx(
+            FIELD.gyro.white, rel=0.25
+        )
+        assert result.diagnostics["noise"]["accel_white"][0] == pytest.approx(
+            FIELD.accel.white, rel=0.25
+        )
+
+
+def test_the_coupling_of_the_third_rate():
+    """Free it costs certainty; with what is known of it, less; left out, it is missed if there."""
+    model = model_of({"gyro.misalignment.xz": 4e-3, "gyro.misalignment.yz": -3e-3})
+    tilted = Session(tilts=TILTS, dwell=600.0)
+    free, auto = (done(tilted, Settings(z_coupling=z), model=model) for z in ("free", "auto"))
+    for result in (free, auto):
+        assert result.diagnostics["z_coupling"][1] < 1e-4
+        c = result.coefficients
+        i = c.names.index("gyro.misalignment.xz")
+        assert abs(c.values[i] - 4e-3) < 4 * c.sd[i]
+    assert (auto.coefficients.sd <= free.coefficients.sd * (1 + 1e-9)).all()
+    without = done(tilted, Settings(z_coupling="no"), model=model)
+    assert "gyro.misalignment.xz" not in without.coefficients.names
+    assert "north.z_left_out" in [f.code for f in without.findings]
+    level = done(model=model)
+    i = level.coefficients.names.index("gyro.misalignment.xz")
+    assert level.coefficients.sd[i] == pytest.approx(Settings().z_coupling_sd, rel=0.01)
+    assert level.diagnostics["z_coupling"] is None
+
+
+def test_drift_is_estimated_where_it_is_free():
+    drifting = Session(order="palindrome", gyro_drift=3e-10)
+    assert done(drifting).diagnostics["drift"] == "estimated"
+    assert done(drifting).verdict.level is Level.PASS
+    kept = done(drifting, Settings(drift="none"))
+    assert kept.diagnostics["drift"] == "none"
+    assert not check_of(kept, "gyro over index angles").passed
+    # Four stops have one number more than unknowns: a drift would take it.
+    assert done().diagnostics["drift"] == "auto"
+
+
+def test_the_result_says_what_a_reader_needs():
+    result = done(Session(), Settings(heading_offset_sd=ARCMIN), model=draw_errors("", 3),
+                  instrument={"serial": "7"})  # fmt: skip
+    d = result.diagnostics
+    n = len(result.coefficients)
+    assert result.instrument == {"serial": "7"}
+    variance = np.diag(result.coefficients.cov)
+    np.testing.assert_allclose(np.sum(list(d["budget"].values()), axis=0), variance, rtol=1e-6)
+    assert len(d["bound"]) == n
+    some = np.isfinite(d["bound"])
+    assert (result.coefficients.sd[some] >= 0.2 * np.array(d["bound"])[some]).all()
+    assert "1 arcmin" in d["unseen"][0]
+    table = result.tables["headings"]
+    assert len(table["setup"]) == 12 and np.isfinite(table["residual_x"]).all()
+    assert set(result.validity["index"]) == {0.0, 90.0, 180.0, 270.0}
+    assert set(names_of(Settings())) == set(result.coefficients.names)
+    assert set(names_of(Settings(tilt="each"))) == set(RATE_TILTED)
+    assert set(names_of(Settings(z_coupling="no"))) == {*RATE_LEVEL, "accel.bias.x", "accel.bias.y"}
+
+
+def test_a_prior_counts_and_a_held_accelerometer_too():
+    plain = done()
+    tight = done(prior={"gyro.bias": (0.0, 1e-12)})
+    i = plain.coefficients.names.index("gyro.bias.x")
+    assert abs(tight.coefficients.values[i]) < 1e-10 < abs(plain.coefficients.values[i])
+    assert tight.coefficients.sd[i] < 1.01e-12
+
+
+# -- every check can fail --------------------------------------------------------------------------
+
+
+def spoiled(change, session=None, **words):
+    log = made(session or Session()).log
+    return calibrate(change(log), site=SITE, noise=FIELD, **words)
+
+
+def rotated(log, setup, angle):
+    heading = log.heading.copy()
+    heading[log.setup == setup] += angle
+    return replace(log, heading=heading)
+
+
+def test_a_heading_that_is_off_is_named():
+    result = spoiled(lambda log: rotated(log, 4, np.radians(2.0)))
+    assert not check_of(result, "gyro over headings").passed
+    assert result.verdict.level is Level.DOUBTFUL
+    fits = check_of(result, "every heading fits")
+    assert not fits.passed and "more than chance gives" in fits.sentence
+    assert check_of(done(), "every heading fits").passed
+    told = next(f for f in result.findings if f.code == "north.heading_outlier")
+    assert f"'{made().log.names[4]}'" in told.message and "standard deviations" in told.message
+
+
+def test_a_reading_that_is_off_shows_over_the_index_angles():
+    def change(log):
+        gyro, accel = log.gyro.copy(), log.accel.copy()
+        gyro[10] += 1e-6
+        accel[21] += 3e-3
+        return replace(log, gyro=gyro, accel=accel)
+
+    result = spoiled(change)
+    for sensor in ("gyro", "accel"):
+        assert not check_of(result, f"{sensor} over index angles").passed
+    assert not check_of(result, "accel over headings").passed
+
+
+def test_few_headings_fail_the_redundancy():
+    result = done(Session(headings=3))
+    assert not check_of(result, "redundancy").passed
+    assert "Add headings" in check_of(result, "redundancy").sentence
+    three = done(Session(headings=3, tilts=("0 deg", "8 deg")))
+    assert three.verdict.level is not Level.UNUSABLE
+
+
+def test_a_computation_that_fails_is_unusable():
+    good = done()
+    assert check_of(good, "converged").passed
+    failed = checks_of(Status.NOT_CONVERGED)
+    assert not failed.passed and Verdict.of((failed,)).level is Level.UNUSABLE
+
+
+def checks_of(status):
+    """The check of a calibration that ended otherwise."""
+    from foucault.estimate import north_calibration as estimation
+    from foucault.estimate.north_reduction import reduce
+
+    pairs = reduce(make_dwells(level(), 0.8), FIELD)
+    table = estimation.Rig(level()[:, 0], SITE, "one axis", True)
+    problem = estimation.build(pairs, table, names_of(Settings(z_coupling="no")))
+    ended = replace(estimation.fit(problem), status=status)
+    some = evidence.checks(pairs, table, problem, ended, "declared")
+    return next(c for c in some if c.name == "converged")
+
+
+def test_a_table_less_level_than_was_said():
+    """Up leans by 3 arcmin to the east, which turns with the heading."""
+    psi = level()[:, 0]
+    lean = 3 * ARCMIN
+    poses = np.column_stack([psi, -lean * np.sin(psi), lean * np.cos(psi)])
+    log = make_log(make_dwells(poses, 0.8, headings=psi, noise=FIELD))
+    said = {sd: calibrate(log, site=SITE, noise=FIELD, settings=Settings(level_sd=sd))
+            for sd in (0.3 * ARCMIN, 3 * ARCMIN)}  # fmt: skip
+    wrong, right = (check_of(r, "level") for r in said.values())
+    assert right.passed and not wrong.passed
+    assert "it is less level than was said" in wrong.sentence
+
+
+@pytest.mark.parametrize("angles", [(0.0, 180.0), (0.0, 40.0), (0.0, 0.5, 1.0)])
+def test_headings_that_do_not_span_are_refused(angles):
+    poses = np.column_stack([np.radians(angles), np.zeros((len(angles), 2))])
+    log = make_log(make_dwells(poses, 0.8, headings=poses[:, 0], noise=FIELD))
+    with pytest.raises(FoucaultError, match=r"These headings do not show: .*(gyro|with the tilt)"):
+        calibrate(log, site=SITE, noise=FIELD)
