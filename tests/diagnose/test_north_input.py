@@ -10,11 +10,13 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_LEVEL, RATE_TILTED, Compensation
 from foucault.procedures.north_fix import find_north
 from foucault.procedures.north_seeking import Session, Settings, calibrate, simulate
 from foucault.result import Level
+from foucault.simulate.north_seeking import NorthPlan, Placement, Rotation, simulate_north
 from foucault.symptoms.north_seeking import ROWS
 from make_dwells import (
     DEG_H,
@@ -365,6 +367,36 @@ def test_a_calibration_that_did_not_pass():
     )
 
 
+def test_stops_that_were_not_calibrated():
+    good = calibration(table())
+    survey = fix(readings(stops=(0.0, 120.0, 240.0)), calibration=good)
+    said = told(survey.findings, "north.other_stops")
+    assert "with stops at 0, 90, 180, 270 deg; here the base stops at 120, 240 deg" in said
+    assert "north.other_stops" not in [f.code for f in fix(readings(), calibration=good).findings]
+
+
+def test_another_temperature_than_that_of_the_calibration():
+    warm, cold = (replace(make_log(d), temperature=np.full(48, 273.15 + c))
+                  for d, c in ((table(), 21.0), (readings(), -7.0)))  # fmt: skip
+    good = calibrate(warm, site=SITE, noise=FIELD)
+    survey = find_north(cold, site=SITE, noise=FIELD, calibration=good)
+    said = told(survey.findings, "north.other_temperature")
+    assert said.startswith("Here it is -7 degC; the calibration was made at 21 degC")
+    same = replace(cold, temperature=warm.temperature)
+    codes = [f.code for f in find_north(same, site=SITE, noise=FIELD, calibration=good).findings]
+    assert "north.other_temperature" not in codes
+
+
+def test_a_heading_that_contradicts_its_reference():
+    heading = POSES[:, 0].copy()
+    heading[3] += 1.5 * DEG
+    survey = fix(readings(headings=heading))
+    said = told(survey.setup_findings[3], "north.reference")
+    away = float(said.split("the heading is ")[1].split(" deg")[0])
+    assert said.startswith("In set-up 'S4'") and away == pytest.approx(-1.5, abs=0.3)
+    assert not any(survey.setup_findings[k] for k in range(12) if k != 3)
+
+
 # -- the table -------------------------------------------------------------------------------------
 
 
@@ -410,6 +442,15 @@ def test_a_latitude_that_makes_scale_factors_of_percents():
     assert wrong.verdict.level is Level.PASS, "no residual shows it"
 
 
+def test_a_bias_that_may_be_a_tilt():
+    askew = table(level() + np.array([0.0, 0.3 * DEG, 0.0]))
+    said = told(calibration(askew, Settings(tilt="one axis")).findings, "north.wedge")
+    assert (
+        "read 5.2 mg that turn with the case" in said and "askew on the table by 18 arcmin" in said
+    )
+    assert "north.wedge" not in [f.code for f in calibration(table()).findings]
+
+
 def test_headings_that_do_not_determine_it():
     said = refused("north.undetermined", "These headings do not show: ", calibration,
                    table(level(12)[:1]))  # fmt: skip
@@ -445,10 +486,24 @@ def test_the_coupling_of_the_third_rate():
 # -- settings --------------------------------------------------------------------------------------
 
 
+def test_a_turning_base_says_what_a_late_index_angle_does():
+    plan = NorthPlan((Placement("1", 0.3),), Rotation(3, np.radians(6.0)))
+    log = simulate_north(plan, model=ImuModel(), noise=ImuNoise(), site=SITE, reference=False,
+                         rows="samples", rate=1.0).log  # fmt: skip
+    noise = ImuNoise(TriadNoise(1e-4), TriadNoise(1e-6))
+    late = find_north(log, site=SITE, noise=noise)
+    said = told(late.findings, "north.index_lag")
+    assert "turns at 6 deg/s" in said and "off by 3 deg" in said
+    known = find_north(log, site=SITE, noise=noise, settings=Settings(index_lag_sd=0.1))
+    assert "north.index_lag" not in {f.code for f in known.findings}
+    lag = np.sqrt(known.fixes.sources["indexing"][0, 0])
+    np.testing.assert_allclose(lag, np.radians(0.6), rtol=0.02)
+
+
 def test_settings_that_contradict_one_another():
     said = refused("north.contradiction", "", Settings, drift="none", drift_sd=1e-9)
-    assert said.startswith('[procedure] says drift = "none" and gives drift_sd too')
-    said = refused("north.offset_alone", "gyro_offset without gyro_offset_sd", Settings,
+    assert said == 'Given are drift = "none" and drift_sd. Leave one of them out.'
+    said = refused("north.offset_alone", "gyro_offset_sd", Settings,
                    gyro_offset=1e-6)  # fmt: skip
     assert "or leave it out" in said
 

@@ -42,9 +42,10 @@ def only(name, value=None):
 
 
 def rig(poses, tilt="one axis", **words):
-    return Rig(
-        poses[:, 0], words.pop("site", SITE), tilt, words.pop("accelerometers", True), **words
-    )
+    accelerometers = words.pop("accelerometers", True)
+    # Set-ups on a table that was tilted: its axis is vertical.
+    words.setdefault("level_sd", 0.0 if tilt == "each" else np.inf)
+    return Rig(poses[:, 0], words.pop("site", SITE), tilt, accelerometers, **words)
 
 
 def solved(poses, instrument, tilt="one axis", names=None, noise=QUIET, **words):

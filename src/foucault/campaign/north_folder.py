@@ -334,7 +334,9 @@ def _csv(about: Mapping[str, Any]) -> str:
     for r in about["setups"]:
         cells = [r["name"]]
         for angle in ANGLES:
-            cells += [_degrees(r[angle]["value"]), _degrees(r[angle]["sd"])]
+            value = _degrees(r[angle]["value"])
+            turned = angle == "heading" and value == _degrees(2 * np.pi)  # rounded up to north
+            cells += [_degrees(0.0) if turned else value, _degrees(r[angle]["sd"])]
         other = r["other"]["heading"] if r["ambiguous"] else None
         cells += [_degrees(v) for v in (r["heading"]["bound"], r["reference_heading"], other)]
         offset = "" if r["gyro_offset"] is None else f"{3600 * np.degrees(r['gyro_offset']):.6f}"

@@ -163,9 +163,8 @@ def _cut(
             a = int(np.searchsorted(time, time[a] + settle))
         if b > a:
             stops.append((a, b))
-    for a, b in _runs(moving, breaks):
-        if (b - a) * dt >= shortest:
-            turns.append((a, b))
+    for run in _runs(moving, breaks):
+        turns += [(a, b) for a, b in _one_way(angle, *run) if (b - a) * dt >= shortest]
     seen = max(((b - a) * dt for a, b in stops), default=0.0)
     # Half an interval short is rounding of the samples.
     stops = [(a, b) for a, b in stops if (b - a + 0.5) * dt >= shortest]
@@ -209,6 +208,17 @@ def _widened(angle: FloatArray, a: int, b: int, breaks: IntArray) -> tuple[int, 
     a = low + (int(off[-1]) + 1 if len(off) else 0)
     off = np.flatnonzero(np.abs(angle[b:high] - middle) > STILL)
     return a, b + int(off[0]) if len(off) else high
+
+
+def _one_way(angle: FloatArray, a: int, b: int) -> list[tuple[int, int]]:
+    """Cut a run where the base turns back."""
+    part = angle[a:b]
+    low, high = sorted((float(part[0]), float(part[-1])))
+    for k, beyond in ((int(part.argmax()), part.max() - high), (int(part.argmin()),
+                                                               low - part.min())):  # fmt: skip
+        if beyond > CREEP and 0 < k < len(part) - 1:
+            return _one_way(angle, a, a + k) + _one_way(angle, a + k, b)
+    return [(a, b)]
 
 
 def _path(angle: FloatArray, runs: list[tuple[int, int]]) -> list[float]:
@@ -260,8 +270,11 @@ def _mean(x: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
 # -- noise ---------------------------------------------------------------------------------
 
 
-STILL = 1e-6
+UNSTIRRED = 1e-6
 """Noise of a signal that never leaves a step, in steps: next to none [1]."""
+
+SPIKE = 6.0
+"""A difference of successive means larger than this is no noise [sd]."""
 
 
 def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
@@ -293,19 +306,28 @@ def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
     steps = [np.diff(x, axis=0) for x in blocks if len(x) > 1]
     if sum(len(x) for x in steps) < 10:
         return None
-    size = np.sqrt(np.mean(np.concatenate(steps) ** 2, axis=0) / 2 * block * dt)
+    size = _without_spikes(np.concatenate(steps)) * np.sqrt(block * dt / 2)
     columns = [log.gyro] if log.accel is None else [log.gyro, *log.accel.T]
     step = np.array([resolution(x) for x in columns])
     # Rounding that the noise does not stir leaves a constant error in every dwell; a signal that
     # never leaves a step says nothing of its noise: then it is taken for still.
     stirred = size / np.sqrt(dt) > step / 2
-    white = np.where(stirred, np.maximum(size, step * np.sqrt(dt / 12)), STILL * step)
+    white = np.where(stirred, np.maximum(size, step * np.sqrt(dt / 12)), UNSTIRRED * step)
     coarse = np.where(stirred, 0.0, step)
     gyro = TriadNoise(float(white[0]), quantisation=float(coarse[0]))
     if log.accel is None:
         return ImuNoise(gyro=gyro)
     accel = float(np.sqrt(np.mean(white[1:] ** 2)))
     return ImuNoise(TriadNoise(accel, quantisation=float(coarse[1:].max())), gyro)
+
+
+def _without_spikes(x: FloatArray) -> FloatArray:
+    """Return the root mean square of each column, without what no noise gives."""
+    robust = np.median(np.abs(x), axis=0) / 0.6745
+    # A coarse signal hardly ever moves: its median is zero, and nothing is left out.
+    limit = np.where(robust > 0, SPIKE * robust, np.inf)
+    kept = np.abs(x) <= limit
+    return np.asarray(np.sqrt(np.sum(np.where(kept, x, 0.0) ** 2, axis=0) / kept.sum(axis=0)))
 
 
 def _turning(dwells: Dwells) -> npt.NDArray[np.bool_]:

@@ -8,11 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from foucault.errors import Finding, error, finding
-from foucault.estimate.north_reduction import UNSEEN, Pairs
+from foucault.estimate.north_reduction import UNSEEN, Pairs, turn_rate, turning
 from foucault.estimate.north_seeking import Known, compensated
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation
+from foucault.units import span
 
 TOO_FAST = 1.5
 """Horizontal rate, in Earth rates, that no noise within reason gives [1]."""
@@ -95,6 +96,27 @@ def _opposites(name: str, angles: list[int], distinct: list[int]) -> list[Findin
         rest = _list([a for a in distinct if a != twice[0]])
         found.append(finding("north.stop_repeated", name=name, stop=twice[0], other=rest))
     return found
+
+
+def late_index(dwells: Dwells, lag_sd: float | None) -> tuple[Finding, ...]:
+    """Say what a late index angle does where the base turns, and nobody said how late it can be.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    lag_sd : float or None
+        As declared [s].
+    """
+    first = dwells.of(0)
+    if lag_sd is not None or not len(first) or not turning(first):
+        return ()
+    rate = turn_rate(first)
+    half = dwells.interval / 2
+    return (
+        finding("north.index_lag", rate=f"{np.degrees(rate):.3g}", lag=span(half),
+                effect=f"{np.degrees(rate * half):.2g}"),
+    )  # fmt: skip
 
 
 def _overlaps(dwells: Dwells) -> list[Finding]:

@@ -237,11 +237,13 @@ class _Scene:
         one = rig.tilt == "one axis"
         self.used = np.arange(4 if rig.accelerometers and one else 2)
         angles = np.zeros((m, 2))
-        own = np.zeros(0)
         if not one:
             angles = tilts(self.pairs, rig.site.gravity, self.known)
-            c = self.known.coefficients
-            own = np.zeros(len(c)) if c.cov is None else np.sqrt(np.diag(c.cov))
+        # Errors of the accelerometers that are not found here are unknowns with a known size.
+        c = self.known.coefficients
+        self.own = [i for i, n in enumerate(c.names) if n not in self.names]
+        own = np.zeros(len(c)) if c.cov is None else np.sqrt(np.diag(c.cov))
+        own = own[self.own] if rig.accelerometers else np.zeros(len(self.own))
         level = rig.level_sd if one else 0.0
         self.table_sd = np.array(
             [level, level, rig.heading_offset_sd, rig.latitude_sd, *own.tolist()]
@@ -278,10 +280,9 @@ class _Scene:
         w, f, dw, df = self.truth(state.table)
         model = found.model
         by_table = np.concatenate([model.gyro_matrix[:2] @ dw, model.accel_matrix[:2] @ df], axis=1)
-        # Errors of the accelerometers turn the rate through the tilts that they give.
-        by_own = np.zeros((len(w), 4, len(self.table_sd) - 4))
-        if by_own.shape[2]:
-            by_own[:, :2] = -self.by_force @ self.known.slopes(w, f)[:, 2:]
+        by_own = self.known.slopes(w, f)[..., self.own]
+        if self.rig.tilt == "each":  # they turn the rate through the tilts that they give
+            by_own[:, :2] = -self.by_force @ by_own[:, 2:]
         predicted = found.predict(w, f) + by_own @ state.table[4:]
         tied = np.concatenate([by_table, by_own], axis=2)[..., self.free]
         J = np.concatenate([found.slopes(w, f), tied], axis=2)
@@ -294,6 +295,7 @@ class _Scene:
         parts = dict(self.pairs.sources)
         # A case tilted on a table that leans has another heading than the table says.
         lean = self.rig.level_sd if self.rig.tilt == "each" else 0.0
+        lean = lean if np.isfinite(lean) else 0.0
         tilt = np.hypot(*np.tan(self.angles.T))
         variance = self.rig.heading_sd**2 + (lean * tilt) ** 2
         if np.any(variance > 0):

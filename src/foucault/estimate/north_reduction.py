@@ -51,12 +51,16 @@ class Nuisance:
         Of its linear drift; 0 for none, infinite where it is estimated freely [rad/s^2].
     index_sd : float
         Of every index angle [rad].
+    lag_sd : float
+        Of the time between the index angle and the middle of the gyro's reading, which matters
+        where the base turns [s].
     """
 
     offset: float = 0.0
     offset_sd: float = np.inf
     drift_sd: float = 0.0
     index_sd: float = 0.0
+    lag_sd: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -183,7 +187,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ V.T
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
-        if nuisance.index_sd:
+        if nuisance.index_sd or nuisance.lag_sd:
             parts[INDEXING][setups] = _indexing(first, all_weights, values[setups], nuisance)
     used = {k: v for k, v in parts.items() if v.any()}
     return Pairs(values, used, offset, drift, slope, fit, residuals[0], residuals[1],
@@ -213,7 +217,7 @@ def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:
 def _index_variance(d: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[FloatArray, ...]:
     """Return what wrong index angles add to the variance of gyro and accelerometer, (k,) each."""
     none = np.zeros(len(d))
-    if not nuisance.index_sd or _turning(d):  # one error of a rotation leaves no residual
+    if not nuisance.index_sd or turning(d):  # one error of a rotation leaves no residual
         return none, none
     out = []
     accel = d.accel
@@ -302,9 +306,26 @@ def _judge(
     dof[setups, sensor] = fit.dof
 
 
-def _turning(d: Dwells) -> bool:
-    """Tell whether the rows are pieces of a rotation: there the axis moves within each."""
+def turning(d: Dwells) -> bool:
+    """Tell whether the rows are pieces of a rotation: there the axis moves within each.
+
+    Parameters
+    ----------
+    d : Dwells
+        Of one set-up.
+    """
     return bool(np.all(d.cosine**2 + d.sine**2 < 1.0 - 1e-9))
+
+
+def turn_rate(d: Dwells) -> float:
+    """Return how fast the base turns [rad/s].
+
+    Parameters
+    ----------
+    d : Dwells
+        Pieces of one rotation.
+    """
+    return float(np.ptp(np.unwrap(d.index))) / max(float(np.ptp(d.start)), 1e-9)
 
 
 def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuisance) -> FloatArray:
@@ -315,6 +336,8 @@ def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuis
     across = np.stack([d.cosine, -d.sine])  # d e / d a = (cos a, -sin a)
     slope = np.stack([values[:, :2] @ across, values[:, 2:] @ across])  # of gyro, of accelerometer
     moved = np.einsum("sik,spk->pik", weights, slope)
-    if _turning(d):
+    variance = nuisance.index_sd**2
+    if turning(d):
         moved = moved.sum(axis=2, keepdims=True)
-    return np.asarray(nuisance.index_sd**2 * np.einsum("pik,pjk->pij", moved, moved))
+        variance += (turn_rate(d) * nuisance.lag_sd) ** 2
+    return np.asarray(variance * np.einsum("pik,pjk->pij", moved, moved))

@@ -20,6 +20,9 @@ from foucault.tables import FloatArray, IndexedLog, IntArray
 if TYPE_CHECKING:
     from foucault.logs.indexed_description import IndexedDescription
 
+MOVED = np.radians(1.0)
+"""A base that stands at another angle after a gap has moved in it [rad]."""
+
 SAME_HEADING = np.radians(0.1)
 """Reference headings within this are those of one set-up [rad]."""
 
@@ -222,9 +225,18 @@ def _timing(log: IndexedLog) -> tuple[Finding, ...]:
     for number in range(len(log.names)):
         lo, hi = np.searchsorted(log.setup, [number, number + 1])
         told = checks.timing(log.time[lo:hi], start=int(lo))
+        if _only_moves(log, int(lo), int(hi)):
+            told = tuple(f for f in told if f.code != "log.gap")
         if log.averaged is None:  # means may well be far apart
             found += [f for f in told if f.code not in {g.code for g in found}]
     return tuple(found)
+
+
+def _only_moves(log: IndexedLog, lo: int, hi: int) -> bool:
+    """Tell whether nothing is missing but the moves of the base, which need not be logged."""
+    step = np.diff(log.time[lo:hi])
+    gaps = step > checks.GAP * np.median(step) if len(step) else np.zeros(0, bool)
+    return bool(np.all(np.abs(np.diff(log.index[lo:hi])[gaps]) > MOVED))
 
 
 def _one_heading(log: IndexedLog) -> None:

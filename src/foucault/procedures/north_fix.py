@@ -19,7 +19,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose import north_fix as evidence
 from foucault.diagnose.dwells import find_dwells, measured_noise
 from foucault.diagnose.north_causes import causes
-from foucault.diagnose.north_input import require_plausible, stops
+from foucault.diagnose.north_input import late_index, require_plausible, stops
 from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north_validity import contradicted, other_conditions
 from foucault.errors import Finding, error, finding
@@ -159,10 +159,16 @@ def find_north(
     progress(0.1, "finding the dwells")
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     known = _known(site, settings, dwells)
-    told = (*log.findings, *dwells.findings, *told, *stops(dwells, known))
+    told = (
+        *log.findings,
+        *dwells.findings,
+        *told,
+        *stops(dwells, known),
+        *late_index(dwells, settings.index_lag_sd),
+    )
     if known.latitude is None:
-        other = "south" if settings.hemisphere == "north" else "north"
-        told += (finding("north.hemisphere", hemisphere=settings.hemisphere, other=other),)
+        other = "south" if known.hemisphere == "north" else "north"
+        told += (finding("north.hemisphere", hemisphere=known.hemisphere, other=other),)
     progress(0.4, "solving")
     noise, source = _noise(log, dwells, noise, calibration, settings)
     free = drift_sd(dwells, noise, settings.drift, settings.drift_sd)
@@ -198,18 +204,24 @@ def _known(site: Site, settings: Settings, dwells: Dwells) -> Known:
         raise error("north.fix_latitude")
     if latitude is not None:
         require_latitude(latitude)
+        side = "north" if latitude >= 0 else "south"
+        if settings.hemisphere not in (None, side):
+            second = f"the latitude, {np.degrees(latitude):.4g} deg"
+            raise error("north.contradiction", first=f"hemisphere {settings.hemisphere}",
+                        second=second)  # fmt: skip
     level = settings.level_sd
     if dwells.accel is None and level is None:
         raise error("north.level_sd")
     return Known(
-        site.gravity, latitude, settings.latitude_sd, settings.hemisphere, settings.near,
+        site.gravity, latitude, settings.latitude_sd, settings.hemisphere or "north", settings.near,
         settings.near_sd, level,
     )  # fmt: skip
 
 
 def _nuisance(settings: Settings, drift: float) -> Nuisance:
     sd = np.inf if settings.gyro_offset_sd is None else settings.gyro_offset_sd
-    return Nuisance(settings.gyro_offset, sd, drift, settings.index_sd)
+    lag = settings.index_lag_sd or 0.0
+    return Nuisance(settings.gyro_offset, sd, drift, settings.index_sd, lag)
 
 
 def _noise(

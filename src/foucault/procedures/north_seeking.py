@@ -26,7 +26,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose import north_calibration as evidence
 from foucault.diagnose import north_calibration_report as shown
 from foucault.diagnose.dwells import find_dwells, measured_noise
-from foucault.diagnose.north_input import stops
+from foucault.diagnose.north_input import late_index, stops
 from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
 from foucault.errors import Finding, FoucaultError, error
 from foucault.estimate import north_calibration as estimation
@@ -134,6 +134,7 @@ def calibrate(
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     _require_readings(log, dwells)
     told = stops(dwells, Known(site.gravity))
+    told += late_index(dwells, settings.index_lag_sd)
     if site.latitude is None:
         raise error("north.calibration_latitude")
     require_latitude(site.latitude)
@@ -220,8 +221,8 @@ def _solve(
     trial = noise or GUESS
     nuisance = Nuisance(
         drift_sd=drift_sd(dwells, trial, settings.drift, settings.drift_sd),
-        index_sd=settings.index_sd,
-    )
+        index_sd=settings.index_sd, lag_sd=settings.index_lag_sd or 0.0,
+    )  # fmt: skip
     pairs = reduce(dwells, trial, nuisance)
     rig = _rig(pairs, dwells, site, settings)
     if settings.z_coupling == "auto":

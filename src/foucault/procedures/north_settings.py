@@ -16,6 +16,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
+from foucault.plans.north_seeking import PALINDROME, PUBLISHED, SEQUENTIAL
 from foucault.simulate.north_seeking import (
     NorthPlan,
     NorthSimulation,
@@ -40,12 +41,8 @@ MINUTE = float(np.radians(1.0 / 60.0))
 MOST_LATITUDE = np.radians(89.0)
 """Nearer to a pole the horizontal part of the Earth's rate is too small to be of use [rad]."""
 
-ORDERS = {
-    "published": (0.0, 180.0, 90.0, 270.0),
-    "sequential": (0.0, 90.0, 180.0, 270.0),
-    "palindrome": (0.0, 180.0, 90.0, 270.0, 270.0, 90.0, 180.0, 0.0),
-}
-"""Index angles of the orders that can be simulated by name [deg]."""
+ORDERS = {order.name: order for order in (PUBLISHED, SEQUENTIAL, PALINDROME)}
+"""The orders of stops that can be simulated by name."""
 
 SPREAD = {
     "gyro.bias": ("0.02 deg/h", "angular rate"),
@@ -76,6 +73,11 @@ class Settings(BaseModel):
     )  # fmt: skip
     index_sd: Angle = Field(
         default=0.0, ge=0, description="Sd of every index angle, by itself."
+    )  # fmt: skip
+    index_lag_sd: Seconds | None = Field(
+        default=None, ge=0, examples=["1 ms"],
+        description="Sd of the time between an index angle and the middle of the gyro's reading, "
+        "for a base that turns.",
     )  # fmt: skip
     settle: Seconds = Field(default=1.0, ge=0, description="Left out after every move of the base.")
     shortest: Seconds = Field(default=5.0, gt=0, description="Shortest dwell.")
@@ -125,8 +127,9 @@ class Settings(BaseModel):
     unknown_latitude: bool = Field(
         default=False, description="Fix. Estimate the latitude; [site] needs gravity then."
     )
-    hemisphere: Literal["north", "south"] = Field(
-        default="north", description="Fix. Decides between two roots where latitude is unknown."
+    hemisphere: Literal["north", "south"] | None = Field(
+        default=None,
+        description="Fix. Decides between two roots where latitude is unknown; north if left out.",
     )
     near: Angle | None = Field(
         default=None, examples=["120 deg"],
@@ -163,7 +166,7 @@ class Session(BaseModel):
     order: Literal["published", "sequential", "palindrome"] = Field(
         default="published", description="Order of the stops of the base in each heading."
     )
-    dwell: Seconds = Field(default=120.0, gt=0, description="Length of each stop.")
+    dwell: Seconds = Field(default=120.0, gt=0, description="Length of the shortest stop.")
     move: Seconds = Field(default=5.0, ge=0, description="Time from one stop to the next.")
     tilts: tuple[str, ...] = Field(
         default=("0 deg",),
@@ -230,8 +233,9 @@ def simulate(
         gyro_offset=offset, gyro_drift=drift, index_sd=settings.index_sd,
         heading_sd=settings.heading_sd, heading_offset=common,
     )  # fmt: skip
-    index = np.radians(ORDERS[session.order])
-    plan = NorthPlan(setups, Stops(index, np.full(len(index), session.dwell), session.move))
+    order = ORDERS[session.order]
+    dwell = session.dwell * order.share / order.share.min()
+    plan = NorthPlan(setups, Stops(order.index, dwell, session.move))
     accel = None if session.accelerometers == "none" else session.accelerometers
     return simulate_north(
         plan, model=model, noise=noise, site=site, errors=errors, accel=accel, rate=session.rate,

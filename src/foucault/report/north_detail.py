@@ -125,7 +125,11 @@ class Setup:
         if not np.isfinite(value):
             return "unknown"
         # A latitude that is given exactly has an sd of rounding only.
-        return signed(format_value(value, sd if sd > 1e-6 else 1e-3))
+        sd = sd if sd > 1e-6 else 1e-3
+        text = format_value(value, sd)
+        if angle == "heading" and float(text) >= 360.0:  # rounded up to north
+            text = format_value(0.0, sd)
+        return signed(text)
 
     def text_sd(self, angle: str) -> str:
         """Write its uncertainty with as many decimals; nothing where it is given exactly."""

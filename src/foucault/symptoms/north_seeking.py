@@ -21,7 +21,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      'Write latitude = "48.8462 deg" in [site].'),
     ("north.contradiction", "error",
      "Settings that contradict one another",
-     "[procedure] says {first} and gives {second} too.",
+     "Given are {first} and {second}.",
      "Leave one of them out."),
     ("north.offset_alone", "error",
      "An offset of the gyro without its uncertainty",
@@ -171,6 +171,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "standard deviations.",
      "One of them is wrong: check the calibration, the index zero, and what the reference refers "
      "to (true, grid or magnetic north)."),
+    ("north.index_lag", "warning",
+     "A turning base whose index angles may be late",
+     "The base turns at {rate} deg/s: if the index angle is read {lag} before or after the middle "
+     "of the gyro's reading, half a sample, every heading is off by {effect} deg.",
+     'Say how well the two belong together, index_lag_sd = "1 ms"; it is then part of the '
+     "uncertainty. Turning both ways, in a set-up each, shows it."),
     ("north.far", "warning",
      "A heading far from the rough one",
      "In set-up '{name}' the heading is {away} deg from the rough one that was given.",
