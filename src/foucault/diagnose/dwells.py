@@ -252,13 +252,13 @@ def _means(log: IndexedLog, cuts: list[_Cut]) -> Dwells:
     count = (last - first).astype(float)
     middle = (first + last - 1) // 2
     cosine, sine = (_mean(x, first, last) for x in (np.cos(log.index), np.sin(log.index)))
-    stands = np.array([not c.turning for c in cuts])
-    index = np.where(stands, np.arctan2(sine, cosine) % (2 * np.pi), log.index[middle])
+    turning = np.array([c.turning for c in cuts])
+    index = np.where(~turning, np.arctan2(sine, cosine) % (2 * np.pi), log.index[middle])
     return Dwells(
         log.setup[first], log.names, log.time[first], count * log.interval, index, cosine, sine,
         _mean(log.gyro, first, last),
         None if log.accel is None else _mean(log.accel, first, last),
-        _headings(log), log.interval,
+        _headings(log), log.interval, turning=turning,
     )  # fmt: skip
 
 
@@ -300,7 +300,7 @@ def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
         return None
     dt = log.interval
     block = max(1, round(BLOCK / dt))
-    if not _turning(dwells).any():
+    if dwells.turning is None or not dwells.turning.any():
         block = max(1, min(block, int(np.median(dwells.time) / dt) // 4))
     blocks = [x for d in range(len(dwells.names)) for x in _blocks(log, dwells, d, block)]
     steps = [np.diff(x, axis=0) for x in blocks if len(x) > 1]
@@ -330,10 +330,6 @@ def _without_spikes(x: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.sum(np.where(kept, x, 0.0) ** 2, axis=0) / kept.sum(axis=0)))
 
 
-def _turning(dwells: Dwells) -> npt.NDArray[np.bool_]:
-    return np.asarray(np.hypot(dwells.cosine, dwells.sine) < np.cos(CREEP / 2))
-
-
 def _blocks(log: IndexedLog, dwells: Dwells, setup: int, block: int) -> list[FloatArray]:
     """Return means over blocks of samples, without what the index angle explains, by dwell."""
     of = dwells.of(setup)
@@ -349,7 +345,9 @@ def _blocks(log: IndexedLog, dwells: Dwells, setup: int, block: int) -> list[Flo
     angle = log.index[rows]
     A = np.column_stack([np.ones(len(rows)), np.cos(angle), np.sin(angle)])
     left = x[rows] - A @ np.linalg.lstsq(A, x[rows], rcond=None)[0]
-    if _turning(of).any():  # pieces follow one another: the blocks may pass from one to the next
+    if (
+        of.turning is not None and of.turning.any()
+    ):  # pieces follow one another: the blocks may pass from one to the next
         edges = np.flatnonzero(np.diff(rows) > 1) + 1
     else:
         edges = np.cumsum(last - first)[:-1]

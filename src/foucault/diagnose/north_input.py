@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from foucault.errors import Finding, error, finding
-from foucault.estimate.north_reduction import UNSEEN, Pairs, turn_rate, turning
+from foucault.estimate.north_reduction import UNSEEN, Pairs, turn_rate
 from foucault.estimate.north_seeking import Known, compensated
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
@@ -109,7 +109,7 @@ def late_index(dwells: Dwells, lag_sd: float | None) -> tuple[Finding, ...]:
         As declared [s].
     """
     first = dwells.of(0)
-    if lag_sd is not None or not len(first) or not turning(first):
+    if lag_sd is not None or not len(first) or not first.rotates:
         return ()
     rate = turn_rate(first)
     half = dwells.interval / 2

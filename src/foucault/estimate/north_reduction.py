@@ -217,7 +217,7 @@ def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:
 def _index_variance(d: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[FloatArray, ...]:
     """Return what wrong index angles add to the variance of gyro and accelerometer, (k,) each."""
     none = np.zeros(len(d))
-    if not nuisance.index_sd or turning(d):  # one error of a rotation leaves no residual
+    if not nuisance.index_sd or d.rotates:  # one error of a rotation leaves no residual
         return none, none
     out = []
     accel = d.accel
@@ -306,17 +306,6 @@ def _judge(
     dof[setups, sensor] = fit.dof
 
 
-def turning(d: Dwells) -> bool:
-    """Tell whether the rows are pieces of a rotation: there the axis moves within each.
-
-    Parameters
-    ----------
-    d : Dwells
-        Of one set-up.
-    """
-    return bool(np.all(d.cosine**2 + d.sine**2 < 1.0 - 1e-9))
-
-
 def turn_rate(d: Dwells) -> float:
     """Return how fast the base turns [rad/s].
 
@@ -337,7 +326,7 @@ def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuis
     slope = np.stack([values[:, :2] @ across, values[:, 2:] @ across])  # of gyro, of accelerometer
     moved = np.einsum("sik,spk->pik", weights, slope)
     variance = nuisance.index_sd**2
-    if turning(d):
+    if d.rotates:
         moved = moved.sum(axis=2, keepdims=True)
         variance += (turn_rate(d) * nuisance.lag_sd) ** 2
     return np.asarray(variance * np.einsum("pik,pjk->pij", moved, moved))

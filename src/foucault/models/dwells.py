@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,8 @@ class Dwells:
         Sample interval of the log, 0 where it held means [s].
     findings : tuple of Finding
         What was noticed when they were made.
+    turning : ndarray of bool, shape (n,), or None
+        Which rows are pieces of a rotation; None where all are stops.
     """
 
     setup: IntArray
@@ -54,6 +57,12 @@ class Dwells:
     heading: FloatArray
     interval: float = 0.0
     findings: tuple[Finding, ...] = ()
+    turning: npt.NDArray[np.bool_] | None = None
+
+    @property
+    def rotates(self) -> bool:
+        """Whether all rows are pieces of a rotation."""
+        return self.turning is not None and bool(self.turning.all())
 
     def __len__(self) -> int:
         return len(self.gyro)
@@ -77,5 +86,8 @@ class Dwells:
             Numbers of the rows [1].
         """
         names = ("setup", "start", "time", "index", "cosine", "sine", "gyro")
-        some = {name: getattr(self, name)[keep] for name in names}
-        return replace(self, accel=None if self.accel is None else self.accel[keep], **some)
+        some: dict[str, Any] = {name: getattr(self, name)[keep] for name in names}
+        for name in ("accel", "turning"):
+            whole = getattr(self, name)
+            some[name] = None if whole is None else whole[keep]
+        return replace(self, **some)

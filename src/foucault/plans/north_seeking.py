@@ -183,6 +183,7 @@ def _dwells(start: FloatArray, length: FloatArray, index: FloatArray, shorter: f
         np.repeat(np.arange(m), k), tuple(str(i) for i in range(m)), np.tile(start, m),
         np.tile(length, m), flat, shorter * np.cos(flat), shorter * np.sin(flat), zero,
         zero[:, None], np.full(m, np.nan),
+        turning=None if shorter == 1 else np.ones(m * k, np.bool_),
     )  # fmt: skip
 
 
