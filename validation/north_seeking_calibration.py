@@ -74,6 +74,18 @@ def seeker(names: tuple[str, ...], rng, z: bool):
     return CoefficientVector(SEEKER.subset(names), each * rng.standard_normal(len(names)))
 
 
+def with_accelerometers(
+    truth: CoefficientVector, settings: north_seeking.Settings, rng: np.random.Generator
+) -> CoefficientVector:
+    """Draw the errors of the accelerometers that give the tilt, by their sd in the settings."""
+    names = tuple(n for n in SEEKER.names if n.startswith("accel."))
+    sd = {"bias": settings.accel_bias_sd, "scale": settings.accel_scale_sd,
+          "misalignment": settings.accel_misalignment_sd}  # fmt: skip
+    own = np.array([sd[n.split(".")[1]] for n in names]) * rng.standard_normal(len(names))
+    both = np.concatenate([truth.values, own])
+    return CoefficientVector(SEEKER.subset((*truth.names, *names)), both)
+
+
 def nees(draws: int) -> tuple[list[str], bool]:
     names = tuple(n for n in SEEKER.names if n in RATE_TILTED)
     white = np.sqrt(120.0)
@@ -94,6 +106,8 @@ def nees(draws: int) -> tuple[list[str], bool]:
         total, dof = 0.0, 0
         for i in range(2 * draws):
             truth = seeker(names, rng, z)
+            if len(tilts) > 1:  # accelerometers as uncertain as the settings say
+                truth = with_accelerometers(truth, chosen, rng)
             model = ImuModel.from_coefficients(truth)
             made = north_seeking.simulate(session, model=model, noise=noise, site=site, seed=i)
             c = north_seeking.calibrate(

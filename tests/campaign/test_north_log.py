@@ -7,9 +7,12 @@ import tomllib
 import jsonschema
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from foucault import campaign, procedures
+from foucault import campaign, procedures, run_folder
+from foucault.campaign import study
 from foucault.campaign.writing import resolved
+from foucault.cli.app import app
 from foucault.cli.sessions import read_any
 from foucault.errors import FoucaultError
 from foucault.logs.indexed_description import IndexedDescription
@@ -73,3 +76,29 @@ def test_commands_for_other_logs_refuse_it(tmp_path):
             call()
         assert caught.value.code == "north.not_imu"
         assert "one gyro on an indexing base" in caught.value.message
+
+
+@pytest.mark.parametrize(("tilts", "names"), [(("0 deg",), 10), (("0 deg", "10 deg"), 8)])
+def test_a_study_knows_what_a_session_shows(tilts: tuple[str, ...], names: int) -> None:
+    text = campaign.template("north_seeking").replace('["0 deg"]', str(list(tilts)))
+    described = campaign.parse(text.replace("'", '"'))
+    assert len(study.names_of(described)) == names
+    row = study.trial(described)(0, np.random.SeedSequence(1))
+    assert row["status"] == "converged" and np.isfinite(row["nees"])
+
+
+def test_commands_for_an_imu_refuse_a_north_seeker(tmp_path, capsys):
+    read = campaign.parse(campaign.template(NORTH), tmp_path / "c.toml")
+    file = campaign.save_session(campaign.simulate(read, 3), tmp_path / "session")
+    loaded = campaign.load(file)
+    run = tmp_path / "run"
+    run_folder.save(campaign.calibrate(loaded), run, loaded.text)
+    invoke = CliRunner().invoke
+    log, out = str(tmp_path / "session" / "log.csv"), str(tmp_path / "out")
+    for words in (["apply", str(run), log, "-o", out + ".csv"],
+                  ["export", str(run), "--to", "c", "-o", out + ".h"]):  # fmt: skip
+        done = invoke(app, words)
+        assert done.exit_code == 1
+        assert "belongs to a gyro on an indexing base" in done.output
+    done = invoke(app, ["fleet", str(file), "-o", out])
+    assert done.exit_code == 1 and "one gyro on an indexing base" in done.output

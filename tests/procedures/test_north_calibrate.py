@@ -21,7 +21,7 @@ from foucault.procedures.north_seeking import (
     Settings,
     calibrate,
     draw_errors,
-    names_of,
+    names_in,
     simulate,
 )
 from foucault.result import Level, Verdict
@@ -183,9 +183,11 @@ def test_the_result_says_what_a_reader_needs():
     table = result.tables["headings"]
     assert len(table["setup"]) == 12 and np.isfinite(table["residual_x"]).all()
     assert set(result.validity["index"]) == {0.0, 90.0, 180.0, 270.0}
-    assert set(names_of(Settings())) == set(result.coefficients.names)
-    assert set(names_of(Settings(tilt="each"))) == set(RATE_TILTED)
-    assert set(names_of(Settings(z_coupling="no"))) == {*RATE_LEVEL, "accel.bias.x", "accel.bias.y"}
+    assert set(names_in(Settings(), Session())) == set(result.coefficients.names)
+    assert set(names_in(Settings(tilt="each"), Session())) == set(RATE_TILTED)
+    assert set(names_in(Settings(), Session(tilts=TILTS))) == set(RATE_TILTED)
+    six = names_in(Settings(z_coupling="no"), Session())
+    assert set(six) == {*RATE_LEVEL, "accel.bias.x", "accel.bias.y"}
 
 
 def test_a_prior_counts_and_a_held_accelerometer_too():
@@ -256,7 +258,7 @@ def checks_of(status):
 
     pairs = reduce(make_dwells(level(), 0.8), FIELD)
     table = estimation.Rig(level()[:, 0], SITE, "one axis", True)
-    problem = estimation.build(pairs, table, names_of(Settings(z_coupling="no")))
+    problem = estimation.build(pairs, table, names_in(Settings(z_coupling="no"), Session()))
     ended = replace(estimation.fit(problem), status=status)
     some = evidence.checks(pairs, table, problem, ended, "declared")
     return next(c for c in some if c.name == "converged")

@@ -291,7 +291,8 @@ def test_a_good_fix_passes_everything():
     assert all(v.level is Level.PASS for v in survey.verdicts)
     names = {"solved", "sees the Earth", "gyro over index angle", "accelerometer over index angle",
              "rate and latitude", "one heading", "tilt", "accuracy"}  # fmt: skip
-    assert {c.name for c in survey.checks[0]} == names
+    shared = {"gyro over all set-ups", "accelerometer over all set-ups"}
+    assert {c.name for c in survey.checks[0]} == names | shared
     assert not any(survey.setup_findings)
 
 
@@ -389,3 +390,15 @@ def test_a_calibration_that_did_not_pass():
     survey = find_north(log, site=SITE, noise=FIELD, calibration=doubtful)
     told = next(f for f in survey.findings if f.code == "north.calibration_doubtful")
     assert told.message == "The calibration is doubtful: Headings scatter."
+
+
+def test_a_little_more_noise_than_was_said_shows_over_all_set_ups():
+    """Factor 1.8: one redundant reading in each of forty set-ups hardly sees it, forty do."""
+    louder = replace(FIELD, gyro=replace(FIELD.gyro, white=1.8 * FIELD.gyro.white))
+    survey, _ = solved(poses=attitudes(40, 5.0), noise=louder)
+    alone = [check_of(survey, "gyro over index angle", i).passed for i in range(len(survey))]
+    assert np.mean(alone) > 0.7
+    found = check_of(survey, "gyro over all set-ups")
+    assert not found.passed and "more noise than was said" in found.sentence
+    honest, _ = solved(poses=attitudes(40, 5.0))
+    assert check_of(honest, "gyro over all set-ups").passed

@@ -208,7 +208,7 @@ def _refuse_nothing(table: FleetTable) -> None:
 
 def _entries(campaign: Campaign, progress: Progress) -> Iterator[Entry]:
     """Return serial numbers and logs, one after the other; mistakes of the campaign raise now."""
-    files = campaign.log.files()
+    files = campaign.imu_log.files()
     if len(files) != 1:
         raise error("fleet.files", count=len(files), files=", ".join(files))
     name = next(iter(files))

@@ -44,8 +44,10 @@ def _silent(done: int, total: int) -> None:
 
 def names_of(campaign: Campaign) -> tuple[str, ...]:
     """Return the coefficients that the procedure of a campaign estimates."""
-    names: tuple[str, ...] = procedures.load(campaign.procedure).names_of(campaign.settings)
-    return names
+    module = procedures.load(campaign.procedure)
+    if hasattr(module, "names_in"):  # they depend on what is done in the session
+        return tuple(module.names_in(campaign.settings, campaign.session))
+    return tuple(module.names_of(campaign.settings))
 
 
 def trial(campaign: Campaign) -> monte_carlo.Trial:

@@ -61,7 +61,7 @@ def apply(
     screen: Screen = ctx.obj
     with screen.progress() as tell:
         tell(0.0, "reading the result")
-        calibrated = load_result(result, with_tables=False)
+        calibrated = _of_an_imu(load_result(result, with_tables=False))
         description, folder, instrument = _described(calibrated, result, log)
         done = calibrate_log(
             calibrated, description, folder, output,
@@ -109,7 +109,7 @@ def export(
     from foucault.run_folder import load_result
 
     screen: Screen = ctx.obj
-    calibrated = load_result(result, with_tables=False)
+    calibrated = _of_an_imu(load_result(result, with_tables=False))
     noise, log = _known(calibrated, result)
     write(calibrated, to, output, axes=axes, drop=drop or [], noise=noise, log=log, force=force)
     screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
@@ -181,3 +181,11 @@ def _known(calibrated: Result, result: Path) -> tuple[ImuNoise | None, LogDescri
     kept = (result if result.is_dir() else result.parent) / CAMPAIGN_FILE
     noise = campaign.load(kept).noise if kept.is_file() else None
     return noise, _log_description(calibrated, result)
+
+
+def _of_an_imu(result: Result) -> Result:
+    from foucault.errors import error
+
+    if result.procedure == "north_seeking":
+        raise error("north.not_applied")
+    return result

@@ -28,6 +28,9 @@ FloatArray = npt.NDArray[np.float64]
 SEES = 3.0
 """Horizontal Earth rate over its sd below which heading is guesswork [1]."""
 
+FAR_OUT = 6.0
+"""A set-up whose readings scatter by more than this was disturbed [sd]."""
+
 STEEP = np.radians(89.5)
 """At a tilt beyond this heading is hardly defined [rad]."""
 
@@ -78,15 +81,20 @@ def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...
         Verdict of the calibration that was used.
     """
     ratio = signal_to_noise(j.fixes, j.pairs)
-    return tuple(_checks(j, i, float(ratio[i]), calibration) for i in range(len(j.fixes)))
+    shared: list[Check] = []
+    if j.noise_source != "from the residuals" and len(j.fixes) > 1:
+        shared = [c for k in (0, 1) if (c := _scatter_of_all(j, k)) is not None]
+    return tuple(_checks(j, i, float(ratio[i]), calibration, shared) for i in range(len(j.fixes)))
 
 
-def _checks(j: Judged, i: int, ratio: float, calibration: Level | None) -> tuple[Check, ...]:
+def _checks(
+    j: Judged, i: int, ratio: float, calibration: Level | None, shared: list[Check]
+) -> tuple[Check, ...]:
     if not np.isfinite(j.fixes.angles[i]).all():
         return (_solved(j, i),)
     out = [_solved(j, i), _sees(ratio, bool(j.fixes.clamped[i]))]
     if j.noise_source != "from the residuals":
-        out += [c for k in (0, 1) if (c := _scatter(j, i, k)) is not None]
+        out += [c for k in (0, 1) if (c := _scatter(j, i, k)) is not None] + shared
     elif (fitting := _fitting(j, i)) is not None:
         out.append(fitting)
     if j.known.latitude is not None:
@@ -138,6 +146,24 @@ def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
     words = f"The readings of the {what} scatter by {np.sqrt(value / dof):.2f} times their noise"
     words += "." if fine else ": a disturbance, a drift, or more noise than was said."
     return Check(f"{what} over index angle", value, None, high, fine, words)
+
+
+def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
+    """Test all set-ups together, but those far out: a little too much noise in each."""
+    dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
+    usual = (dof > 0) & (value <= FAR_OUT**2 * dof)
+    total, n = float(value[usual].sum()), int(dof[usual].sum())
+    if n < 2 or (sensor == 1 and not j.noise.accel.white):
+        return None
+    high = chi_square_limits(n, tests=2)[1]
+    fine = total <= high
+    what = ("gyro", "accelerometer")[sensor]
+    words = (
+        f"Over all set-ups the readings of the {what} scatter by {np.sqrt(total / n):.2f} times "
+        "their noise"
+    )
+    words += "." if fine else ": there is more noise than was said, or the bias wanders."
+    return Check(f"{what} over all set-ups", total, None, high, fine, words)
 
 
 def _norm(j: Judged, i: int) -> Check:

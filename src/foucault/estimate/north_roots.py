@@ -186,8 +186,6 @@ class Best:
         Slope of the angles against the four numbers [1/SI] and the latitude known before [1].
     square, rank, other_square : ndarray, shape (m,)
         Sum of squares; the same, and that of the other, with what speaks against it [1].
-    predicted : ndarray, shape (m, 4)
-        The four numbers [SI].
     status : ndarray of int, shape (m,)
         See `kernels.north_seeking`.
     """
@@ -196,7 +194,6 @@ class Best:
     cov: FloatArray
     gain: FloatArray
     square: FloatArray
-    predicted: FloatArray
     status: npt.NDArray[np.int8]
     rank: FloatArray
     other: FloatArray
@@ -239,10 +236,8 @@ def best_of(
         apart = _apart(there, best)
         take = (apart > DISTINCT) & solved[k, each]
         other[take], other_square[take] = there[take], rank[k, each][take]
-    cov, gain, square, predicted, status = (
-        np.stack([f[i] for f in found])[pick, each] for i in (1, 2, 3, 4, 5)
-    )
-    return Best(best, cov, gain, square, predicted, status, rank[pick, each], other, other_square)
+    cov, gain, square, status = (np.stack([f[i] for f in found])[pick, each] for i in (1, 2, 3, 5))
+    return Best(best, cov, gain, square, status, rank[pick, each], other, other_square)
 
 
 def _apart(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -79,8 +79,6 @@ class Fixes:
     square : ndarray, shape (m,)
         Sum of squares that the solution leaves; chi-square with one degree of freedom where the
         latitude was known beforehand, else 0 [1].
-    misfit : ndarray, shape (m, 4)
-        The four numbers minus what is predicted [SI].
     other : ndarray, shape (m, 4)
         The next best solution, NaN where there is none [rad].
     other_square : ndarray, shape (m,)
@@ -97,7 +95,6 @@ class Fixes:
     cov: FloatArray
     sources: dict[str, FloatArray]
     square: FloatArray
-    misfit: FloatArray
     other: FloatArray
     other_square: FloatArray
     ambiguous: npt.NDArray[np.bool_]
@@ -210,7 +207,7 @@ def solve(pairs: Pairs, known: Known, compensation: Compensation | None = None) 
     else:
         widen(best, horizontal, pairs, known, compensation, budget)
     return Fixes(
-        best.angles, best.cov, budget, best.square, pairs.values - best.predicted, best.other,
+        best.angles, best.cov, budget, best.square, best.other,
         best.other_square, _ambiguous(best, known), best.status, horizontal > 1.0,
     )  # fmt: skip
 

@@ -68,19 +68,19 @@ GAUGES = {
 """What defines the axes, by the way the table was used."""
 
 
-def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated, as far as the settings tell.
+def names_in(settings: Settings, session: Session) -> tuple[str, ...]:
+    """Return the coefficients that a simulated session gives.
 
     Parameters
     ----------
     settings : Settings
         What was chosen.
-    gyro : bool
-        A north seeker has one.
+    session : Session
+        What is done: a tilted table shows others than a level one.
     """
-    tilt = "each" if settings.tilt == "each" else "one axis"
+    tilted = settings.tilt == "each" or (settings.tilt == "auto" and len(set(session.tilts)) > 1)
     return estimation.names_of(
-        "each" if tilt == "each" else "one axis", settings.level_sd is None,
+        "each" if tilted else "one axis", session.accelerometers != "none",
         settings.z_coupling != "no",
     )  # fmt: skip
 

@@ -60,6 +60,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The campaign is one of {procedure}: its log has one gyro on an indexing base, not the three "
      "axes that this command looks at.",
      "Use `foucault calibrate` or `foucault north` for it."),
+    ("north.not_applied", "error",
+     "The calibration of a north seeker, to be applied to the log of an IMU",
+     "The result is that of a north seeker: it belongs to a gyro on an indexing base, not to three "
+     "axes.",
+     "`foucault north READINGS --calibration RESULT` applies it."),
     # Its dwells
     ("north.no_dwell", "error",
      "A log without a dwell",
