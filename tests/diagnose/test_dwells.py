@@ -106,6 +106,16 @@ def test_both_senses_in_one_setup():
     assert "In set-up 'A' the base turned in both senses" in dwells.findings[0].message
 
 
+def test_means_that_do_not_say_how_long_they_last():
+    """Rows 90 or 180 deg apart would pass for samples of a base that turns."""
+    means = log_of(rows="means")
+    with pytest.raises(FoucaultError) as caught:
+        find_dwells(replace(means, averaged=None))
+    assert caught.value.code == "north.rows_apart"
+    assert "In set-up 'A' the index angle steps by 180 deg" in caught.value.message
+    assert "dwell (s)" in caught.value.cure
+
+
 def test_logs_without_dwells():
     short = Stops(np.radians([0.0, 90.0, 180.0]), np.full(3, 4.0), 2.0)
     with pytest.raises(FoucaultError) as caught:

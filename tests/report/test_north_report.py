@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html import unescape
 
 import numpy as np
@@ -13,7 +14,7 @@ from foucault.campaign import north, north_folder
 from foucault.report import figures_north
 from foucault.report import north as page_of
 from foucault.report.figures_north import Needle
-from foucault.report.north_detail import Setup, angle_unit, grouped, twice
+from foucault.report.north_detail import Setup, angle_unit, common, grouped, own, twice
 from foucault.simulate.north_seeking import Placement
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, ONE, many, write_readings
 
@@ -132,6 +133,26 @@ def test_many_findings_of_a_kind_are_counted():
     found = grouped([*one_kind, {"code": "b", "severity": "note", "message": "z", "cure": "c"}])
     assert [f["message"] for f in found] == ["0", "1", "2", "z"]
     assert found[2]["cure"] == ". The same in 6 more set-ups."
+
+
+def test_what_all_set_ups_share_is_said_once(tmp_path):
+    """Declared too quiet by a factor of ten, all readings scatter too much."""
+    quiet = north.Said(SAID.site, {}, GYRO_WHITE / 10, ACCEL_WHITE)
+    record = made(tmp_path, many(12), quiet)
+    setups = [Setup(record, i) for i in range(12)]
+    (shared,) = common(setups)
+    assert shared.startswith("Over all set-ups the readings of the gyro scatter by")
+    assert all(shared in s.said["warnings"] and shared not in own(s, [shared]) for s in setups)
+    assert any(own(s, [shared]) for s in setups) and common(setups[:1]) == []
+    page = unescape(page_of.html(record))
+    head, table = page.split("<table")[:2]
+    assert head.count(shared) == 1 and shared not in table.split("</table>")[0]
+
+
+def test_a_rounded_zero_has_no_sign(one):
+    north_json = json.loads(json.dumps(one.about))
+    north_json["setups"][0]["roll"] |= {"value": -1e-9, "sd": 1e-6}
+    assert Setup(replace(one, about=north_json), 0).text("roll").strip("0.") == ""
 
 
 def test_units_follow_the_size():

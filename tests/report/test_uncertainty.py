@@ -154,3 +154,5 @@ def test_certificate_says_when_it_is_due():
     assert facts["note"] == "after repair"
     assert facts["temperature"] == "22.9 to 23.9 °C, mean 23.4 °C"
     assert facts["rates covered"] == "−115 to 115 °/s"
+    slow = make_result(validity={"gyro": [-5e-5, 4.8481368e-5]})
+    assert dict(certificate(slow).blocks[0].pairs)["rates covered"] == "−10.3 to 10 °/h"

@@ -239,13 +239,17 @@ def _plain(text: str) -> str:
 def _warn(screen: Screen, record: NorthRecord, setups: list[Setup]) -> None:
     """Write what was noticed, of the file and of the set-ups, each with its cure."""
     from foucault.errors import Finding
-    from foucault.report.north_detail import grouped
+    from foucault.report.north_detail import common, grouped
 
     own = [f for s in setups for f in s.said["findings"]]
     screen.findings(Finding(**f) for f in grouped([*record.about["findings"], *own]))
-    bad = [s for s in setups if s.said["verdict"] != "pass"]
+    shared = common(setups)
+    if shared:
+        screen.say(f"None passes: {' '.join(shared)}")
+    left = {s.name: [r for r in s.said["reasons"] if r not in shared] for s in setups}
+    bad = [s for s in setups if s.said["verdict"] != "pass" and left[s.name]]
     for s in bad[:MOST]:
-        screen.say(f"{s.name} is {s.said['verdict']}: {' '.join(s.said['reasons'])}")
+        screen.say(f"{s.name} is {s.said['verdict']}: {' '.join(left[s.name])}")
     if len(bad) > MOST:
         screen.say(f"and {len(bad) - MOST} set-ups more, see --json or -o")
 

@@ -80,6 +80,7 @@ def find_dwells(log: IndexedLog, *, settle: float = 1.0, shortest: float = 5.0) 
     without, longest = [], 0.0
     for number, (first, last) in enumerate(_setups(log)):
         some, seen = _cut(log, first, last, settle, shortest)
+        _require_samples(log, some, number)
         cuts += some
         longest = max(longest, seen)
         if not some:
@@ -94,6 +95,16 @@ def find_dwells(log: IndexedLog, *, settle: float = 1.0, shortest: float = 5.0) 
         found.append(finding("north.setup_without", count=len(without), names=names,
                              shortest=span(shortest)))  # fmt: skip
     return _numbered(_means(log, cuts), tuple(found))
+
+
+def _require_samples(log: IndexedLog, cuts: list[_Cut], setup: int) -> None:
+    """Refuse means without their length, which would pass for samples of a base that turns."""
+    turning = [c for c in cuts if c.turning]
+    if turning:
+        angle = np.unwrap(log.index[turning[0].first : turning[-1].last])
+        step = float(np.median(np.abs(np.diff(angle)))) if len(angle) > 1 else 0.0
+        if step > PIECE[1]:
+            raise error("north.rows_apart", setup=log.names[setup], step=f"{np.degrees(step):.0f}")
 
 
 def _setups(log: IndexedLog) -> Iterator[tuple[int, int]]:

@@ -17,7 +17,7 @@ from foucault.estimate.north_reduction import Pairs
 from foucault.estimate.north_seeking import PLAUSIBLE, Fixes, Hemisphere, Known, solve, turned
 from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
-from foucault.units import STANDARD_GRAVITY
+from foucault.units import STANDARD_GRAVITY, plain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def _scaled(gyro: float, accel: float) -> FloatArray:
 
 
 MISTAKES = (
-    _Mistake('the accelerometers say gravity, reads = "gravity" in [log.accel]',
+    _Mistake("the accelerometers have the other sign, `reads` in [log.accel] or --accel-reads",
              _scaled(1.0, -1.0)),
     _Mistake("the gyro has the other sign", _scaled(-1.0, 1.0)),
     _Mistake("the latitude has the other sign", _scaled(1.0, 1.0), opposite_latitude=True),
@@ -118,7 +118,7 @@ def causes(
         return ()
     size = f"{np.sqrt(square / len(some)):.1f}"
     return (finding("north.misfit", size=size, causes="; or ".join(found),
-                    change=f"{np.degrees(change):.2g}"),)  # fmt: skip
+                    change=plain(float(np.degrees(change)), 2)),)  # fmt: skip
 
 
 def _chosen(pairs: Pairs, some: npt.NDArray[np.int64]) -> Pairs:

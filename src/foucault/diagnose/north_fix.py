@@ -22,11 +22,16 @@ from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation
 from foucault.result import Check, Level
+from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
 
 SEES = 3.0
 """Horizontal Earth rate over its sd below which heading is guesswork [1]."""
+
+TESTS = 4
+"""Statistical tests of a set-up, which share its false alarms: scatter of gyro and accelerometer,
+rate and latitude, level [1]."""
 
 FAR_OUT = 6.0
 """A set-up whose readings scatter by more than this was disturbed [sd]."""
@@ -126,7 +131,7 @@ def _solved(j: Judged, i: int) -> Check:
 
 def _sees(ratio: float, clamped: bool) -> Check:
     fine = ratio >= SEES
-    words = f"The Earth's horizontal rate is {ratio:.3g} times the uncertainty of the rates"
+    words = f"The Earth's horizontal rate is {plain(ratio, 3)} times the uncertainty of the rates"
     if not fine:
         words += (
             f": the gyro is too noisy by a factor of {SEES / max(ratio, 1e-9):.2g}; dwell "
@@ -140,12 +145,13 @@ def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
     if dof < 1 or (sensor == 1 and not j.noise.accel.white):
         return None
     value = float(j.pairs.chi_square[i, sensor])
-    _, high = chi_square_limits(dof, tests=2)
+    _, high = chi_square_limits(dof, tests=TESTS)
     fine = value <= high
     what = ("gyro", "accelerometer")[sensor]
     words = f"The readings of the {what} scatter by {np.sqrt(value / dof):.2f} times their noise"
-    words += "." if fine else ": a disturbance, a drift, or more noise than was said."
-    return Check(f"{what} over index angle", value, None, high, fine, words)
+    if not fine:
+        words += ": a disturbance, a drift, too few digits, or more noise than was said"
+    return Check(f"{what} over index angle", value, None, high, fine, words + ".")
 
 
 def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
@@ -155,7 +161,7 @@ def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
     total, n = float(value[usual].sum()), int(dof[usual].sum())
     if n < 2 or (sensor == 1 and not j.noise.accel.white):
         return None
-    high = chi_square_limits(n, tests=2)[1]
+    high = chi_square_limits(n, tests=TESTS)[1]
     fine = total <= high
     what = ("gyro", "accelerometer")[sensor]
     words = (
@@ -167,16 +173,16 @@ def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
 
 
 def _norm(j: Judged, i: int) -> Check:
-    value, high = float(j.fixes.square[i]), chi_square_limits(1)[1]
+    value, high = float(j.fixes.square[i]), chi_square_limits(1, tests=TESTS)[1]
     fine = value <= high
     words = f"The Earth's rate as measured fits the latitude to {np.sqrt(value):.2f} sd"
     if not fine:
-        words += ": latitude, scale factor or sign of the accelerometer are wrong"
+        words += ": latitude, scale factor or sign of the accelerometer may be wrong"
     return Check("rate and latitude", value, None, high, fine, words + ".")
 
 
 def _level(value: float) -> Check:
-    high = chi_square_limits(2)[1]
+    high = chi_square_limits(2, tests=TESTS)[1]
     fine = value <= high
     words = f"The tilt that the accelerometers say is {np.sqrt(value / 2):.2f} times level_sd"
     words += "." if fine else ": the case is less level than was said."
@@ -256,7 +262,7 @@ def _longer(j: Judged, i: int) -> str:
         largest = max(sources, key=lambda k: float(sources[k]))
         return (
             f"Longer dwells do not help: {np.degrees(np.sqrt(rest)):.4g} deg come from other "
-            f"sources, most of all {largest}."
+            f"sources, most of all '{largest}'."
         )
     dwell = float(np.median(j.dwells.of(i).time)) * float(white) / room
     return f"Dwell at least {dwell:.0f} s at each stop, with the same order."

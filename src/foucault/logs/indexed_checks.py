@@ -13,7 +13,7 @@ import numpy as np
 from foucault.errors import Finding, finding
 from foucault.logs.layout import COUNTS
 from foucault.tables import FloatArray, IndexedLog
-from foucault.units import STANDARD_GRAVITY, factor
+from foucault.units import STANDARD_GRAVITY, factor, plain
 
 if TYPE_CHECKING:
     from foucault.logs.indexed_description import IndexedDescription
@@ -90,7 +90,7 @@ def _gyro(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
         cure = f'The unit is probably wrong; write unit = "{likely[0]}" in [log.gyro].'
     else:
         cure = "Check unit, scale and column in [log.gyro]."
-    rate = f"{size / EARTH * 15.041067:.4g}"
+    rate = plain(size / EARTH * 15.041067)
     return (finding("north.gyro_unit", size=rate, unit=unit, cure=cure),)
 
 

@@ -121,3 +121,13 @@ class Site:
     def at(cls, latitude: float, height: float = 0.0) -> Site:
         """Return the site at `latitude` [rad] and `height` [m] with normal gravity."""
         return cls(gravity(latitude, height), latitude, height, "normal gravity")
+
+    def as_dict(self) -> dict[str, float | str | None]:
+        """Return the site as plain values for result.json."""
+        return {
+            "gravity": self.gravity,
+            "latitude": self.latitude,
+            "height": self.height,
+            "gravity_source": self.gravity_source,
+            "gravity_sd": self.gravity_sd,
+        }

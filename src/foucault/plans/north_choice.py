@@ -283,11 +283,14 @@ def _needed(
         order, found = _best_at(some, float(time), task)
         assert order is not None and found is not None
         if found.sd <= accuracy:
-
-            def over(x: float, order: Order = order) -> float:
-                return log(at_time(order, exp(x), task, drift=False).sd / accuracy)
-
             low = max(log(before), log(order.shortest(task.move, SHORTEST)))
+            ends = {log(time): log(found.sd / accuracy)}  # each prediction takes a while
+
+            def over(x: float, order: Order = order, ends: dict[float, float] = ends) -> float:
+                if x not in ends:
+                    ends[x] = log(at_time(order, exp(x), task, drift=False).sd / accuracy)
+                return ends[x]
+
             if over(low) <= 0:
                 return exp(low), None, np.nan
             return exp(brentq(over, low, log(time), xtol=1e-3)), None, np.nan

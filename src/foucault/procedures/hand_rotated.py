@@ -252,13 +252,7 @@ def complete(
         result,
         findings=(*findings, *result.findings),
         instrument=dict(instrument),
-        site={
-            "gravity": site.gravity,
-            "latitude": site.latitude,
-            "height": site.height,
-            "gravity_source": site.gravity_source,
-            "gravity_sd": site.gravity_sd,
-        },
+        site=site.as_dict(),
         validity=session_report.validity(data),
         diagnostics=result.diagnostics
         | {

@@ -166,7 +166,7 @@ def find_north(
         *stops(dwells, known),
         *late_index(dwells, settings.index_lag_sd),
     )
-    if known.latitude is None:
+    if known.latitude is None and settings.hemisphere is None:
         other = "south" if known.hemisphere == "north" else "north"
         told += (finding("north.hemisphere", hemisphere=known.hemisphere, other=other),)
     progress(0.4, "solving")
@@ -245,7 +245,8 @@ def _noise(
     free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
     found = from_residuals(dwells, _nuisance(settings, free))
     if found is None:
-        what = '--gyro-noise "0.003 deg/sqrt(h)", or [noise] in the campaign file'
+        also = ' and --accel-noise "5 ug/sqrt(Hz)"' if dwells.accel is not None else ""
+        what = f'--gyro-noise "0.003 deg/sqrt(h)"{also}, or [noise] in the campaign file'
         raise error("north.noise_unknown", what=what)
     return found, "from the residuals"
 

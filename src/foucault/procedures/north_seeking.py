@@ -352,13 +352,7 @@ def _result(s: _Solution, dwells: Dwells, settings: Settings, site: Site) -> Res
             *evidence.findings(s.problem, s.estimate, dwells, s.source),
         ),
         status=s.estimate.status,
-        site={
-            "gravity": site.gravity,
-            "latitude": site.latitude,
-            "height": site.height,
-            "gravity_source": site.gravity_source,
-            "gravity_sd": site.gravity_sd,
-        },
+        site=site.as_dict(),
         diagnostics={
             "iterations": s.estimate.iterations,
             "noise": shown.noise_json(s.noise, s.source),

@@ -109,7 +109,7 @@ class Settings(BaseModel):
     )  # fmt: skip
     latitude_sd: Angle = Field(default=0.0, ge=0, description="Sd of the latitude in [site].")
     accel_bias_sd: Force = Field(
-        default=1e-3,
+        default=units.parse("100 ug", "specific force"),
         ge=0,
         description="Sd of the accelerometers' biases, where no calibration on one vertical "
         "axis has found them.",

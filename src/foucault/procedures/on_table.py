@@ -329,13 +329,7 @@ def _result(
         checks=checks,
         findings=(*readings.findings, *found, *table_hints.hints(evidence)),
         status=estimate.status,
-        site={
-            "gravity": site.gravity,
-            "latitude": site.latitude,
-            "height": site.height,
-            "gravity_source": site.gravity_source,
-            "gravity_sd": site.gravity_sd,
-        },
+        site=site.as_dict(),
         diagnostics=_diagnostics(evidence, task, options, covered),
         tables={
             "readings": table_report.readings_table(evidence),

@@ -202,13 +202,7 @@ class Batch:
             checks=checks,
             findings=tuple(f for f in readings.findings if f.code != UNKNOWN_NOISE),
             status=Status.CONVERGED,
-            site={
-                "gravity": site.gravity,
-                "latitude": site.latitude,
-                "height": site.height,
-                "gravity_source": site.gravity_source,
-                "gravity_sd": site.gravity_sd,
-            },
+            site=site.as_dict(),
             diagnostics=self._diagnostics(i),
             tables={
                 "readings": batch_tables.readings_table(

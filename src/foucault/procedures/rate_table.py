@@ -230,13 +230,7 @@ def _result(
         checks=checks,
         findings=(*_told(readings), *found, *rate_report.hints(e)),
         status=estimate.status,
-        site={
-            "gravity": site.gravity,
-            "latitude": site.latitude,
-            "height": site.height,
-            "gravity_source": site.gravity_source,
-            "gravity_sd": site.gravity_sd,
-        },
+        site=site.as_dict(),
         validity={"gyro": [float(e.steps.gyro.min()), float(e.steps.gyro.max())]},
         diagnostics={
             "iterations": estimate.iterations,

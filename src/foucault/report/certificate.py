@@ -12,6 +12,9 @@ from foucault.result import Result
 
 ZERO_CELSIUS = 273.15  # [K]
 
+SLOW = np.radians(0.1)
+"""Slower rates are those of a north seeker, in degrees per hour [rad/s]."""
+
 KNOWN = ("name", "serial", "operator", "due", "note")
 """Keys of the instrument that the certificate shows."""
 
@@ -100,6 +103,8 @@ def _covered(result: Result) -> list[tuple[str, str]]:
     ):
         span = result.validity.get(key) if key in triads else None
         if span and None not in span:
+            if key == "gyro" and max(map(abs, span)) < SLOW:
+                size, unit = size / 3600, "°/h"
             low, high = (f"{v / size:.3g}".replace("-", "−") for v in span)
             rows.append((what, f"{low} to {high} {unit}"))
     return rows

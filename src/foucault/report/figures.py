@@ -260,7 +260,7 @@ def stacked(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) ->
         for k, (source, values) in enumerate(share.items())
     ]
     look = layout(
-        90 + 20 * len(labels),
+        90 + 20 * max(len(labels), 5),
         barmode="stack",
         bargap=0.22,
         xaxis=axis("share of the variance [%]", range=[0, 100.5]),
@@ -272,6 +272,7 @@ def stacked(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) ->
             "tickfont": {"size": 13},
         },
         showlegend=True,
+        minreducedheight=40,  # a legend of several lines on a narrow screen gets its room
     )
     look["legend"] = look["legend"] | {"traceorder": "normal"}
     return Figure(data, look, alt=alt)

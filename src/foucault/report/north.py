@@ -36,6 +36,9 @@ STACKED = 20
 DETAILED = 3
 """Set-ups shown in detail, where there are more [1]."""
 
+SHORT_NAME = 20
+"""Letters that a name of a set-up may have to stay on one line [1]."""
+
 LEVELS = ("unusable", "doubtful", "pass")
 """Verdicts, worst first."""
 
@@ -157,6 +160,7 @@ def _many_heading(record: NorthRecord, setups: Sequence[Setup]) -> Heading:
         names = [s.name for s in setups if s.said["verdict"] == level]
         if names:
             reasons.append(f"{WORDS[Level(level)]}: {listed(names)}.")
+    reasons += north_detail.common(setups)
     sd = np.array([s.degrees("heading", "sd") for s in setups])
     if np.isfinite(sd).any():
         low, high = (angle_unit(v).words(v) for v in (np.nanmin(sd), np.nanmax(sd)))
@@ -193,8 +197,9 @@ def _table(setups: list[Setup], order: list[Setup]) -> Section:
         s.degrees("latitude", "sd") > 1e-6 for s in setups
     )
     reference = any(s.reference is not None for s in setups)
+    name_look = "short" if max(len(s.name) for s in some) <= SHORT_NAME else "text"
     columns = [
-        Column("", "state"), Column("set‑up", "short"), Column("heading [°]", "number"),
+        Column("", "state"), Column("set‑up", name_look), Column("heading [°]", "number"),
         Column("sd [°]", "number"), Column("sd / bound", "number", aside=True),
         *([Column("minus reference [°]", "number")] if reference else []),
         Column("pitch [°]", "number", aside=True), Column("roll [°]", "number", aside=True),
@@ -202,7 +207,7 @@ def _table(setups: list[Setup], order: list[Setup]) -> Section:
           if estimated else []),
         Column("what to know", aside=True),
     ]  # fmt: skip
-    rows = []
+    rows, common = [], north_detail.common(setups)
     for s in some:
         sd, bound = s.degrees("heading", "sd"), s.degrees("heading", "bound")
         ratio = sd / bound if bound > 0 else np.nan
@@ -211,7 +216,7 @@ def _table(setups: list[Setup], order: list[Setup]) -> Section:
         cells += [s.minus_reference] * reference
         cells += [s.text("pitch"), s.text("roll")]
         cells += [s.text("latitude"), s.text_sd("latitude")] if estimated else []
-        rows.append([*cells, s.said["warnings"]])
+        rows.append([*cells, north_detail.own(s, common)])
     return Section("Headings", lead, [Table(columns, rows)])
 
 
@@ -227,7 +232,7 @@ def _roses(setups: list[Setup]) -> Section | None:
         [s.name for s in known], sd / unit.size, bound / unit.size,
         [s.said["verdict"] for s in known], shown(unit.name),
     )  # fmt: skip
-    lead = "Left: where each pointed. Right: how sure, beside what the noise alone would allow."
+    lead = "Where each pointed, and how sure it is beside what the noise alone would allow."
     return Section("All set-ups", lead, [figures_north.rose(needles), figure])
 
 

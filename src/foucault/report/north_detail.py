@@ -86,6 +86,21 @@ def signed(text: str) -> str:
     return text.replace("-", "−")
 
 
+def common(setups: Sequence[Setup]) -> list[str]:
+    """Return why none of several set-ups passed, where it is the same for all: it is said once."""
+    if len(setups) < 2:
+        return []
+    return [r for r in setups[0].said["reasons"] if all(r in s.said["reasons"] for s in setups)]
+
+
+def own(setup: Setup, common: Sequence[str]) -> str:
+    """Return what is to know of a set-up beside what is common to all."""
+    text = str(setup.said["warnings"])
+    for reason in common:
+        text = text.replace(reason, "")
+    return " ".join(text.split())
+
+
 @dataclass(frozen=True)
 class Setup:
     """One set-up of a record."""
@@ -129,7 +144,7 @@ class Setup:
         text = format_value(value, sd)
         if angle == "heading" and float(text) >= 360.0:  # rounded up to north
             text = format_value(0.0, sd)
-        return signed(text)
+        return signed(text if float(text) else text.lstrip("-"))
 
     def text_sd(self, angle: str) -> str:
         """Write its uncertainty with as many decimals; nothing where it is given exactly."""

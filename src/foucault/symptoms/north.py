@@ -72,6 +72,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "stop lasts {longest} without the {settle} to settle, at {rate} rows per second.",
      'If every row is already a mean, say over how long: [log.averaged] with column = "dwell" and '
      'unit = "s", or a column titled dwell (s). Else stop longer, or lower `shortest`.'),
+    ("north.rows_apart", "error",
+     "Rows that look like means, without how long they last",
+     "In set-up '{setup}' the index angle steps by {step} deg from row to row: rows like that are "
+     "means over stops, and nothing says how long they last.",
+     'Give a column titled dwell (s), or in a campaign file [log.averaged] with column = "dwell" '
+     'and unit = "s".'),
     ("north.setup_without", "warning",
      "Set-ups without a dwell",
      "Set-ups without a dwell of {shortest} were left out, {count} in all: {names}.",

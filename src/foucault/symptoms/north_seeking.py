@@ -42,7 +42,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "There are no readings of an accelerometer, and `level_sd` does not say how level the "
      "instrument stood: a tilt of 1 arcmin about the north axis turns the heading by 1 arcmin "
      "times the tangent of the latitude.",
-     'Write level_sd = "1 arcmin" in [procedure], or describe the accelerometer in [log.accel].'),
+     'Say how level it stood, --level-sd "1 arcmin" or level_sd in [procedure]; or give the '
+     "accelerometer, as a column titled specific force (g) or in [log.accel]."),
     ("north.tilt_unknown", "error",
      "A tilted table and no accelerometers",
      "tilt = \"each\" needs accelerometers, which the log has not.",
@@ -59,8 +60,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north.sense", "error",
      "Index angles or headings that run the other way",
      "The gyro follows the headings as in a mirror.",
-     'Headings and index angles count clockwise seen from above. Write sense = '
-     '"counter-clockwise" in [log.index], or change the sign of the headings ("-heading").'),
+     "Headings and index angles count clockwise seen from above. Correct sense in [log.index] "
+     '("clockwise" or "counter-clockwise"), the sign of the headings ("-heading"), or their unit.'),
     ("north.index_zero", "error",
      "An index zero that is not forward",
      "The sensing axis at index angle 0 is {angle} deg from where the reference headings say.",
@@ -73,7 +74,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north.scale_common", "warning",
      "Scale factors that are far off together",
      "Both scale factors of the gyro are off by {size} %, as if the latitude were {latitude} deg.",
-     "Check the latitude in [site], and unit and scale of [log.gyro]."),
+     "Check latitude and its sign in [site], unit and scale of [log.gyro], and, of a tilted table, "
+     "`reads` in [log.accel]."),
     ("north.turned", "warning",
      "Reference headings or an index zero that may be off",
      "The sensing axis at index angle 0 is {angle} deg from where the reference headings say; it "
@@ -93,7 +95,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north.noise_unknown", "error",
      "Noise that nobody knows",
      "The noise of the gyro is not declared, and there are too few readings to measure it.",
-     "Declare it: {what}. An Allan plot of the gyro at rest gives it (`foucault allan`)."),
+     "Declare it: {what}. `foucault allan` finds it in a log of the gyro at rest."),
     ("north.z_left_out", "warning",
      "A coupling that is there and was left out",
      "The tilted session shows a coupling of the rate along the axis of the base (chance gives as "
@@ -126,14 +128,14 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Set-up '{name}' stops at {stops} deg: that does not show the Earth's rate along two "
      "directions.",
      'Stop at three index angles or more, such as 0, 180, 90, 270 deg; or give a rough heading, '
-     'near = "120 deg", and for two stops that are not opposite the gyro\'s offset, '
-     'gyro_offset_sd. The rows of a set-up must follow one another.'),
+     '--near "120 deg" or near in [procedure], and for two stops that are not opposite the '
+     "gyro's offset, gyro_offset_sd. The rows of a set-up must follow one another."),
     ("north.stops_tilt", "error",
      "Stops that do not show the tilt",
      "Set-up '{name}' stops at {stops} deg: an accelerometer on the base sees the tilt in one "
      "direction only.",
-     'Say how level the case stands about the other, level_sd = "1 arcmin"; or stop at three index '
-     "angles or more."),
+     'Say how level the case stands about the other, --level-sd "1 arcmin" or level_sd in '
+     "[procedure]; or stop at three index angles or more."),
     ("north.opposite_missing", "warning",
      "A stop without its opposite",
      "In set-up '{name}' the stop at {stop} deg has no opposite one: what bias and scale do at "
@@ -155,7 +157,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north.ambiguous", "warning",
      "Two headings that fit",
      "Set-up '{name}': heading {other} deg (latitude {latitude} deg) fits as well.",
-     'Give the latitude, or roughly: latitude_sd = "1 deg"; or a rough heading, near = "120 deg".'),
+     'Give the latitude, if only roughly, with --latitude-sd "1 deg" or latitude_sd; or a rough '
+     'heading, --near "120 deg" or near.'),
     ("north.other_stops", "warning",
      "Stops that were not calibrated",
      "The calibration was made with stops at {calibrated} deg; here the base {given}.",
@@ -180,7 +183,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north.far", "warning",
      "A heading far from the rough one",
      "In set-up '{name}' the heading is {away} deg from the rough one that was given.",
-     "Check `near`, which is the heading of the forward axis, and the sense of the index angles."),
+     "Check --near, which is the heading of the forward axis, and the sense of the index angles."),
     ("north.clamped", "warning",
      "More horizontal rate than the Earth has",
      "In set-up '{name}' the rates along x and y together are {size} of the Earth's rate; the rate "
@@ -190,14 +193,14 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north.too_fast", "error",
      "More than the Earth's rate",
      "In set-up '{name}' the gyro sees {size} times the Earth's rate.",
-     "Check unit and scale of [log.gyro] (deg/s for deg/h is a factor of 3600), and that the "
-     "instrument stood still."),
+     "Check unit and scale of the gyro (deg/s for deg/h is a factor of 3600), look for a mistyped "
+     "reading, and make sure that the instrument stood still."),
     ("north.tilt", "error",
      "A tilt that is none",
      "In set-up '{name}' the accelerometers see {size} g along x and y together; up to 90 deg of "
      "tilt it is less than 1.",
-     "Check unit and scale of [log.accel]. At a tilt of 90 deg heading is not defined: turn the "
-     "instrument in its mount."),
+     "Check unit and scale of the accelerometer. At a tilt of 90 deg heading is not defined: turn "
+     "the instrument in its mount."),
     ("north.no_calibration", "note",
      "North sought without a calibration",
      "No calibration was given: errors of the gyro that repeat with the index angle count as zero, "
@@ -211,7 +214,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north.hemisphere", "note",
      "A hemisphere that was assumed",
      "Without latitude the hemisphere was taken as {hemisphere}.",
-     'Write hemisphere = "{other}" in [procedure] if it is not; it decides between two roots.'),
+     'If it is not, say so: --hemisphere {other}, or hemisphere = "{other}" in [procedure]. It '
+     "decides between two roots."),
     ("north.dwell_short", "warning",
      "Dwells too short for the wanted accuracy",
      "In set-up '{name}' the heading has a standard deviation of {sd} deg; {wanted} deg was "
