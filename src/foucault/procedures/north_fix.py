@@ -21,6 +21,7 @@ from foucault.diagnose.dwells import find_dwells, measured_noise
 from foucault.diagnose.north_causes import causes
 from foucault.diagnose.north_input import late_index, require_plausible, stops
 from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
+from foucault.diagnose.north_stops import without
 from foucault.diagnose.north_validity import contradicted, other_conditions
 from foucault.errors import Finding, error, finding
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
@@ -158,6 +159,8 @@ def find_north(
     )
     progress(0.1, "finding the dwells")
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
+    if calibration is not None:
+        dwells = without(dwells, calibration.diagnostics.get("stop_offsets") or {})
     known = _known(site, settings, dwells)
     told = (
         *log.findings,

@@ -28,6 +28,7 @@ from foucault.diagnose import north_calibration_report as shown
 from foucault.diagnose.dwells import find_dwells, measured_noise
 from foucault.diagnose.north_input import late_index, stops
 from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
+from foucault.diagnose.north_stops import spent, stop_offsets, without, words
 from foucault.errors import Finding, FoucaultError, error
 from foucault.estimate import north_calibration as estimation
 from foucault.estimate.north_calibration import Rig
@@ -211,6 +212,7 @@ class _Solution:
     estimate: Estimate
     z_test: tuple[float, float] | None
     findings: tuple[Finding, ...]
+    stop_offsets: dict[str, float]
 
 
 def _solve(
@@ -223,6 +225,9 @@ def _solve(
         drift_sd=drift_sd(dwells, trial, settings.drift, settings.drift_sd),
         index_sd=settings.index_sd, lag_sd=settings.index_lag_sd or 0.0,
     )  # fmt: skip
+    offsets, chance = stop_offsets(dwells, trial, nuisance)
+    told = words(offsets, chance)
+    dwells = without(dwells, offsets)
     pairs = reduce(dwells, trial, nuisance)
     rig = _rig(pairs, dwells, site, settings)
     if settings.z_coupling == "auto":
@@ -231,18 +236,19 @@ def _solve(
     if noise is None:
         noise, source = _noise(dwells, pairs, rig, nuisance, known, given), "from the residuals"
         pairs = reduce(dwells, noise, nuisance)
+    if offsets:
+        pairs = spent(pairs)
     problem, estimate = _fit(pairs, rig, settings.z_coupling != "no", known, given)
     evidence.require_sound(estimate)
     z_test: tuple[float, float] | None = None
-    told: tuple[Finding, ...] = ()
     if rig.tilt == "each":
         free = estimate
         if settings.z_coupling != "free":
             unknown = {k: v for k, v in given.items() if not k.startswith(Z_COUPLING)}
             free = _fit(pairs, rig, True, known, unknown)[1]
         z_test = evidence.z_significance(free)
-        told = tuple(evidence.z_findings(z_test, settings.z_coupling))
-    return _Solution(pairs, rig, noise, source, nuisance, problem, estimate, z_test, told)
+        told += tuple(evidence.z_findings(z_test, settings.z_coupling))
+    return _Solution(pairs, rig, noise, source, nuisance, problem, estimate, z_test, told, offsets)
 
 
 def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
@@ -364,6 +370,7 @@ def _result(s: _Solution, dwells: Dwells, settings: Settings, site: Site) -> Res
                 when: shown.circle_accuracy(headings[f"heading_{when}"])
                 for when in ("before", "after")
             },
+            "stop_offsets": s.stop_offsets,
             "gyro_offset": float(np.median(s.pairs.offset)),
             "drift": settings.drift if not s.nuisance.drift_sd else "estimated",
             "z_coupling": None if s.z_test is None else list(s.z_test),

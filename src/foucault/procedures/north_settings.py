@@ -175,6 +175,11 @@ class Session(BaseModel):
     offset_sd: Rate = Field(
         default=MINUTE / 60, ge=0, description="Sd of the constant offset of the gyro."
     )
+    twice_per_turn_sd: Rate = Field(
+        default=0.0, ge=0, examples=["0.01 deg/h"],
+        description="Sd of what repeats twice per turn of the base, as stops with biases of their "
+        "own do.",
+    )  # fmt: skip
     gyro_drift: Ramp = Field(default=0.0, description="Linear drift of the gyro.")
     accelerometers: Literal["base", "case", "none"] = Field(
         default="base", description="One that turns with the gyro, two fixed to the case, or none."
@@ -217,6 +222,7 @@ def simulate(
     rng = np.random.default_rng([seed, 5])
     common = settings.heading_offset_sd * float(rng.standard_normal())
     offset = session.offset_sd * float(rng.standard_normal())
+    twice = (session.twice_per_turn_sd * rng.standard_normal(2)).tolist()
     drift = session.gyro_drift
     if settings.drift_sd is not None and not drift:
         drift = settings.drift_sd * float(rng.standard_normal())
@@ -232,6 +238,7 @@ def simulate(
     errors = SeekerErrors(
         gyro_offset=offset, gyro_drift=drift, index_sd=settings.index_sd,
         heading_sd=settings.heading_sd, heading_offset=common,
+        twice_per_turn=(twice[0], twice[1]),
     )  # fmt: skip
     order = ORDERS[session.order]
     dwell = session.dwell * order.share / order.share.min()

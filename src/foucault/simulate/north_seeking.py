@@ -166,6 +166,8 @@ class SeekerErrors:
         Sd of true minus said index angle: of every stop, or of each rotation as a whole [rad].
     heading_sd : float
         Sd of said minus true reference heading of each set-up [rad].
+    twice_per_turn : tuple of float, length 2
+        What the gyro reads too much with the cosine and sine of twice the index angle [rad/s].
     heading_offset : float
         Said minus true reference heading of all set-ups [rad].
     """
@@ -176,6 +178,7 @@ class SeekerErrors:
     index_sd: float = 0.0
     heading_sd: float = 0.0
     heading_offset: float = 0.0
+    twice_per_turn: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -283,6 +286,8 @@ def simulate_north(
     force, turn = model.measure(f_n @ C_nb, w_n @ C_nb)  # v_n @ C_nb is C_bn v_n
     axis = np.einsum("nij,j->ni", exp(-table.true[:, None] * UP), FORWARD)
     gyro = np.einsum("ni,ni->n", axis, turn[table.setup])
+    twice = np.stack([np.cos(2 * table.true), np.sin(2 * table.true)], 1)
+    gyro += twice @ np.array(errors.twice_per_turn)
     gyro += errors.gyro_offset + errors.gyro_drift * table.middle
     gyro = _disturbed(gyro[:, None], noise.gyro, table, rate, rows, rng)[:, 0]
     along: FloatArray | None = None

@@ -81,6 +81,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The sensing axis at index angle 0 is {angle} deg from where the reference headings say; it "
      "was taken as an error of the instrument, and every later heading depends on it.",
      'Check where the table reads zero and what is forward: zero = "... deg" in [log.index].'),
+    ("north.stop_offsets", "note",
+     "Stops with biases of their own",
+     "At the same stops the gyro reads the same amounts too much in every set-up, {size} deg/h at "
+     "{stop} deg, beyond what looks like a rate. That cancels over these stops, and is taken off "
+     "the readings here and in later fixes.",
+     "Nothing to do; with other stops than these it would not cancel."),
     ("north.wedge", "note",
      "A bias of the accelerometers that may be a tilt",
      "The accelerometers read {bias} mg that turn with the case. It was taken as their bias; if "
