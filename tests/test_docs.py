@@ -9,9 +9,12 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from foucault import campaign, report, run_folder
+from foucault.campaign import north
+from foucault.units import parse
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -55,6 +58,24 @@ def test_campaigns_in_the_docs_load(text: str) -> None:
         if f"[{table}]" not in text:
             text += rest
     assert campaign.parse(text, "docs.toml").procedure
+
+
+def test_readings_in_the_docs_give_the_headings_they_say(tmp_path: Path) -> None:
+    page = (ROOT / "docs/procedures/north_seeking.md").read_text(encoding="utf-8")
+    (table,) = re.findall(r"```csv\n(.*?)```", page, re.S)
+    first, second, sd = re.search(
+        r"these give ([\d.]+) and ([\d.]+) deg, ([\d.]+) deg each", page
+    ).groups()  # type: ignore[union-attr]
+    file = tmp_path / "readings.csv"
+    file.write_text(table, encoding="utf-8")
+    said = north.Said(
+        {"latitude": np.radians(47.3)}, {},
+        parse("0.003 deg/sqrt(h)", "angle random walk"),
+        parse("30 ug/sqrt(Hz)", "velocity random walk"),
+    )  # fmt: skip
+    fixes = north.run(file, said).fixes
+    assert [f"{a:.2f}" for a in np.degrees(fixes.angles[:, 0])] == [first, second]
+    assert [f"{a:.2f}" for a in np.degrees(fixes.sd[:, 0])] == [sd, sd]
 
 
 REST = {

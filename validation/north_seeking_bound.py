@@ -26,9 +26,10 @@ import numpy as np
 
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import Fixes, Known, closed_form, solve, turned
+from foucault.estimate.north_seeking import Fixes, Known, closed_form, solve
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import attitude, earth_rate_b, up_b
+from foucault.models.rotation import turned
 
 G = 9.80665
 DPH = np.pi / 648000

@@ -23,11 +23,12 @@ from north_seeking_tables import (
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_calibration import calibrate_batch
-from foucault.estimate.north_seeking import Known, solve, turned
+from foucault.estimate.north_seeking import Known, solve
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_TILTED, SEEKER, Compensation, earth_rate_b, up_b
+from foucault.models.rotation import turned
 from foucault.procedures import north_seeking
 
 

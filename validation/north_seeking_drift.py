@@ -25,11 +25,12 @@ from foucault.diagnose.dwells import find_dwells
 from foucault.diagnose.north_plan import Conditions, poses, predict, readings
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Nuisance, reduce
-from foucault.estimate.north_seeking import Fixes, Known, solve, turned
+from foucault.estimate.north_seeking import Fixes, Known, solve
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.rotation import turned
 from foucault.models.session_noise import window_covariance
 from foucault.plans import north_seeking as plans
 from foucault.plans.north_choice import Task, at_time

@@ -22,10 +22,11 @@ import numpy as np
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_calibration import calibrate_batch
-from foucault.estimate.north_seeking import closed_form, compensated, turned
+from foucault.estimate.north_seeking import closed_form, compensated
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_LEVEL, SEEKER, Compensation, earth_rate_b, up_b
+from foucault.models.rotation import turned
 from foucault.procedures import north_seeking
 from foucault.tables import IndexedLog
 

@@ -6,7 +6,7 @@ input axis). Names are looked up, never parsed for meaning.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -123,6 +123,23 @@ class CoefficientVector:
             object.__setattr__(self, "free", np.ones(n, bool))
         if self.prior_sd.size == 0:
             object.__setattr__(self, "prior_sd", np.full(n, np.inf))
+
+    @classmethod
+    def prior(cls, layout: Layout, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+        """Return what is known of the coefficients of `layout` beforehand.
+
+        Parameters
+        ----------
+        layout : Layout
+            The coefficients; unknown names in `given` raise with a suggestion.
+        given : mapping of str to (float, float)
+            Mean and standard deviation of coefficients or of groups of them [SI].
+        """
+        mean, sd = np.zeros(len(layout)), np.full(len(layout), np.inf)
+        for name, (value, spread) in given.items():
+            for i in layout.group(name):
+                mean[i], sd[i] = value, spread
+        return cls(layout, mean, prior_sd=sd)
 
     @classmethod
     def zeros(cls, layout: Layout) -> CoefficientVector:

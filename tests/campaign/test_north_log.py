@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 
 import jsonschema
@@ -10,10 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from foucault import campaign, procedures, run_folder
-from foucault.campaign import study
+from foucault.campaign import north, study
 from foucault.campaign.writing import resolved
 from foucault.cli.app import app
 from foucault.cli.sessions import read_any
+from foucault.diagnose.north_noise import noise_of
 from foucault.errors import FoucaultError
 from foucault.logs.indexed_description import IndexedDescription
 
@@ -102,3 +104,31 @@ def test_commands_for_an_imu_refuse_a_north_seeker(tmp_path, capsys):
         assert "belongs to a gyro on an indexing base" in done.output
     done = invoke(app, ["fleet", str(file), "-o", out])
     assert done.exit_code == 1 and "one gyro on an indexing base" in done.output
+
+
+def test_what_a_fix_needs_of_a_calibration_survives_its_file(tmp_path):
+    text = campaign.template(NORTH).replace("# twice_per_turn_sd", "twice_per_turn_sd")
+    text = text.replace('rows = "means"', 'rows = "samples"').replace('"10 Hz"', '"1 Hz"')
+    text = re.sub(r'twice_per_turn_sd = "[^"]*"', 'twice_per_turn_sd = "1 deg/h"', text)
+    file = campaign.save_session(campaign.simulate(campaign.parse(text)), tmp_path)
+    loaded = campaign.load(file)
+    made = campaign.calibrate(loaded)
+    run_folder.save(made, tmp_path / "run", loaded.text)
+    back = run_folder.load_result(tmp_path / "run")
+    assert back.diagnostics["stop_offsets"] == made.diagnostics["stop_offsets"] != {}
+    assert noise_of(back.diagnostics["noise"]) == noise_of(made.diagnostics["noise"])
+    assert noise_of(back.diagnostics["noise"]).accel.white > 0
+    with_them = north.run(file, calibration=tmp_path / "run").pairs.chi_square[:, 0].sum()
+    without = north.run(file).pairs.chi_square[:, 0].sum()
+    assert without > 20 * with_them
+
+
+def test_a_prior_of_what_a_north_seeker_has_not_is_refused(tmp_path):
+    text = (
+        campaign.template(NORTH)
+        + '\n[prior]\n"accel.quadratic" = { mean = "0 ug/g^2", sd = "1 ug/g^2" }\n'
+    )
+    file = campaign.save_session(campaign.simulate(campaign.parse(text)), tmp_path)
+    for ask in (campaign.calibrate, north.run):
+        with pytest.raises(FoucaultError, match=r"accel\.quadratic"):
+            ask(file)

@@ -12,10 +12,11 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.north_plan import LINEAR_DRIFT, Conditions, poses, predict, readings
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Nuisance, reduce
-from foucault.estimate.north_seeking import Known, solve, turned
+from foucault.estimate.north_seeking import Known, solve
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import SEEKER, Compensation
+from foucault.models.rotation import turned
 from foucault.plans import north_seeking as plans
 from foucault.simulate.wandering import mean_noise
 

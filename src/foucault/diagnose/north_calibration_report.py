@@ -13,34 +13,13 @@ from foucault.diagnose.information import information
 from foucault.diagnose.north_calibration import leftovers
 from foucault.estimate.north_calibration import Rig, covariance_parts, tilts
 from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import Known, solve, turned
+from foucault.estimate.north_seeking import Known, solve
 from foucault.models.dwells import Dwells
-from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation
+from foucault.models.rotation import turned
 from foucault.result import Estimate, Problem
 
 FloatArray = npt.NDArray[np.float64]
-
-
-def noise_json(noise: ImuNoise, source: str) -> dict[str, Any]:
-    """Return the noise for result.json.
-
-    Parameters
-    ----------
-    noise : ImuNoise
-        Noise [SI].
-    source : str
-        Where it came from.
-    """
-    return {
-        "source": source,
-        "gyro_white": [noise.gyro.white],
-        "accel_white": [noise.accel.white],
-        "gyro_bias_instability": noise.gyro.bias_instability,
-        "gyro_correlation_time": noise.gyro.correlation_time,
-        "gyro_random_walk": noise.gyro.random_walk,
-        "gyro_quantisation": noise.gyro.quantisation,
-    }
 
 
 def _gain(problem: Problem, estimate: Estimate, scene_root: FloatArray) -> FloatArray:
@@ -52,6 +31,11 @@ def _gain(problem: Problem, estimate: Estimate, scene_root: FloatArray) -> Float
     J = at.jacobian[used].reshape(m, k, -1)
     back = np.linalg.solve(np.swapaxes(scene_root, 1, 2), J)
     return np.asarray(np.einsum("nj,mkj->nmk", estimate.state_cov[:n], back))
+
+
+def _table(estimate: Estimate, rig: Rig) -> FloatArray | None:
+    """The tilt of the table that the weights were made with."""
+    return np.asarray(estimate.state.table[:4]) if rig.tilt == "one axis" else None
 
 
 def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict[str, list[float]]:
@@ -68,7 +52,7 @@ def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict
     rig : Rig
         The turntable.
     """
-    parts = covariance_parts(pairs, rig)
+    parts = covariance_parts(pairs, rig, _table(estimate, rig))
     gain = _gain(problem, estimate, np.linalg.cholesky(np.asarray(sum(parts.values()))))
     out = {name: np.einsum("nmi,mij,nmj->n", gain, S, gain) for name, S in parts.items()}
     left = np.diag(estimate.state_cov)[: len(problem.layout)] - np.sum(list(out.values()), axis=0)
@@ -224,7 +208,9 @@ def heading_table(
     """
     left, share = leftovers(estimate, pairs)
     standard = np.where(share > 1e-6, left / np.sqrt(np.maximum(share, 1e-6)), np.nan)
-    root = np.linalg.cholesky(np.asarray(sum(covariance_parts(pairs, rig).values())))
+    root = np.linalg.cholesky(
+        np.asarray(sum(covariance_parts(pairs, rig, _table(estimate, rig)).values()))
+    )
     raw = np.einsum("mij,mj->mi", root, left)
     lean = tilts(pairs, rig.site.gravity, Compensation()) if rig.accelerometers else None
     nothing = np.full(len(pairs), np.nan)

@@ -14,9 +14,10 @@ import numpy.typing as npt
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import PLAUSIBLE, Fixes, Hemisphere, Known, solve, turned
+from foucault.estimate.north_seeking import PLAUSIBLE, Fixes, Hemisphere, Known, solve
 from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
+from foucault.models.rotation import turned
 from foucault.units import STANDARD_GRAVITY, plain
 
 FloatArray = npt.NDArray[np.float64]

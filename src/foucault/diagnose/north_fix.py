@@ -15,12 +15,12 @@ from foucault.estimate.north_seeking import (
     Fixes,
     Known,
     solve,
-    turned,
 )
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation
+from foucault.models.rotation import turned
 from foucault.result import Check, Level
 from foucault.units import plain
 
@@ -97,7 +97,7 @@ def _checks(
 ) -> tuple[Check, ...]:
     if not np.isfinite(j.fixes.angles[i]).all():
         return (_solved(j, i),)
-    out = [_solved(j, i), _sees(ratio, bool(j.fixes.clamped[i]))]
+    out = [_solved(j, i), _sees(ratio)]
     if j.noise_source != "from the residuals":
         out += [c for k in (0, 1) if (c := _scatter(j, i, k)) is not None] + shared
     elif (fitting := _fitting(j, i)) is not None:
@@ -129,7 +129,7 @@ def _solved(j: Judged, i: int) -> Check:
     return Check("solved", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
 
 
-def _sees(ratio: float, clamped: bool) -> Check:
+def _sees(ratio: float) -> Check:
     fine = ratio >= SEES
     words = f"The Earth's horizontal rate is {plain(ratio, 3)} times the uncertainty of the rates"
     if not fine:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
 
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north_reduction import UNSEEN, Pairs, turn_rate
 from foucault.estimate.north_seeking import Known, compensated
 from foucault.models.dwells import Dwells
@@ -23,6 +25,15 @@ MANY_SD = 6.0
 
 OVERLAP = 0.9
 """Means that begin within this share of the one before overlap; clocks are coarse [1]."""
+
+UNITS = ("north.index_unit", "north.gyro_unit", "north.accel_unit")
+"""Findings of the reader that a unit looks wrong."""
+
+BY_UNITS = (
+    "north.sense", "north.index_zero", "north.gyro_scale", "north.undetermined", "north.too_fast",
+    "north.tilt",
+)  # fmt: skip
+"""Errors that a wrong unit leads to."""
 
 
 def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
@@ -158,3 +169,22 @@ def require_plausible(
         if len(wrong):
             worst = int(wrong[np.argmax(length[wrong])])
             raise error(code, name=dwells.names[worst], size=f"{length[worst]:.4g}")
+
+
+@contextmanager
+def units_first(findings: tuple[Finding, ...]) -> Iterator[None]:
+    """Let a wrong unit that the reader has noticed explain what fails because of it.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        What the reader has noticed.
+    """
+    try:
+        yield
+    except FoucaultError as problem:
+        for seen in findings:
+            if problem.code in BY_UNITS and seen.code in UNITS:
+                words = f"{problem.message} {seen.message}"
+                raise FoucaultError(seen.code, words, seen.cure) from None
+        raise

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -27,16 +28,16 @@ NEARLY_FREE = 1.1
 
 
 def from_residuals(
-    dwells: Dwells, nuisance: Nuisance, more: tuple[FloatArray, FloatArray] | None = None
+    pairs: Pairs, accelerometers: bool, more: tuple[FloatArray, FloatArray] | None = None
 ) -> ImuNoise | None:
     """Measure white noise by what the fits over the index angle leave.
 
     Parameters
     ----------
-    dwells : Dwells
-        Readings [SI].
-    nuisance : Nuisance
-        What is known beforehand.
+    pairs : Pairs
+        Set-ups, reduced with the noise of `GUESS` [SI].
+    accelerometers : bool
+        Whether there are readings of specific force.
     more : (ndarray, ndarray) or None
         Further sums of squares and degrees of freedom of gyro and accelerometers, shape (2,) each,
         with the noise of `GUESS` [1].
@@ -46,18 +47,51 @@ def from_residuals(
     ImuNoise or None
         White noise of both [SI]; None where either has too few redundant readings.
     """
-    pairs = reduce(dwells, GUESS, nuisance)
     square, dof = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0).astype(float)
     if more is not None:
         square, dof = square + more[0], dof + more[1]
-    if dof[0] < FEWEST or (dwells.accel is not None and dof[1] < FEWEST):
+    if dof[0] < FEWEST or (accelerometers and dof[1] < FEWEST):
         return None
     # From few readings the noise itself is uncertain: errors over their sd are then Student's t,
     # whose variance is dof / (dof - 2).
     scale = np.sqrt(square / np.maximum(dof - 2.0, 1.0))
     accel = replace(GUESS.accel, white=GUESS.accel.white * float(scale[1]))
     gyro = replace(GUESS.gyro, white=GUESS.gyro.white * float(scale[0]))
-    return ImuNoise(accel if dwells.accel is not None else TriadNoise(), gyro)
+    return ImuNoise(accel if accelerometers else TriadNoise(), gyro)
+
+
+def noise_json(noise: ImuNoise) -> dict[str, Any]:
+    """Return the noise of a calibration for result.json.
+
+    Parameters
+    ----------
+    noise : ImuNoise
+        Noise of gyro and accelerometers [SI].
+    """
+    out: dict[str, Any] = {}
+    for name in ("gyro", "accel"):
+        parts = asdict(getattr(noise, name))
+        out |= {f"{name}_{key}": value for key, value in parts.items() if key != "white"}
+        out[f"{name}_white"] = [parts["white"]]  # as other procedures write it, axis by axis
+    return out
+
+
+def noise_of(said: Mapping[str, Any]) -> ImuNoise | None:
+    """Return the noise that `noise_json` wrote; None where there is none.
+
+    Parameters
+    ----------
+    said : mapping
+        From result.json [SI].
+    """
+    if not said.get("gyro_white"):
+        return None
+    triads = {
+        name: TriadNoise(said[f"{name}_white"][0], *(
+            said[f"{name}_{f.name}"] for f in fields(TriadNoise) if f.name != "white"))
+        for name in ("accel", "gyro")
+    }  # fmt: skip
+    return ImuNoise(**triads)
 
 
 def drift_sd(

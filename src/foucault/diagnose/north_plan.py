@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
-from foucault.estimate.north_seeking import Fixes, Known, solve, turned
+from foucault.estimate.north_seeking import Fixes, Known, solve
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation, earth_rate_b, up_b
+from foucault.models.rotation import turned
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,10 +13,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.north_validity import NEAR_STOP
 from foucault.errors import Finding, finding
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.noise import ImuNoise
+from foucault.models.rotation import turned
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,9 +27,6 @@ FEWEST = 6
 
 SIGNIFICANT = 1e-3
 """Offsets are worth a word where chance gives so much less often than this [1]."""
-
-NEAR = 2.0
-"""A stop within this of a calibrated one is the same [deg]."""
 
 
 def stop_offsets(
@@ -88,10 +87,10 @@ def without(dwells: Dwells, offsets: Mapping[str, float]) -> Dwells:
     """
     if not offsets or (dwells.turning is not None and dwells.turning.any()):
         return dwells
-    known = np.array([float(stop) for stop in offsets])
-    apart = (np.degrees(dwells.index)[:, None] - known + 180.0) % 360.0 - 180.0
+    known = np.radians([float(stop) for stop in offsets])
+    apart = turned(dwells.index[:, None] - known)
     nearest = np.abs(apart).argmin(axis=1)
-    there = np.abs(apart)[np.arange(len(dwells)), nearest] < NEAR
+    there = np.abs(apart)[np.arange(len(dwells)), nearest] < NEAR_STOP
     values = np.array(list(offsets.values()))[nearest]
     return replace(dwells, gyro=dwells.gyro - np.where(there, values, 0.0))
 

@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding, finding
-from foucault.estimate.north_seeking import Fixes, turned
+from foucault.estimate.north_seeking import Fixes
 from foucault.models.dwells import Dwells
+from foucault.models.rotation import turned
 
 FloatArray = npt.NDArray[np.float64]
 
-NEAR_STOP = 2.0
-"""Index angles that differ by less are the same stop [deg]."""
+NEAR_STOP = np.radians(2.0)
+"""Index angles that differ by less are the same stop [rad]."""
 
 WARM = 5.0
 """Temperatures within so much of those of the calibration are the same [K]."""
@@ -43,10 +44,9 @@ def other_conditions(
     """
     found = []
     calibrated = [float(a) for a in validity.get("index") or ()]
-    here = np.degrees(dwells.index) % 360.0
     if calibrated:
-        apart = np.abs((here[:, None] - np.array(calibrated) + 180.0) % 360.0 - 180.0).min(axis=1)
-        others = sorted({round(float(a)) % 360 for a in here[apart > NEAR_STOP]})
+        apart = np.abs(turned(dwells.index[:, None] - np.radians(calibrated))).min(axis=1)
+        others = sorted({round(a) % 360 for a in np.degrees(dwells.index[apart > NEAR_STOP])})
         if others:
             given = "stops at " + _list(others) + " deg" if len(others) < 24 else "turned"
             found.append(finding("north.other_stops", given=given, calibrated=_list(calibrated)))

@@ -31,6 +31,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.estimate.north_reduction import Pairs
+from foucault.estimate.north_roots import compensated, tilt_of
 from foucault.models.earth import EARTH_RATE, Site, earth_rate_n
 from foucault.models.north_seeker import (
     RATE_LEVEL,
@@ -129,11 +130,8 @@ def tilts(pairs: Pairs, gravity: float, compensation: Compensation) -> FloatArra
     compensation : Compensation
         Errors of the accelerometers.
     """
-    model = compensation.model
-    force = pairs.values[:, 2:] - model.accel_bias[:2]
-    x, y = np.linalg.solve(model.accel_matrix[:2, :2], force.T) / gravity
-    roll_arm = np.sqrt(np.maximum(1.0 - x**2 - y**2, 0.0))
-    return np.stack([np.arcsin(np.clip(y, -1, 1)), np.arctan2(-x, roll_arm)], 1)
+    _, _, x, y = compensated(pairs.values, gravity, compensation).T
+    return np.stack(tilt_of(x, y), 1)
 
 
 def build(
@@ -196,7 +194,7 @@ def build(
 
 
 def covariance_parts(
-    pairs: Pairs, rig: Rig, known: Compensation | None = None
+    pairs: Pairs, rig: Rig, table: FloatArray | None = None
 ) -> dict[str, FloatArray]:
     """Return the covariance of the numbers that are used, by source, shape (m, k, k) each [SI].
 
@@ -206,10 +204,10 @@ def covariance_parts(
         Four numbers of every set-up [SI].
     rig : Rig
         The turntable.
-    known : Compensation or None
-        Errors of the accelerometers that are not found here.
+    table : ndarray, shape (4,), or None
+        Tilt of the table, if it was found before [rad].
     """
-    return _Scene(pairs, rig, (), known or Compensation()).covariance()
+    return _Scene(pairs, rig, (), Compensation()).covariance(table)
 
 
 def fit(problem: Problem) -> Estimate:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from foucault.estimate.north_reduction import Pairs
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation, earth_rate_b
+from foucault.models.rotation import turned
 
 FloatArray = npt.NDArray[np.float64]
 Hemisphere = Literal["north", "south"]
@@ -84,11 +85,6 @@ class Known:
     level_sd: float | None = None
 
 
-def turned(angle: FloatArray) -> FloatArray:
-    """Return `angle`, shape (...) [rad], between -pi and pi."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
-
-
 def compensated(values: FloatArray, gravity: float, compensation: Compensation) -> FloatArray:
     """Return the four numbers without the errors of the instrument, shape (m, 4) [1].
 
@@ -134,7 +130,7 @@ def starts_of(
         Rate along x_b and y_b over the Earth's, 0 where it is hardly seen [1].
     """
     N, M, x, s = compensated(pairs.values, known.gravity, compensation).T
-    pitch, roll = _tilt(x, s)
+    pitch, roll = tilt_of(x, s)
     # A direction that is hardly seen leaves more than the two roots.
     cos = 1.0 if known.latitude is None else np.cos(known.latitude)
     seen = np.linalg.eigvalsh(pairs.cov[:, :2, :2])[:, 1] < (HARDLY * EARTH_RATE * cos) ** 2
@@ -154,8 +150,14 @@ def starts_of(
     return starts, horizontal
 
 
-def _tilt(x: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return pitch and roll of two components of up, made shorter than 1 where they are not."""
+def tilt_of(x: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return pitch and roll [rad] of two components of up, made shorter than 1 where they are not.
+
+    Parameters
+    ----------
+    x, s : ndarray, shape (m,)
+        Up along x_b and y_b [1].
+    """
     shorter = np.maximum(np.hypot(s, x) / 0.99999, 1.0)
     s, x = s / shorter, x / shorter
     return np.arcsin(s), np.arctan2(-x, np.sqrt(np.maximum(1 - s**2 - x**2, 0.0)))
@@ -310,7 +312,7 @@ def widen(
     N, M, x, s = compensated(pairs.values[lost], known.gravity, compensation).T
     excess = np.maximum(np.hypot(N, M), 1.0)
     W = np.sqrt(LOST * sd[lost])
-    pitch, roll = _tilt(x, s)
+    pitch, roll = tilt_of(x, s)
     ends = [_attitude_of(N / excess, M / excess, sign * W, pitch, roll) for sign in (1.0, -1.0)]
     across = np.stack([-direction[lost, 1], direction[lost, 0]], 1)
     turn = np.einsum("ni,nij,nj->n", across, pairs.cov[lost, :2, :2], across) / EARTH_RATE**2

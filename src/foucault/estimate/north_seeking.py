@@ -36,15 +36,15 @@ from foucault.estimate.north_roots import (
     best_of,
     compensated,
     starts_of,
-    turned,
     widen,
 )
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation, earth_rate_b, up_b
+from foucault.models.rotation import turned
 
 __all__ = [
     "LATITUDE", "PLAUSIBLE", "Fixes", "Hemisphere", "Known", "closed_form", "compensated",
-    "level_square", "solve", "turned",
+    "level_square", "solve",
 ]  # fmt: skip
 
 FloatArray = npt.NDArray[np.float64]

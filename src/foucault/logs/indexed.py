@@ -15,6 +15,7 @@ from foucault.files import sha256
 from foucault.logs import checks, columns
 from foucault.logs.indexed_checks import implausible
 from foucault.logs.raw import Progress, RawTable, open_raw
+from foucault.models.rotation import turned
 from foucault.tables import FloatArray, IndexedLog, IntArray
 
 if TYPE_CHECKING:
@@ -191,9 +192,9 @@ def _setups(
     if labels is not None:
         new = np.array([True, *(a != b for a, b in pairwise(labels))])
     elif heading is not None:
-        turned = ~(np.abs(_difference(heading[1:], heading[:-1])) <= SAME_HEADING)
+        moved = ~(np.abs(turned(np.diff(heading))) <= SAME_HEADING)
         unknown = np.isnan(heading)
-        new = np.append(True, turned & ~(unknown[1:] & unknown[:-1]))
+        new = np.append(True, moved & ~(unknown[1:] & unknown[:-1]))
     else:
         new = np.arange(n) == 0
     first = np.flatnonzero(new)
@@ -213,10 +214,6 @@ def _setups(
             found.append(finding("north.setup_again", **words))
         names.append(new_name)
     return np.cumsum(new) - 1, tuple(names), tuple(found)
-
-
-def _difference(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray((a - b + np.pi) % (2 * np.pi) - np.pi)
 
 
 def _timing(log: IndexedLog) -> tuple[Finding, ...]:
@@ -246,7 +243,7 @@ def _one_heading(log: IndexedLog) -> None:
     starts = np.flatnonzero(np.diff(log.setup, prepend=-1))
     for number, (lo, hi) in enumerate(pairwise([*starts, len(log)])):
         some = log.heading[lo:hi][np.isfinite(log.heading[lo:hi])]
-        change = np.abs(_difference(some, some[:1])).max(initial=0.0)
+        change = np.abs(turned(some - some[:1])).max(initial=0.0)
         if change > SAME_HEADING:
             words = {"setup": log.names[number], "change": f"{np.degrees(change):.3g}"}
             raise error("north.heading_moves", **words)

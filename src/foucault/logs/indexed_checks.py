@@ -12,14 +12,12 @@ import numpy as np
 
 from foucault.errors import Finding, finding
 from foucault.logs.layout import COUNTS
+from foucault.models.earth import EARTH_RATE
 from foucault.tables import FloatArray, IndexedLog
 from foucault.units import STANDARD_GRAVITY, factor, plain
 
 if TYPE_CHECKING:
     from foucault.logs.indexed_description import IndexedDescription
-
-EARTH = np.radians(15.041067 / 3600)
-"""The Earth's rate: the most that a north seeker has to measure [rad/s]."""
 
 RATES = ("deg/h", "deg/s", "rad/s", "mrad/s", "arcsec/s")
 """Units people log slow rates in; arcsec/s and deg/h are the same."""
@@ -72,17 +70,17 @@ def _swing(log: IndexedLog, x: FloatArray) -> tuple[float, float]:
 
 def _gyro(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     size, sd = _swing(log, log.gyro)
-    small = 0.003 * EARTH > size > 10 * sd
-    if not small and not (size > 1.5 * EARTH and size > 10 * sd):
+    small = 0.003 * EARTH_RATE > size > 10 * sd
+    if not small and not (size > 1.5 * EARTH_RATE and size > 10 * sd):
         return ()
     unit = used.gyro.unit
     likely = [
         other
         for other in RATES[:4]
         if unit not in COUNTS
-        and 0.05 * EARTH
+        and 0.05 * EARTH_RATE
         < size / used.gyro.conversion()[1][0] * factor(other, "angular rate")
-        < 1.1 * EARTH
+        < 1.1 * EARTH_RATE
     ]
     if small and not likely:  # near a pole, or a gyro that was not turned
         return ()
@@ -90,7 +88,7 @@ def _gyro(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
         cure = f'The unit is probably wrong; write unit = "{likely[0]}" in [log.gyro].'
     else:
         cure = "Check unit, scale and column in [log.gyro]."
-    rate = plain(size / EARTH * 15.041067)
+    rate = plain(np.degrees(size) * 3600)
     return (finding("north.gyro_unit", size=rate, unit=unit, cure=cure),)
 
 

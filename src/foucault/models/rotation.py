@@ -14,6 +14,11 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 
+def turned(angle: FloatArray) -> FloatArray:
+    """Return `angle`, shape (...) [rad], between -pi and pi."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
 def cross_matrix(v: FloatArray) -> FloatArray:
     """Return [v x], shape (..., 3, 3), so that ``[v x] u = v x u``.
 

@@ -288,15 +288,6 @@ def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
     return tuple(n for n in LAYOUT.names if n in names)
 
 
-def _prior(names: tuple[str, ...], given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
-    layout = LAYOUT.subset(names)
-    mean, sd = np.zeros(len(names)), np.full(len(names), np.inf)
-    for name, (value, spread) in given.items():
-        for i in layout.group(name):
-            mean[i], sd[i] = value, spread
-    return CoefficientVector(layout, mean, prior_sd=sd)
-
-
 def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNoise:
     log = data.log
     if noise is not None:
@@ -324,7 +315,7 @@ def _likelihood(
     progress: Progress,
 ) -> Result:
     names = names_of(settings, data.gyro_mean is not None)
-    prior = _prior(names, given)
+    prior = CoefficientVector.prior(LAYOUT.subset(names), given)
     loss = gauss_newton.huber if settings.loss == "robust" else gauss_newton.least_squares
     start = first_guess(data)
     assert start is not None  # check_input has solved the same equations

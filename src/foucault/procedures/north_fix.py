@@ -19,8 +19,8 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose import north_fix as evidence
 from foucault.diagnose.dwells import find_dwells, measured_noise
 from foucault.diagnose.north_causes import causes
-from foucault.diagnose.north_input import late_index, require_plausible, stops
-from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
+from foucault.diagnose.north_input import late_index, require_plausible, stops, units_first
+from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals, noise_of
 from foucault.diagnose.north_stops import without
 from foucault.diagnose.north_validity import contradicted, other_conditions
 from foucault.errors import Finding, error, finding
@@ -28,15 +28,10 @@ from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.estimate.north_seeking import Fixes, Known, level_square, solve
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER, Compensation
-from foucault.procedures.north_seeking import (
-    Progress,
-    accelerometers_before,
-    require_latitude,
-    silent,
-    units_first,
-)
+from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.north_seeking import accelerometers_before, require_latitude
 from foucault.procedures.north_settings import Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
@@ -237,16 +232,13 @@ def _noise(
     measured = measured_noise(log, dwells)
     if measured is not None:
         return measured, "measured in the dwells"
-    said = (calibration.diagnostics.get("noise") or {}) if calibration is not None else {}
-    if said.get("gyro_white"):
-        gyro = TriadNoise(
-            said["gyro_white"][0], said.get("gyro_bias_instability", 0.0),
-            said.get("gyro_correlation_time", 300.0), said.get("gyro_random_walk", 0.0),
-            said.get("gyro_quantisation", 0.0),
-        )  # fmt: skip
-        return ImuNoise(TriadNoise(said["accel_white"][0]), gyro), "of the calibration"
+    if calibration is not None:
+        found = noise_of(calibration.diagnostics.get("noise") or {})
+        if found is not None:
+            return found, "of the calibration"
     free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
-    found = from_residuals(dwells, _nuisance(settings, free))
+    pairs = reduce(dwells, GUESS, _nuisance(settings, free))
+    found = from_residuals(pairs, dwells.accel is not None)
     if found is None:
         also = ' and --accel-noise "5 ug/sqrt(Hz)"' if dwells.accel is not None else ""
         what = f'--gyro-noise "0.003 deg/sqrt(h)"{also}, or [noise] in the campaign file'
@@ -280,6 +272,8 @@ def _compensation(
             reason = next(iter(calibration.verdict.reasons), "")
             level = calibration.verdict.level.value
             told = (finding("north.calibration_doubtful", level=level, reason=reason),)
+    for key in prior:
+        SEEKER.group(key)  # raises where there is no such coefficient
     more = {
         n: prior[key]
         for n in SEEKER.names

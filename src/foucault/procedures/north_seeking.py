@@ -14,8 +14,7 @@ References
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,10 +25,10 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose import north_calibration as evidence
 from foucault.diagnose import north_calibration_report as shown
 from foucault.diagnose.dwells import find_dwells, measured_noise
-from foucault.diagnose.north_input import late_index, stops
-from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals
+from foucault.diagnose.north_input import late_index, stops, units_first
+from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals, noise_json
 from foucault.diagnose.north_stops import spent, stop_offsets, without, words
-from foucault.errors import Finding, FoucaultError, error
+from foucault.errors import Finding, error
 from foucault.estimate import north_calibration as estimation
 from foucault.estimate.north_calibration import Rig
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
@@ -40,6 +39,7 @@ from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import EQUATION, SEEKER, Compensation
+from foucault.procedures.hand_rotated import Progress, silent
 from foucault.procedures.north_settings import MOST_LATITUDE
 from foucault.procedures.north_settings import Session as Session
 from foucault.procedures.north_settings import Settings as Settings
@@ -49,7 +49,6 @@ from foucault.result import Estimate, Problem, Result, Verdict, provenance
 from foucault.tables import IndexedLog
 
 FloatArray = npt.NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
 Description = IndexedDescription
 read_log = indexed.read
@@ -84,10 +83,6 @@ def names_in(settings: Settings, session: Session) -> tuple[str, ...]:
         "each" if tilted else "one axis", session.accelerometers != "none",
         settings.z_coupling != "no",
     )  # fmt: skip
-
-
-def silent(fraction: float, words: str) -> None:
-    """Tell nobody of `fraction` [1] and `words`."""
 
 
 def calibrate(
@@ -168,25 +163,6 @@ def _require_readings(log: IndexedLog, dwells: Dwells) -> None:
         raise error("north.not_a_number", name=dwells.names[dwells.setup[np.argmin(finite)]])
 
 
-@contextmanager
-def units_first(findings: tuple[Finding, ...]) -> Iterator[None]:
-    """Let a wrong unit that the reader has noticed explain what fails because of it.
-
-    Parameters
-    ----------
-    findings : tuple of Finding
-        What the reader has noticed.
-    """
-    try:
-        yield
-    except FoucaultError as problem:
-        for seen in findings:
-            if seen.code in ("north.index_unit", "north.gyro_unit", "north.accel_unit"):
-                words = f"{problem.message} {seen.message}"
-                raise FoucaultError(seen.code, words, seen.cure) from None
-        raise
-
-
 def require_latitude(latitude: float) -> None:
     """Refuse a latitude where a gyro cannot find north.
 
@@ -229,15 +205,15 @@ def _solve(
     told = words(offsets, chance)
     dwells = without(dwells, offsets)
     pairs = reduce(dwells, trial, nuisance)
+    pairs = spent(pairs) if offsets else pairs
     rig = _rig(pairs, dwells, site, settings)
     if settings.z_coupling == "auto":
         given = dict.fromkeys(Z_COUPLING, (0.0, settings.z_coupling_sd)) | dict(given)
     source = "declared" if declared else "measured in the dwells"
     if noise is None:
-        noise, source = _noise(dwells, pairs, rig, nuisance, known, given), "from the residuals"
+        noise, source = _noise(dwells, pairs, rig, known, given), "from the residuals"
         pairs = reduce(dwells, noise, nuisance)
-    if offsets:
-        pairs = spent(pairs)
+        pairs = spent(pairs) if offsets else pairs
     problem, estimate = _fit(pairs, rig, settings.z_coupling != "no", known, given)
     evidence.require_sound(estimate)
     z_test: tuple[float, float] | None = None
@@ -286,12 +262,12 @@ def _fit(
 
 
 def _noise(
-    dwells: Dwells, pairs: Pairs, rig: Rig, nuisance: Nuisance, known: Compensation,
+    dwells: Dwells, pairs: Pairs, rig: Rig, known: Compensation,
     given: Mapping[str, tuple[float, float]],
 ) -> ImuNoise:  # fmt: skip
-    """Measure the noise by what the calibration leaves; twice, as its weights depend on it."""
+    """Measure the noise by what the calibration leaves."""
     _, estimate = _fit(pairs, rig, rig.tilt == "each", known, given)
-    found = from_residuals(dwells, nuisance, evidence.squares(estimate, pairs))
+    found = from_residuals(pairs, dwells.accel is not None, evidence.squares(estimate, pairs))
     if found is None:
         raise error("north.noise_unknown", what="[noise] in the campaign file")
     return found
@@ -300,12 +276,13 @@ def _noise(
 def _prior(
     names: tuple[str, ...], given: Mapping[str, tuple[float, float]]
 ) -> CoefficientVector | None:
-    layout = SEEKER.subset(names)
-    mean, sd = np.zeros(len(names)), np.full(len(names), np.inf)
-    for name, (value, spread) in given.items():
-        for i in [i for i, n in enumerate(names) if n == name or n.startswith(name + ".")]:
-            mean[i], sd[i] = value, spread
-    return CoefficientVector(layout, mean, prior_sd=sd) if np.isfinite(sd).any() else None
+    """Return what is known of `names`; what is given of the others does not count here."""
+    whole = CoefficientVector.prior(SEEKER, given)
+    keep = [SEEKER.index(name) for name in names]
+    sd = whole.prior_sd[keep]
+    if not np.isfinite(sd).any():
+        return None
+    return CoefficientVector(SEEKER.subset(names), whole.values[keep], prior_sd=sd)
 
 
 def accelerometers_before(
@@ -361,7 +338,7 @@ def _result(s: _Solution, dwells: Dwells, settings: Settings, site: Site) -> Res
         site=site.as_dict(),
         diagnostics={
             "iterations": s.estimate.iterations,
-            "noise": shown.noise_json(s.noise, s.source),
+            "noise": {"source": s.source} | noise_json(s.noise),
             "chi_square": evidence.chi_square(s.estimate, s.pairs),
             "budget": shown.budget(s.problem, s.estimate, s.pairs, s.rig),
             "unseen": shown.unseen(s.rig, s.estimate.coefficients.names),

@@ -151,7 +151,13 @@ def solve(
     scene = scene.tilted(belief.placement, belief.level)
     parts = covariance_parts(scene, start, noise, belief, given[0] is None)
     cov = np.asarray(sum(parts.values()))
-    problem = build(scene, names, start, cov, _prior(names, prior))
+    problem = build(
+        scene,
+        names,
+        start,
+        cov,
+        CoefficientVector.prior(LAYOUT.subset(names), prior) if prior else None,
+    )
     estimate = gauss_newton.solve(problem)
     at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
     evidence = FaceEvidence(
@@ -159,19 +165,6 @@ def solve(
         snoop(at, estimate.state_cov), given[2] is not None,
     )  # fmt: skip
     return Solution(evidence, problem, parts)
-
-
-def _prior(
-    names: tuple[str, ...], given: Mapping[str, tuple[float, float]]
-) -> CoefficientVector | None:
-    if not given:
-        return None
-    layout = LAYOUT.subset(names)
-    mean, sd = np.zeros(len(names)), np.full(len(names), np.inf)
-    for name, (value, spread) in given.items():
-        for i in layout.group(name):
-            mean[i], sd[i] = value, spread
-    return CoefficientVector(layout, mean, prior_sd=sd)
 
 
 def result_of(

@@ -225,7 +225,7 @@ def from_readings(
         # Rests and spins are minutes apart: with noise that is only measured, the bias may have
         # moved by more than it says.
         offset=spins and rests > 0 and at_rest and not readings.declared,
-        prior=_prior(names, prior or {}),
+        prior=CoefficientVector.prior(LAYOUT.subset(names), prior) if prior else None,
         rate_sd=task.settings.rate_sd,
         robust=task.settings.loss == "robust",
         repeatability=task.repeatability,
@@ -287,19 +287,6 @@ def _rough_up(readings: Readings) -> FloatArray:
         return up_k(readings.angles)
     assert readings.accel is not None
     return np.asarray(readings.accel / np.linalg.norm(readings.accel, axis=1, keepdims=True))
-
-
-def _prior(
-    names: tuple[str, ...], given: Mapping[str, tuple[float, float]]
-) -> CoefficientVector | None:
-    if not given:
-        return None
-    layout = LAYOUT.subset(names)
-    mean, sd = np.zeros(len(names)), np.full(len(names), np.inf)
-    for name, (value, spread) in given.items():
-        for i in layout.group(name):
-            mean[i], sd[i] = value, spread
-    return CoefficientVector(layout, mean, prior_sd=sd)
 
 
 def _result(

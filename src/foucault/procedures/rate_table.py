@@ -172,19 +172,6 @@ def from_readings(
     return _result(readings, settings, site, evidence, found)
 
 
-def _prior(
-    names: tuple[str, ...], given: Mapping[str, tuple[float, float]]
-) -> CoefficientVector | None:
-    if not given:
-        return None
-    layout = LAYOUT.subset(names)
-    mean, sd = np.zeros(len(names)), np.full(len(names), np.inf)
-    for name, (value, spread) in given.items():
-        for i in layout.group(name):
-            mean[i], sd[i] = value, spread
-    return CoefficientVector(layout, mean, prior_sd=sd)
-
-
 def _evidence(
     readings: Readings,
     steps: Steps,
@@ -193,7 +180,7 @@ def _evidence(
     given: Mapping[str, tuple[float, float]],
 ) -> RateEvidence:
     names = names_of(settings)
-    prior = _prior(names, given)
+    prior = CoefficientVector.prior(LAYOUT.subset(names), given) if given else None
     trust = Trust(settings.table_rate_sd, settings.rate_sd, settings.fixture_sd, site.latitude)
     require_determined(steps, names, build(steps, names, trust, prior))
     robust = settings.loss == "robust"
