@@ -269,3 +269,225 @@ def four_position_heading(
     cf = (M - st * sl) / (ct * cl)
     sf = (sg * (st * M - sl) - N * ct) / (cl * cg * ct)
     return np.arctan2(sf, cf) % (2 * np.pi), np.arcsin(sl) * np.ones_like(M)
+
+
+# -- a torqued cluster -------------------------------------------------------------------------
+
+
+def cluster_exponential(model, g, C_pn, command, noise, w_n, dt) -> FloatArray:
+    """Attitudes (n + 1, 3, 3): one rotation per interval, from the rate at its middle."""
+    Ti, out = np.linalg.inv(model.input_axes), [C_pn]
+    for c, n in zip(command, noise, strict=True):
+        C = out[-1]
+        middle = C
+        for _ in range(4):  # the rate in the middle by the attitude there
+            turning = model.rate(c, g * middle[:, 2]) - middle @ w_n
+            middle = expm(-cross(turning * dt / 2)) @ C
+        w = model.rate(c, g * middle[:, 2]) + Ti @ n
+        out.append(expm(-cross(w * dt)) @ C @ expm(cross(w_n * dt)))
+    return np.array(out)
+
+
+def cluster_angles(model, g, angles, command, noise, w_n, dt) -> tuple[FloatArray, FloatArray]:
+    """Angles (3,) at the end and attitudes (n, 3, 3): classical Runge-Kutta; noise (n, m, 3)."""
+    from foucault.models.cluster import angle_rates, attitude_of
+
+    Ti, h, out = np.linalg.inv(model.input_axes), dt / noise.shape[1], []
+
+    def slope(a: FloatArray, c: FloatArray, n: FloatArray) -> FloatArray:
+        C = attitude_of(a)
+        return angle_rates(a) @ (model.rate(c, g * C[:, 2]) + Ti @ n - C @ w_n)
+
+    for c, block in zip(command, noise, strict=True):
+        for n in block:
+            k1 = slope(angles, c, n)
+            k2 = slope(angles + h / 2 * k1, c, n)
+            k3 = slope(angles + h / 2 * k2, c, n)
+            k4 = slope(angles + h * k3, c, n)
+            angles = angles + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        out.append(attitude_of(angles))
+    return angles, np.array(out)
+
+
+def cluster_readings(model, g, C_pn, command, turn, arms, phase) -> FloatArray:
+    """Accelerometers (n, 3) [m/s^2] part of the way from one attitude to the next."""
+    from foucault.models.rotation import log
+
+    out = []
+    for k, c in enumerate(command):
+        f = expm(cross(phase * log(C_pn[k + 1] @ C_pn[k].T))) @ C_pn[k, :, 2] * g
+        out.append(model.read(f, model.rate(c, f), arms, turn[k]))
+    return np.array(out)
+
+
+# -- the published filter of a torqued cluster -------------------------------------------------
+
+
+def slope(function, x, step: float = 1.0) -> FloatArray:
+    """Derivative by central differences: exact, at any step, where `function` is quadratic."""
+    ends = [(function(x + step * e), function(x - step * e)) for e in np.eye(len(x))]
+    return np.stack([(up - down) / (2 * step) for up, down in ends], axis=-1)
+
+
+def packed_model(theta: FloatArray):
+    """The model whose packed constants are theta: that of a place where gravity is 1 m/s^2."""
+    from foucault.coefficients import CoefficientVector
+    from foucault.models.cluster import CONSTANTS, ClusterModel
+
+    return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, theta))
+
+
+def published_rate(theta, c, f, full) -> FloatArray:
+    """Rate under the command c; without `full`, the drift is not referred to the input axes."""
+    model = packed_model(theta)
+    if full:
+        return model.rate(c, f)
+    still = model.drift_rate(f)
+    return np.linalg.solve(model.input_axes, (1 + model.torquer_scale) * c) + still
+
+
+def published_rate_slopes(theta, c, f, full) -> tuple[FloatArray, FloatArray]:
+    """d rate / d f (3, 3) and d rate / d theta (3, 42).
+
+    Drift is quadratic in f and in each misalignment, and linear in everything else.
+    """
+    model = packed_model(theta)
+    Ti = np.linalg.inv(model.input_axes)
+    M = Ti if full else np.eye(3)
+    by_f = M @ slope(model.drift_rate, f)
+    by_theta = M @ slope(lambda x: packed_model(x).drift_rate(f), theta)
+    torqued = model.rate(c, f) if full else Ti @ ((1 + model.torquer_scale) * c)
+    by_theta += Ti @ slope(lambda x: packed_model(x).torquer_scale * c, theta)
+    by_theta -= Ti @ slope(lambda x: packed_model(x).input_axes @ torqued, theta)
+    return by_f, by_theta
+
+
+def published_step(theta, C_pn, c, h, w_n, full):
+    """Attitude, rate, and Phi (3, 3), Phi_t (3, 42) of a rotation of p over one interval."""
+    f = C_pn[:, 2] + h / 2 * np.cross(C_pn[:, 2], c)
+    w = published_rate(theta, c, f, full)
+    by_f, by_theta = published_rate_slopes(theta, c, f, full)
+    half = expm(-cross(w * h / 2))
+    Phi = half @ (np.eye(3) + by_f @ cross(f) * h) @ half
+    return expm(-cross(w * h)) @ C_pn @ expm(cross(w_n * h)), w, Phi, half @ by_theta * h
+
+
+def published_look(theta, f, w, arms, g):
+    """Predicted readings, and their slopes by a rotation of p (3, 3) and by theta (3, 42)."""
+
+    def said(x, force):
+        return packed_model(x).read(force, w, arms / g)
+
+    by_theta = slope(lambda x: said(x, f), theta)
+    return said(theta, f), slope(lambda v: said(theta, v), f) @ cross(f), by_theta
+
+
+def published_filter(log, x, P, w_n, q, arms, g, full=True, iterations=1):
+    """Extended Kalman filter of 42 constants and three angles, dense; log: rows (h, c, z, R).
+
+    Returns states (n, 45), covariances (n, 45, 45) and normalised innovations squared (n,).
+    """
+    from foucault.models.cluster import angle_rates, angles_of, attitude_of
+
+    states, covs, nis = [], [], []
+    for h, c, z, R in log:
+        theta, chart = x[:42], angle_rates(x[42:])
+        C_pn, w, Phi_pp, Phi_pt = published_step(theta, attitude_of(x[42:]), c, h, w_n, full)
+        x = np.concatenate([theta, angles_of(C_pn)])
+        T = angle_rates(x[42:])
+        Phi, Q = np.eye(45), np.zeros((45, 45))
+        Phi[42:, 42:], Phi[42:, :42] = T @ Phi_pp @ np.linalg.inv(chart), T @ Phi_pt
+        Q[42:, 42:] = T @ T.T * q * h
+        P = Phi @ P @ Phi.T + Q
+        prior = x
+        for _ in range(iterations if not states else 1):
+            said, by_phi, by_theta = published_look(x[:42], attitude_of(x[42:])[:, 2], w, arms, g)
+            H = np.hstack([by_theta, by_phi @ np.linalg.inv(angle_rates(x[42:]))])
+            S = H @ P @ H.T + np.diag(R)
+            nu = z - said - H @ (prior - x)
+            K = np.linalg.solve(S, H @ P).T
+            x = prior + K @ nu
+        P = P - K @ S @ K.T
+        states.append(x)
+        covs.append(P)
+        nis.append(nu @ np.linalg.solve(S, nu))
+    return np.array(states), np.array(covs), np.array(nis)
+
+
+def misalignment_filter(log, start, P, w_n, q, arms, g, fed_back):
+    """The same with a rotation of p that is never fed back; the constants are where `fed_back`."""
+    from foucault.models.cluster import attitude_of
+
+    theta, C_pn, error, nis = start[:42].copy(), attitude_of(start[42:]), np.zeros(45), []
+    for h, c, z, R in log:
+        C_pn, w, Phi_pp, Phi_pt = published_step(theta, C_pn, c, h, w_n, True)
+        Phi, Q = np.eye(45), np.zeros((45, 45))
+        Phi[42:, 42:], Phi[42:, :42] = Phi_pp, Phi_pt
+        Q[42:, 42:] = np.eye(3) * q * h
+        P, error = Phi @ P @ Phi.T + Q, Phi @ error
+        said, by_phi, by_theta = published_look(theta, C_pn[:, 2], w, arms, g)
+        H = np.hstack([by_theta, by_phi])
+        S = H @ P @ H.T + np.diag(R)
+        nu = z - said - H @ error
+        error = error + P @ H.T @ np.linalg.solve(S, nu)
+        P = P - P @ H.T @ np.linalg.solve(S, H @ P)
+        nis.append(nu @ np.linalg.solve(S, nu))
+        if fed_back:
+            theta, error[:42] = theta + error[:42], 0.0
+    return theta + error[:42], expm(-cross(error[42:])) @ C_pn, P, np.array(nis)
+
+
+def cluster_error_filter(model, g, C_pn, dt, command, reading, w_n, q, r, arms, sd):
+    """The linearised filter of a cluster, dense: 45 states x = (dphi in p, packed constants).
+
+    Truth ahead of the trajectory of `model` from C_pn, C_true = Exp(-dphi) C_pn. Slopes are central
+    differences of the model, the transition is a matrix exponential. Returns x, P and C_pn at the
+    end; reading and r in local g.
+    """
+    from foucault.coefficients import CoefficientVector
+    from foucault.models.cluster import CONSTANTS, ClusterModel, normalised
+
+    theta = model.packed(g)
+
+    def cluster(packed: FloatArray):
+        vector = CoefficientVector(CONSTANTS, packed / normalised(g))
+        return ClusterModel.from_coefficients(vector)
+
+    def slopes(function) -> FloatArray:
+        out, step = [], 1e-5
+        for k in range(45):
+            d = np.zeros(45)
+            d[k] = step
+            out.append((function(d) - function(-d)) / (2 * step))
+        return np.column_stack(out)
+
+    x, P = np.zeros(45), np.diag(np.asarray(sd) ** 2)
+    P[:3, :3] = C_pn @ P[:3, :3] @ C_pn.T
+    Ti = np.linalg.inv(model.input_axes)
+    for h, c, z in zip(dt, command, reading, strict=True):
+        path = cluster_exponential(model, g, C_pn, c[None], np.zeros((1, 3)), w_n, h)
+        w = model.rate(c, g * C_pn[:, 2])
+        middle = expm(-cross((w - C_pn @ w_n) * h / 2)) @ C_pn
+
+        def rate(d, C=middle, c=c):
+            return cluster(theta + d[3:]).rate(c, g * (expm(-cross(d[:3])) @ C)[:, 2])
+
+        def read(d, C=path[-1], c=c):
+            f = g * (expm(-cross(d[:3])) @ C)[:, 2]
+            return cluster(theta + d[3:]).read(f, model.rate(c, g * C[:, 2]), arms) / g
+
+        F = np.zeros((45, 45))
+        F[:3] = slopes(rate)
+        F[:3, :3] -= cross(rate(np.zeros(45)))
+        Phi = expm(F * h)
+        half = expm(F[:3, :3] * h / 2)
+        P = Phi @ P @ Phi.T
+        P[:3, :3] += q * h * half @ Ti @ Ti.T @ half.T
+        x, C_pn = Phi @ x, path[-1]
+        H = slopes(read)
+        S = H @ P @ H.T + r * np.eye(3)
+        K = np.linalg.solve(S, H @ P).T
+        x = x + K @ (z - read(np.zeros(45)) - H @ x)
+        A = np.eye(45) - K @ H
+        P = A @ P @ A.T + r * K @ K.T
+    return x, P, C_pn

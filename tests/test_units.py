@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from foucault import units
 from foucault.errors import FoucaultError
@@ -30,6 +30,7 @@ BY_HAND = [
     ("1 deg/s/sqrt(Hz)", "angle random walk", DEG),
     ("1 deg/h/sqrt(h)", "rate random walk", DEG / 3600 / 60),
     ("1 deg/h/g", "g-sensitivity", DEG / 3600 / G),
+    ("1 deg/h/g^2", "g-squared sensitivity", DEG / 3600 / G**2),
     ("50 ug", "specific force", 50e-6 * G),
     ("50 µg", "specific force", 50e-6 * G),
     ("2 mg", "specific force", 2e-3 * G),
@@ -180,6 +181,20 @@ def test_pydantic_field_holds_si_and_a_number_from_python_is_si() -> None:
     for wrong in (True, None, "100", [100.0]):
         with pytest.raises(FoucaultError, match=r"rate: .* has no unit"):
             _Settings.model_validate({"rate": wrong})
+
+
+class _Bounded(BaseModel):
+    rate: Annotated[float, units.Quantity("frequency")] = Field(default=1.0, gt=0, le=100.0)
+
+
+@pytest.mark.parametrize("context", [None, {"locate": True}])
+@pytest.mark.parametrize(
+    ("text", "reason"), [("0 Hz", "greater than 0"), ("1 kHz", "equal to 100")]
+)
+def test_bounds_of_a_quantity_hold(text: str, reason: str, context: dict[str, bool] | None) -> None:
+    assert _Bounded.model_validate({"rate": "0.1 kHz"}, context=context).rate == 100.0
+    with pytest.raises(ValidationError, match=reason):
+        _Bounded.model_validate({"rate": text}, context=context)
 
 
 def test_a_bare_number_in_a_file_is_refused() -> None:

@@ -17,14 +17,18 @@ import numpy as np
 
 from foucault.kernels import kernel
 
+# Series of sin(a) / a and (1 - cos(a)) / a^2 in a^2: a division costs more than the rest.
+S3, S5, S7, S9 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
+C4, C6, C8 = -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40320.0
+
 
 @kernel
 def multiply_exp(C, px, py, pz):
     """Replace C by ``C Exp(p)``, in place; Rodrigues' formula."""
     a2 = px * px + py * py + pz * pz
-    if a2 < 1e-8:  # series, exact to rounding at this size
-        s = 1.0 - a2 / 6.0 * (1.0 - a2 / 20.0)
-        c = 0.5 - a2 / 24.0 * (1.0 - a2 / 30.0)
+    if a2 < 1e-3:  # series, exact to rounding at this size, below 1.8 deg
+        s = 1.0 + a2 * (S3 + a2 * (S5 + a2 * (S7 + a2 * S9)))
+        c = 0.5 + a2 * (C4 + a2 * (C6 + a2 * C8))
     else:
         a = math.sqrt(a2)
         s = math.sin(a) / a
