@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.errors import error
 from foucault.estimate import gauss_newton
 from foucault.result import Linearised
 
@@ -29,6 +30,42 @@ FloatArray = npt.NDArray[np.float64]
 
 INVISIBLE = 1e-9
 """A scaled singular value below this is zero: the combination is not seen at all [1]."""
+
+UNTOUCHED = 1e-6
+"""A share in the unseen directions below this is rounding: the coefficient is seen [1]."""
+
+
+def largest_shares(layout: Layout, direction: FloatArray, most: int = 4) -> dict[str, float]:
+    """Return the largest shares of a direction by name, the largest first and positive.
+
+    Parameters
+    ----------
+    layout : Layout
+        The coefficients.
+    direction : ndarray, shape (n,)
+        A direction of length 1 in their space [1].
+    most : int, shape ()
+        Largest number of names [1].
+    """
+    largest = np.argsort(-np.abs(direction), kind="stable")[:most].tolist()
+    lead = float(np.sign(direction[largest[0]]))
+    return {layout.names[i]: lead * float(direction[i]) for i in largest if abs(direction[i]) > 0.2}
+
+
+def terms(shares: dict[str, float], *, dots: bool = False) -> str:
+    """Return a direction in words, such as ``+0.71 a -0.71 b``.
+
+    Parameters
+    ----------
+    shares : dict of str to float
+        Coefficient -> share [1].
+    dots : bool
+        Whether dots stand for the shares that are left out.
+    """
+    words = [f"{share:+.2f} {name}" for name, share in shares.items()]
+    # What is left of the length 1; a thousandth of a prior is not worth a mark.
+    rest = 1.0 - sum(share**2 for share in shares.values())
+    return " ".join([*words, "..."] if dots and rest > 1e-3**2 else words)
 
 
 @dataclass(frozen=True)
@@ -50,10 +87,32 @@ class Combination:
     @property
     def words(self) -> str:
         """The combination in words."""
-        terms = " ".join(f"{share:+.2f} {name}" for name, share in self.shares.items())
         if not np.isfinite(self.factor):
-            return f"{terms}: not seen at all"
-        return f"{terms}: {self.factor:.1f} times less certain together than each alone"
+            return f"{terms(self.shares, dots=True)}: not seen at all"
+        return (
+            f"{terms(self.shares)}: {self.factor:.1f} times less certain together than each alone"
+        )
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """A direction in the space of the coefficients, and how uncertain it remains.
+
+    Attributes
+    ----------
+    ratio : float
+        Standard deviation along it after the data over that before, 0 to 1 [1].
+    shares : dict of str to float
+        Coefficient -> share in the direction, each in units of its prior [1].
+    """
+
+    ratio: float
+    shares: dict[str, float]
+
+    @property
+    def words(self) -> str:
+        """The direction in words."""
+        return f"{terms(self.shares)}: known to {self.ratio:.2g} of the prior"
 
 
 @dataclass(frozen=True)
@@ -98,7 +157,7 @@ class Information:
         s, Vt, seen = self._svd
         half = Vt[seen] / s[seen, None] / self._scale
         out = np.asarray(half.T @ half)
-        blind = np.flatnonzero((np.abs(Vt[~seen]) > 1e-6).any(axis=0))
+        blind = np.flatnonzero((np.abs(Vt[~seen]) > UNTOUCHED).any(axis=0))
         out[blind, :] = out[:, blind] = 0.0
         out[blind, blind] = np.inf
         return out
@@ -129,15 +188,57 @@ class Information:
             factor = 1.0 / float(value) if seen else float("inf")
             if len(out) == most or factor < worth:
                 break
-            largest = np.argsort(-np.abs(direction))[:4].tolist()
-            lead = float(np.sign(direction[largest[0]]))
-            shares = {
-                self.layout.names[i]: lead * float(direction[i])
-                for i in largest
-                if abs(direction[i]) > 0.2
-            }
-            out.append(Combination(factor, shares))
+            out.append(Combination(factor, largest_shares(self.layout, direction)))
         return tuple(out)
+
+    def with_prior(self, prior_sd: FloatArray) -> Information:
+        """Return the information of data and prior together.
+
+        Parameters
+        ----------
+        prior_sd : ndarray, shape (n,)
+            Standard deviation of the prior, infinite where there is none [unit].
+        """
+        sd = proper_prior(self.layout, prior_sd, finite=False)
+        rows = np.vstack([self.root, np.diag(1.0 / sd)])
+        return Information(self.layout, np.asarray(np.linalg.qr(rows, mode="r")))
+
+    def remaining(self, prior_sd: FloatArray, most: int = 3) -> tuple[Remaining, ...]:
+        """Return the directions that remain most uncertain after data and prior, worst first.
+
+        With the prior as unit the covariance after the data is ``(I + S' S)^-1``, S the scaled
+        root: along a right singular vector the standard deviation is ``1 / sqrt(1 + s^2)``.
+
+        Parameters
+        ----------
+        prior_sd : ndarray, shape (n,)
+            Standard deviation of the prior, finite [unit].
+        most : int, shape ()
+            Largest number of directions [1].
+        """
+        sd = proper_prior(self.layout, prior_sd)
+        _, s, Vt = np.linalg.svd(self.root * sd)
+        return tuple(
+            Remaining(float(1 / np.hypot(1.0, s[k])), largest_shares(self.layout, Vt[k]))
+            for k in range(len(s) - 1, max(len(s) - 1 - most, -1), -1)
+        )
+
+    def correlated(self, limit: float = 0.9) -> tuple[tuple[str, str, float], ...]:
+        """Return the pairs whose errors are correlated beyond `limit`, strongest first.
+
+        Parameters
+        ----------
+        limit : float
+            Smallest absolute correlation [1].
+        """
+        rho, names = self.correlation(), self.layout.names
+        first, second = np.triu_indices(len(names), 1)
+        strong = np.argsort(-np.abs(rho[first, second]), kind="stable")
+        return tuple(
+            (names[i], names[j], float(rho[i, j]))
+            for i, j in zip(first[strong].tolist(), second[strong].tolist(), strict=True)
+            if abs(rho[i, j]) >= limit
+        )
 
     def distance(self, estimate: CoefficientVector) -> FloatArray:
         """Return the standard deviation of an estimate over the bound, shape (n,) [1].
@@ -148,6 +249,36 @@ class Information:
             With covariance; the same coefficients in the same order.
         """
         return np.asarray(estimate.sd / self.sd)
+
+
+def proper_prior(layout: Layout, prior_sd: FloatArray, *, finite: bool = True) -> FloatArray:
+    """Return the standard deviations of a prior, or refuse them.
+
+    Parameters
+    ----------
+    layout : Layout
+        The coefficients.
+    prior_sd : ndarray, shape (n,)
+        Standard deviation of each before any data [SI unit].
+    finite : bool
+        Whether they are to serve as units: infinite ones are refused too.
+
+    Raises
+    ------
+    FoucaultError
+        One is missing, zero, negative or not finite.
+    """
+    sd = np.atleast_1d(np.asarray(prior_sd, float))
+    if sd.shape != (len(layout),):
+        raise error("observability.prior", names=f"{len(layout)} states", given=f"{sd.size} given")
+    wrong = np.flatnonzero(~((sd > 0) & (np.isfinite(sd) | (not finite))))
+    if len(wrong):
+        raise error(
+            "observability.prior",
+            names=", ".join(layout.names[i] for i in wrong),
+            given=", ".join(f"{sd[i]:g}" for i in wrong),
+        )
+    return sd
 
 
 def information(at: Linearised, layout: Layout) -> Information:
