@@ -1,0 +1,139 @@
+"""The log of a tumble as the kernels take it, what is wanted of it, and what is known beforehand.
+
+Local gravity is 1 in all of it, and n is East-North-Up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.rotation import exp, log, right_jacobian_inverse
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+STATES = 46
+"""Attitude at the start 3, constants 42, delay 1."""
+
+DELAY_UNIT = 0.01
+"""A delay that is not estimated is tested in units of this [s]."""
+
+
+@dataclass(frozen=True)
+class Tumble:
+    """A log of a torqued cluster, ready for the kernels: local gravity is 1.
+
+    Attributes
+    ----------
+    dt : ndarray, shape (n,)
+        Length of the intervals [s].
+    command : ndarray, shape (n, 3)
+        Rate commanded during each [rad/s].
+    reading : ndarray, shape (n, 3)
+        Of the accelerometers, at the end of each or its mean over each [local g].
+    used : ndarray of bool, shape (n,)
+        Which readings count.
+    w_ie_n : ndarray, shape (3,)
+        The Earth's rate in n [rad/s].
+    gravity : float
+        Local gravity [m/s^2].
+    gyro_psd : float
+        White noise of the gyros [rad^2/s].
+    accel_variance : float
+        Variance of one reading [local g^2].
+    arms : ndarray, shape (3, 3)
+        Positions of the accelerometers in its rows, frame p [m].
+    mean : bool
+        Whether readings are means over the interval.
+    block : int, shape ()
+        So many readings are averaged to one residual [1].
+    """
+
+    dt: FloatArray
+    command: FloatArray
+    reading: FloatArray
+    used: npt.NDArray[np.bool_]
+    w_ie_n: FloatArray
+    gravity: float
+    gyro_psd: float
+    accel_variance: float
+    arms: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    mean: bool = False
+    block: int = 1
+
+
+@dataclass(frozen=True)
+class State:
+    """What is wanted of a tumble.
+
+    Attributes
+    ----------
+    C_np : ndarray, shape (3, 3)
+        Attitude at the start [1].
+    constants : ndarray, shape (42,)
+        In the order of `models.cluster.CONSTANTS` and packed: local gravity is 1.
+    delay : float
+        Of the readings against the command [s].
+    """
+
+    C_np: FloatArray
+    constants: FloatArray
+    delay: float = 0.0
+
+    def moved(self, x: FloatArray) -> State:
+        """Return the state after a step.
+
+        Parameters
+        ----------
+        x : ndarray, shape (46,)
+            Rotation in n [rad], constants [packed], delay [s].
+        """
+        return State(exp(x[:3]) @ self.C_np, self.constants + x[3:45], self.delay + float(x[45]))
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of it beforehand.
+
+    Attributes
+    ----------
+    mean : State
+        Its mean.
+    sd : ndarray, shape (46,)
+        Standard deviations: of the attitude at the start about East, North, Up [rad], of the
+        constants [packed], of the delay [s]; zero holds a value.
+    """
+
+    mean: State
+    sd: FloatArray
+
+    @property
+    def unit(self) -> FloatArray:
+        """What the entries of a step are in units of, shape (46,)."""
+        return np.where(self.sd > 0, self.sd, DELAY_UNIT)
+
+    @property
+    def sought(self) -> IntArray:
+        """Entries that are estimated."""
+        return np.flatnonzero(self.sd > 0)
+
+    def rows(self, at: State) -> tuple[FloatArray, FloatArray]:
+        """Return the white residuals, shape (46,), and their slopes by x / sd, shape (46, 46).
+
+        Parameters
+        ----------
+        at : State
+            Where.
+        """
+        safe = np.where(self.sd > 0, self.sd, 1.0)
+        phi = log(at.C_np @ self.mean.C_np.T)
+        slope = np.eye(STATES)
+        left = right_jacobian_inverse(phi).T  # Log(Exp(x) Exp(phi)) = phi + left x
+        slope[:3, :3] = left * self.sd[:3] / safe[:3, None]
+        ahead = np.concatenate(
+            [phi, at.constants - self.mean.constants, [at.delay - self.mean.delay]]
+        )
+        return np.where(self.sd > 0, -ahead / safe, 0.0), slope

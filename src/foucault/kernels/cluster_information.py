@@ -1,0 +1,396 @@
+"""What a log of a torqued cluster says about its constants: one linearised pass, in two stages.
+
+The attitude error of a reference trajectory is a rotation vector psi, resolved in the axes i that n
+has at the start: ``C_ip_true = Exp(psi) C_ip``. Only psi moves::
+
+    psi' = A (E [f x] C_pi psi + G theta + noise),   A = C_ip T^-1
+    r    = H psi + J theta + noise,                  H = s (axis x f)' C_pi
+
+with psi = xi + Y x: x are the constants (the start attitude psi_0 among them, all in units of their
+prior sd), xi is what gyro noise adds. A Kalman filter of the three entries of xi whitens the
+residuals; the same gain acts on the sensitivities Y (stage one), and the whitened rows
+``[S | residual]`` are summed to their Gram matrix in blocks (stage two). It is the linearised
+45-state filter, rearranged: no 45 x 45 covariance is carried, nothing can lose its sign.
+
+Columns: 0-2 psi_0, 3-44 the constants in the order of `kernels.cluster`, 45 the delay of the
+readings, 46 empty, 47 the residual.
+"""
+
+import math
+
+import numpy as np
+
+from foucault.kernels import kernel, reduction
+from foucault.kernels.cluster import actual_rate, inputs, inverse_input_axes
+from foucault.kernels.cluster_slopes import COLUMNS as COLUMNS
+from foucault.kernels.cluster_slopes import RESIDUAL as RESIDUAL
+from foucault.kernels.cluster_slopes import TI, F, H, K, L, P, S, Y, look, move
+from foucault.kernels.rotation import C4, C6, S3, S5, multiply_exp
+
+# Rows of the workspace of vectors (7, 3): up in i, specific force now and one interval ago, rate,
+# what p turns by beside its command, its turn since the last epoch, sum of the misses.
+UP, FORCE, BEFORE, RATE, BESIDE, TURNED, MISSED = 0, 1, 2, 3, 4, 5, 6
+
+# Few arrays are handed on: each costs seven words in a call that is not inlined.
+
+
+@kernel
+def _earth_turns(v, w_in, h):
+    """Turn `up` by the Earth's rotation vector w h."""
+    ax = w_in[0] * h
+    ay = w_in[1] * h
+    az = w_in[2] * h
+    a2 = ax * ax + ay * ay + az * az
+    s = 1.0 + a2 * (S3 + a2 * S5)
+    c = 0.5 + a2 * (C4 + a2 * C6)
+    x = v[UP, 0]
+    y = v[UP, 1]
+    z = v[UP, 2]
+    bx = ay * z - az * y
+    by = az * x - ax * z
+    bz = ax * y - ay * x
+    v[UP, 0] = x + s * bx + c * (ay * bz - az * by)
+    v[UP, 1] = y + s * by + c * (az * bx - ax * bz)
+    v[UP, 2] = z + s * bz + c * (ax * by - ay * bx)
+
+
+@kernel
+def _rotated(C, x, y, z):
+    """Return ``C' (x, y, z)``."""
+    return (
+        C[0, 0] * x + C[1, 0] * y + C[2, 0] * z,
+        C[0, 1] * x + C[1, 1] * y + C[2, 1] * z,
+        C[0, 2] * x + C[1, 2] * y + C[2, 2] * z,
+    )
+
+
+@kernel
+def _advance(here, v, theta, Ti, cx, cy, cz, w_in, h):
+    """Turn p through one interval under the command c."""
+    fx, fy, fz = v[FORCE, 0], v[FORCE, 1], v[FORCE, 2]
+    # Specific force in the middle, to second order, by the rate of p relative to n.
+    ex, ey, ez = _rotated(here, w_in[0], w_in[1], w_in[2])
+    sx = 0.5 * h * (cx + v[BESIDE, 0] - ex)
+    sy = 0.5 * h * (cy + v[BESIDE, 1] - ey)
+    sz = 0.5 * h * (cz + v[BESIDE, 2] - ez)
+    ax = fy * sz - fz * sy
+    ay = fz * sx - fx * sz
+    az = fx * sy - fy * sx
+    mx = fx + ax + 0.5 * (ay * sz - az * sy)
+    my = fy + ay + 0.5 * (az * sx - ax * sz)
+    mz = fz + az + 0.5 * (ax * sy - ay * sx)
+    wx, wy, wz = actual_rate(theta, Ti, cx, cy, cz, mx, my, mz)
+    v[BESIDE, 0] = wx - cx  # hardly another one interval later
+    v[BESIDE, 1] = wy - cy
+    v[BESIDE, 2] = wz - cz
+    v[RATE, 0] = wx
+    v[RATE, 1] = wy
+    v[RATE, 2] = wz
+    v[TURNED, 0] += wx * h
+    v[TURNED, 1] += wy * h
+    v[TURNED, 2] += wz * h
+    multiply_exp(here, wx * h, wy * h, wz * h)
+    _earth_turns(v, w_in, h)
+    v[BEFORE, 0] = fx
+    v[BEFORE, 1] = fy
+    v[BEFORE, 2] = fz
+    fx, fy, fz = _rotated(here, v[UP, 0], v[UP, 1], v[UP, 2])
+    v[FORCE, 0] = fx
+    v[FORCE, 1] = fy
+    v[FORCE, 2] = fz
+
+
+@kernel
+def _miss(here, v, theta, zx, zy, zz, h, mean, delay, lever, arms, g, w_in):
+    """Add what a reading z says beyond the trajectory to the misses."""
+    fx, fy, fz = v[FORCE, 0], v[FORCE, 1], v[FORCE, 2]
+    wx, wy, wz = v[RATE, 0], v[RATE, 1], v[RATE, 2]
+    if mean or delay != 0.0:
+        ex, ey, ez = _rotated(here, w_in[0], w_in[1], w_in[2])
+        nx, ny, nz = wx - ex, wy - ey, wz - ez  # rate relative to n: f' = f x n
+    if mean:  # exact while n stands still: a - tan(x)/x ..., a mean of both ends, x = |n| h / 2
+        fx = 0.5 * (v[BEFORE, 0] + fx)
+        fy = 0.5 * (v[BEFORE, 1] + fy)
+        fz = 0.5 * (v[BEFORE, 2] + fz)
+        x2 = 0.25 * h * h * (nx * nx + ny * ny + nz * nz)
+        k = 0.25 * h * h * (1.0 / 3.0 + x2 * (2.0 / 15.0 + x2 * (17.0 / 315.0)))
+        sx, sy, sz = fy * nz - fz * ny, fz * nx - fx * nz, fx * ny - fy * nx
+        fx, fy, fz = (
+            fx - k * (sy * nz - sz * ny),
+            fy - k * (sz * nx - sx * nz),
+            fz - k * (sx * ny - sy * nx),
+        )
+    if delay != 0.0:  # to second order
+        sx, sy, sz = fy * nz - fz * ny, fz * nx - fx * nz, fx * ny - fy * nx
+        k = 0.5 * delay * delay
+        fx += k * (sy * nz - sz * ny) - delay * sx
+        fy += k * (sz * nx - sx * nz) - delay * sy
+        fz += k * (sx * ny - sy * nx) - delay * sz
+    if lever:
+        X, V, Z = inputs(theta, fx, fy, fz, wx, wy, wz, 0.0, 0.0, 0.0, arms, g)
+    else:
+        X = fx
+        V = fy + theta[36] * fx
+        Z = fz + theta[37] * fx + theta[38] * fy
+    v[MISSED, 0] += zx - theta[30] - (1.0 + theta[33] + theta[39] * X) * X
+    v[MISSED, 1] += zy - theta[31] - (1.0 + theta[34] + theta[40] * V) * V
+    v[MISSED, 2] += zz - theta[32] - (1.0 + theta[35] + theta[41] * Z) * Z
+
+
+@reduction
+def _whiten_and_correct(wide, m, W, at):
+    """Solve ``L w = S``, w into columns at .. at + 2 of W (48, rows); replace Y by ``Y - K S``.
+
+    L holds the reciprocal of its diagonal.
+    """
+    i0, i1, i2 = m[L, 0, 0], m[L, 1, 1], m[L, 2, 2]
+    l10, l20, l21 = m[L, 1, 0], m[L, 2, 0], m[L, 2, 1]
+    for i in range(3):
+        k0, k1, k2 = m[K, i, 0], m[K, i, 1], m[K, i, 2]
+        for j in range(COLUMNS):
+            wide[Y + i, j] -= k0 * wide[S, j] + k1 * wide[S + 1, j] + k2 * wide[S + 2, j]
+    for j in range(COLUMNS):
+        a = wide[S, j] * i0
+        b = (wide[S + 1, j] - l10 * a) * i1
+        W[j, at] = a
+        W[j, at + 1] = b
+        W[j, at + 2] = (wide[S + 2, j] - l20 * a - l21 * b) * i2
+
+
+@reduction
+def _gram(G, W, rows):
+    """Add ``W W'`` of the first `rows` columns to the upper triangle of G, in tiles of 2 x 4."""
+    for i in range(0, COLUMNS, 2):
+        for j in range(i // 4 * 4, COLUMNS, 4):
+            a = b = c = d = 0.0
+            e = f = g = h = 0.0
+            for r in range(rows):
+                x, y = W[i, r], W[i + 1, r]
+                s, t, u, v = W[j, r], W[j + 1, r], W[j + 2, r], W[j + 3, r]
+                a += x * s
+                b += x * t
+                c += x * u
+                d += x * v
+                e += y * s
+                f += y * t
+                g += y * u
+                h += y * v
+            G[i, j] += a
+            G[i, j + 1] += b
+            G[i, j + 2] += c
+            G[i, j + 3] += d
+            G[i + 1, j] += e
+            G[i + 1, j + 1] += f
+            G[i + 1, j + 2] += g
+            G[i + 1, j + 3] += h
+
+
+@kernel
+def _innovation(m, r):
+    """Factor ``H P H' + r I = L L'`` and write the gain K = P H' (L L')^-1; update P.
+
+    The diagonal of L is stored as its reciprocal; F is scratch, B = P H'.
+    """
+    for i in range(3):
+        p0, p1, p2 = m[P, i, 0], m[P, i, 1], m[P, i, 2]
+        for j in range(3):
+            m[F, i, j] = p0 * m[H, j, 0] + p1 * m[H, j, 1] + p2 * m[H, j, 2]
+    b00, b01, b02 = m[F, 0, 0], m[F, 0, 1], m[F, 0, 2]
+    b10, b11, b12 = m[F, 1, 0], m[F, 1, 1], m[F, 1, 2]
+    b20, b21, b22 = m[F, 2, 0], m[F, 2, 1], m[F, 2, 2]
+    s00 = r + m[H, 0, 0] * b00 + m[H, 0, 1] * b10 + m[H, 0, 2] * b20
+    s10 = m[H, 1, 0] * b00 + m[H, 1, 1] * b10 + m[H, 1, 2] * b20
+    s20 = m[H, 2, 0] * b00 + m[H, 2, 1] * b10 + m[H, 2, 2] * b20
+    s11 = r + m[H, 1, 0] * b01 + m[H, 1, 1] * b11 + m[H, 1, 2] * b21
+    s21 = m[H, 2, 0] * b01 + m[H, 2, 1] * b11 + m[H, 2, 2] * b21
+    s22 = r + m[H, 2, 0] * b02 + m[H, 2, 1] * b12 + m[H, 2, 2] * b22
+    i0 = 1.0 / math.sqrt(s00)
+    l10 = s10 * i0
+    l20 = s20 * i0
+    i1 = 1.0 / math.sqrt(s11 - l10 * l10)
+    l21 = (s21 - l20 * l10) * i1
+    i2 = 1.0 / math.sqrt(s22 - l20 * l20 - l21 * l21)
+    m[L, 0, 0], m[L, 1, 1], m[L, 2, 2] = i0, i1, i2
+    m[L, 1, 0], m[L, 2, 0], m[L, 2, 1] = l10, l20, l21
+    for i in range(3):  # D = B L'^-1, then K = D L^-1 and P - D D'
+        d0 = m[F, i, 0] * i0
+        d1 = (m[F, i, 1] - l10 * d0) * i1
+        d2 = (m[F, i, 2] - l20 * d0 - l21 * d1) * i2
+        m[F, i, 0], m[F, i, 1], m[F, i, 2] = d0, d1, d2
+        k2 = d2 * i2
+        k1 = (d1 - l21 * k2) * i1
+        m[K, i, 0] = (d0 - l10 * k1 - l20 * k2) * i0
+        m[K, i, 1] = k1
+        m[K, i, 2] = k2
+        for j in range(i + 1):
+            p = m[P, i, j] - d0 * m[F, j, 0] - d1 * m[F, j, 1] - d2 * m[F, j, 2]
+            m[P, i, j] = p
+            m[P, j, i] = p
+
+
+@kernel
+def _epoch(wide, m, here, there, half, v, theta, scale, w_in, arms, g, span, tail, q):
+    """Carry the sensitivities to the epoch, `tail` [s] ago and `span` after the last one; look."""
+    ex, ey, ez = w_in[0], w_in[1], w_in[2]
+    wx, wy, wz = v[RATE, 0], v[RATE, 1], v[RATE, 2]
+    for i in range(3):
+        for j in range(3):
+            there[i, j] = here[i, j]
+    if tail > 0.0:
+        multiply_exp(there, -wx * tail, -wy * tail, -wz * tail)
+    x, y, z = v[UP, 0], v[UP, 1], v[UP, 2]
+    dx, dy, dz = ey * z - ez * y, ez * x - ex * z, ex * y - ey * x  # how up turns
+    ago = tail + 0.5 * span
+    px = v[TURNED, 0] - wx * tail
+    py = v[TURNED, 1] - wy * tail
+    pz = v[TURNED, 2] - wz * tail
+    move(
+        wide,
+        m,
+        there,
+        half,
+        theta,
+        scale,
+        x - ago * dx,
+        y - ago * dy,
+        z - ago * dz,
+        span,
+        px,
+        py,
+        pz,
+        q,
+    )
+    fx, fy, fz = _rotated(there, x - tail * dx, y - tail * dy, z - tail * dz)
+    ax, ay, az = _rotated(there, ex, ey, ez)
+    X, V, Z = inputs(theta, fx, fy, fz, wx, wy, wz, 0.0, 0.0, 0.0, arms, g)
+    look(wide, m, there, theta, scale, fx, fy, fz, X, V, Z, wx - ax, wy - ay, wz - az)
+    v[TURNED, 0] = wx * tail
+    v[TURNED, 1] = wy * tail
+    v[TURNED, 2] = wz * tail
+
+
+@kernel
+def _carry(wide, m, here, there, half, v, theta, scale, span, q):
+    """Carry the sensitivities on by `span` [s], to now."""
+    for i in range(3):
+        for j in range(3):
+            there[i, j] = here[i, j]
+    x, y, z = v[TURNED, 0], v[TURNED, 1], v[TURNED, 2]
+    move(wide, m, there, half, theta, scale, v[UP, 0], v[UP, 1], v[UP, 2], span, x, y, z, q)
+    for i in range(3):
+        v[TURNED, i] = 0.0
+
+
+@kernel
+def _page(m, page, C):
+    """Write C (3, 3) into a page of m."""
+    for i in range(3):
+        for j in range(3):
+            m[page, i, j] = C[i, j]
+
+
+@kernel
+def _keep(k, G, wide, m, here, gram, sensitivities, cov, attitude):
+    """Copy Gram matrix, Y, P and C_ip to entry k of four arrays; slices compile slowly."""
+    for i in range(COLUMNS):
+        for j in range(COLUMNS):
+            gram[k, i, j] = G[i, j]
+    for i in range(3):
+        for j in range(COLUMNS):
+            sensitivities[k, i, j] = wide[Y + i, j]
+        for j in range(3):
+            cov[k, i, j] = m[P, i, j]
+            attitude[k, i, j] = here[i, j]
+
+
+@kernel
+def information_pass(
+    dt, command, reading, used, theta, scale, C_ip, w_in, q, r, arms, g, mean, block,
+    rows, checkpoints, delay,
+):  # fmt: skip
+    """Linearise a log about the trajectory of `theta` from `C_ip`, whiten it, sum its information.
+
+    Parameters: dt (N,) length of the intervals [s]; command (N, 3) rate commanded during each
+    [rad/s]; reading (N, 3) of the accelerometers at the end of each, or its mean over each where
+    `mean` [local g]; used (N,) which readings count; theta (42,) packed constants; scale (46,)
+    what one unit of each column is; C_ip (3, 3) attitude at the start, i = n then; w_in (3,)
+    Earth's rate in n [rad/s]; q white gyro noise [rad^2/s]; r variance of one reading; arms (3, 3)
+    [m]; g [m/s^2]; block: so many readings are averaged to one residual; rows (blocks, 3, 48) or
+    (0, 3, 48) gets the whitened rows; checkpoints (c,) samples, ascending, after which the state
+    is kept; delay of the readings [s].
+
+    Returns the Gram matrix (1, 48, 48), upper triangle; Y (1, 3, 48), P (1, 3, 3) and C_ip
+    (1, 3, 3) at the end; time (c,), Gram (c, 48, 48), Y (c, 3, 48), P (c, 3, 3) and C_ip
+    (c, 3, 3) at the checkpoints; time (blocks,) of every residual from the start [s].
+    """
+    N = dt.size
+    BATCH = 64
+    lever = np.abs(arms).max() > 0.0
+    m = np.zeros((11, 3, 3))
+    v = np.zeros((7, 3))
+    wide = np.zeros((6, COLUMNS))
+    Ti = np.empty((3, 3))
+    inverse_input_axes(theta, Ti)
+    _page(m, TI, Ti)
+    here, there, half = C_ip.copy(), np.empty((3, 3)), np.empty((3, 3))
+    v[UP, 2] = 1.0
+    for i in range(3):
+        wide[Y + i, i] = scale[i]
+        v[FORCE, i] = C_ip[2, i]
+    W = np.zeros((COLUMNS, 3 * BATCH + 4))  # + 4: columns must not share their cache lines
+    G = np.zeros((COLUMNS, COLUMNS))
+    c_time = np.zeros(checkpoints.size)
+    c_gram = np.zeros((checkpoints.size, COLUMNS, COLUMNS))
+    c_wide = np.zeros((checkpoints.size, 3, COLUMNS))
+    c_P = np.zeros((checkpoints.size, 3, 3))
+    c_C = np.zeros((checkpoints.size, 3, 3))
+    at_block = np.zeros(N // block + 1)
+    now = epoch = times = 0.0
+    count = filled = blocks = kept = 0
+    for k in range(N):
+        h = dt[k]
+        _advance(here, v, theta, Ti, command[k, 0], command[k, 1], command[k, 2], w_in, h)
+        now += h
+        if used[k]:
+            x, y, z = reading[k, 0], reading[k, 1], reading[k, 2]
+            _miss(here, v, theta, x, y, z, h, mean, delay, lever, arms, g, w_in)
+            times += now - 0.5 * h if mean else now
+            count += 1
+        if count > 0 and ((k + 1) % block == 0 or k == N - 1):
+            at = times / count
+            _epoch(
+                wide, m, here, there, half, v, theta, scale, w_in, arms, g, at - epoch, now - at, q
+            )
+            for i in range(3):
+                wide[S + i, RESIDUAL] += v[MISSED, i] / count
+                v[MISSED, i] = 0.0
+            _innovation(m, r / count)
+            _whiten_and_correct(wide, m, W, filled)
+            if rows.shape[0] > 0:
+                for i in range(3):
+                    for j in range(COLUMNS):
+                        rows[blocks, i, j] = W[j, filled + i]
+            at_block[blocks] = at
+            epoch = at
+            times = 0.0
+            count = 0
+            blocks += 1
+            filled += 3
+        elif (k + 1) % block == 0:  # nothing was read for long: the slopes must not go far at once
+            _carry(wide, m, here, there, half, v, theta, scale, now - epoch, q)
+            epoch = now
+        if filled == 3 * BATCH or (kept < checkpoints.size and k >= checkpoints[kept]):
+            _gram(G, W, filled)
+            filled = 0
+        if kept < checkpoints.size and k >= checkpoints[kept]:
+            c_time[kept] = now
+            _keep(kept, G, wide, m, here, c_gram, c_wide, c_P, c_C)
+            kept += 1
+    _gram(G, W, filled)
+    tail = now - epoch
+    if tail > 0.0:
+        _carry(wide, m, here, there, half, v, theta, scale, tail, q)
+    e_gram, e_wide = np.empty((1, COLUMNS, COLUMNS)), np.empty((1, 3, COLUMNS))
+    e_P, e_C = np.empty((1, 3, 3)), np.empty((1, 3, 3))
+    _keep(0, G, wide, m, here, e_gram, e_wide, e_P, e_C)
+    return e_gram, e_wide, e_P, e_C, c_time, c_gram, c_wide, c_P, c_C, at_block[:blocks]
