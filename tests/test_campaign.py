@@ -310,7 +310,7 @@ def test_template_runs_as_it_is_on_its_simulated_log(name: str, tmp_path: Path) 
     result = campaign.calibrate(campaign.save_session(session, tmp_path))
     assert result.procedure == name
     assert result.verdict.level == "pass", result.verdict.reasons
-    assert result.findings == ()
+    assert [f for f in result.findings if f.severity != "note"] == []
 
 
 @pytest.mark.parametrize("name", procedures.PROCEDURES)

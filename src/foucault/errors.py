@@ -65,8 +65,8 @@ class Status(StrEnum):
 ADVICE: dict[Status, str] = {
     Status.CONVERGED: "The solution converged.",
     Status.NOT_CONVERGED: (
-        "The iteration did not settle. The usual reasons are a wrong unit, swapped axes or a "
-        "moving rest: run `foucault inspect` on the log and read its findings."
+        "The iteration did not settle. The usual reasons are a wrong unit, swapped axes, a rest "
+        "that moved, or a start far off: run `foucault inspect` on the log and read its findings."
     ),
     Status.UNOBSERVABLE: (
         "The motion cannot tell all coefficients apart. Add rests in the directions named "

@@ -17,7 +17,9 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, Status
+from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
+from foucault.models.layouts import model_of
 from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
@@ -215,9 +217,9 @@ class Result:
     tables: dict[str, TableData] = field(default_factory=dict)
 
     @property
-    def model(self) -> ImuModel:
+    def model(self) -> ImuModel | ClusterModel:
         """The error model with these coefficients."""
-        return ImuModel.from_coefficients(self.coefficients)
+        return model_of(self.coefficients)
 
     def apply(self, log: Log) -> Log:
         """Remove the calibrated errors from a log.

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from foucault import procedures
 from foucault.campaign.mistakes import parse_at, validate
 from foucault.campaign.tables import CampaignFile, PriorEntry, SimulateTable, file_with
+from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
@@ -124,7 +125,7 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         procedure=str(name),
         settings=validate(module.Settings, settings, ("procedure",), ("name",)),
         noise=None if file.noise is None else file.noise.noise(),
-        prior={key: _prior(key, entry) for key, entry in file.prior.items()},
+        prior={key: _prior(key, entry, layout_of(str(name))) for key, entry in file.prior.items()},
         simulate=validate(SimulateTable, common, ("simulate",)),
         session=validate(module.Session, session, ("simulate",), SimulateTable.model_fields),
         tables=file,
@@ -144,9 +145,15 @@ def _description(name: str) -> type[FileLayout]:
     return described
 
 
-def coefficient_kind(name: str) -> str:
-    """Return the kind of coefficient `name` or of the whole group `name`."""
-    members = [imu.LAYOUT.coefficients[i] for i in imu.LAYOUT.group(name)]
+def layout_of(procedure: str) -> Layout:
+    """Return the coefficients of the model that `procedure` works with."""
+    layout: Layout = getattr(procedures.load(procedure), "LAYOUT", imu.LAYOUT)
+    return layout
+
+
+def coefficient_kind(name: str, layout: Layout = imu.LAYOUT) -> str:
+    """Return the kind of coefficient `name` or of the whole group `name` of `layout`."""
+    members = [layout.coefficients[i] for i in layout.group(name)]
     kinds: list[str] = list(dict.fromkeys(c.kind for c in members))
     if len(kinds) > 1:
         groups = list(dict.fromkeys(f'"{c.name.rpartition(".")[0]}"' for c in members))
@@ -154,8 +161,8 @@ def coefficient_kind(name: str) -> str:
     return kinds[0]
 
 
-def _prior(name: str, entry: PriorEntry) -> tuple[float, float]:
-    kind = coefficient_kind(name)
+def _prior(name: str, entry: PriorEntry, layout: Layout) -> tuple[float, float]:
+    kind = coefficient_kind(name, layout)
     mean = parse_at(f'prior."{name}".mean', entry.mean, kind)
     sd = parse_at(f'prior."{name}".sd', entry.sd, kind)
     if not sd > 0:
@@ -179,7 +186,7 @@ def schema() -> dict[str, Any]:
         sessions.append(session)
     logs = list(dict.fromkeys(_description(name) for name in procedures.PROCEDURES))
     if len(logs) > 1:
-        out["properties"]["log"] = {"oneOf": [_part(out, log, _title(log)) for log in logs]}
+        out["properties"]["log"] = {"anyOf": [_part(out, log, _title(log)) for log in logs]}
     out["properties"]["procedure"] = {"oneOf": settings}
     out["properties"]["simulate"] = {"anyOf": sessions}
     out["title"] = "Foucault campaign"

@@ -13,14 +13,16 @@ import numpy as np
 
 from foucault import logs, procedures
 from foucault.campaign.mistakes import parse_at
-from foucault.campaign.reading import Campaign, load
+from foucault.campaign.reading import Campaign, layout_of, load
 from foucault.campaign.tables import SiteTable, grade
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error, finding
 from foucault.files import atomic, unwritable
 from foucault.logs.streaming import OnDisk
-from foucault.models.imu import LAYOUT, Gauge, ImuModel
+from foucault.models.cluster import ClusterModel
+from foucault.models.imu import Gauge, ImuModel
+from foucault.models.layouts import model_of
 from foucault.result import Result
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import IndexedLog, Log
@@ -108,7 +110,7 @@ class Simulation(Protocol):
         ...
 
     @property
-    def model(self) -> ImuModel:
+    def model(self) -> ImuModel | ClusterModel:
         """The errors it had."""
         ...
 
@@ -138,7 +140,11 @@ class Session:
     @property
     def truth(self) -> CoefficientVector:
         """The coefficients the simulated instrument had, in the body axes of results."""
-        return self.simulation.model.in_gauge(Gauge.LOWER)[0].coefficients()
+        model = self.simulation.model
+        if isinstance(model, ImuModel):
+            return model.in_gauge(Gauge.LOWER)[0].coefficients()
+        whole: CoefficientVector = getattr(self.simulation, "truth", model.coefficients())
+        return whole
 
 
 def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Session:
@@ -154,29 +160,30 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     seed = campaign.simulate.seed if seed is None else seed
-    typical = grade(campaign.simulate.grade, "simulate.grade")
+    module = procedures.load(campaign.procedure)
+    typical = grade(campaign.simulate.grade, "simulate.grade").noise
     # Real gravity is not what the calibration will assume, but near it.
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
-    simulation = procedures.load(campaign.procedure).simulate(
+    simulation = module.simulate(
         campaign.session,
         settings=campaign.settings,
         model=_instrument(campaign, seed),
-        noise=campaign.noise or typical.noise,
+        noise=campaign.noise or getattr(module, "NOISE", typical),
         site=replace(campaign.site, gravity=campaign.site.gravity + float(offset)),
         seed=seed,
     )
     return Session(campaign, simulation, seed)
 
 
-def _instrument(campaign: Campaign, seed: int) -> ImuModel:
+def _instrument(campaign: Campaign, seed: int) -> ImuModel | ClusterModel:
     """Draw the errors of the instrument, then set those the campaign gives."""
     draw = getattr(procedures.load(campaign.procedure), "draw_errors", draw_errors)
     drawn = draw(campaign.simulate.grade, seed).coefficients()
-    given = {}
+    given, layout = {}, layout_of(campaign.procedure)
     for name, text in campaign.simulate.errors.items():
-        kind = LAYOUT.coefficients[LAYOUT.index(name)].kind
+        kind = layout.coefficients[layout.index(name)].kind
         given[name] = parse_at(f'simulate.errors."{name}"', text, kind)
-    return ImuModel.from_coefficients(drawn.with_values(given))
+    return model_of(drawn.with_values(given))
 
 
 def save_session(session: Session, folder: str | Path) -> Path:

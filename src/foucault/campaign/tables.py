@@ -98,19 +98,19 @@ class AccelNoise(_Noise):
     """Noise of the accelerometers."""
 
     white: Annotated[float, Quantity("velocity random walk")] | None = Field(
-        default=None, description="Velocity random walk."
+        default=None, ge=0, description="Velocity random walk."
     )
     bias_instability: Annotated[float, Quantity("specific force")] | None = Field(
-        default=None, description="Standard deviation of a first-order Markov bias."
+        default=None, ge=0, description="Standard deviation of a first-order Markov bias."
     )
     correlation_time: Annotated[float, Quantity("time")] | None = Field(
-        default=None, description="Correlation time of that bias."
+        default=None, gt=0, description="Correlation time of that bias."
     )
     random_walk: Annotated[float, Quantity("acceleration random walk")] | None = Field(
-        default=None, description="Acceleration random walk."
+        default=None, ge=0, description="Acceleration random walk."
     )
     quantisation: Annotated[float, Quantity("specific force")] | None = Field(
-        default=None, description="Step of the output."
+        default=None, ge=0, description="Step of the output."
     )
 
 
@@ -118,19 +118,19 @@ class GyroNoise(_Noise):
     """Noise of the gyros."""
 
     white: Annotated[float, Quantity("angle random walk")] | None = Field(
-        default=None, description="Angle random walk."
+        default=None, ge=0, description="Angle random walk."
     )
     bias_instability: Annotated[float, Quantity("angular rate")] | None = Field(
-        default=None, description="Standard deviation of a first-order Markov bias."
+        default=None, ge=0, description="Standard deviation of a first-order Markov bias."
     )
     correlation_time: Annotated[float, Quantity("time")] | None = Field(
-        default=None, description="Correlation time of that bias."
+        default=None, gt=0, description="Correlation time of that bias."
     )
     random_walk: Annotated[float, Quantity("rate random walk")] | None = Field(
-        default=None, description="Rate random walk."
+        default=None, ge=0, description="Rate random walk."
     )
     quantisation: Annotated[float, Quantity("angular rate")] | None = Field(
-        default=None, description="Step of the output."
+        default=None, ge=0, description="Step of the output."
     )
 
 

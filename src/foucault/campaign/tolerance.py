@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from foucault.campaign.mistakes import parse_at
 from foucault.errors import error, suggestion
-from foucault.models.imu import LAYOUT
+from foucault.models.layouts import EVERY
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -183,13 +183,13 @@ def _joined(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def _known(name: str) -> bool:
-    return any(n == name or n.startswith(name + ".") for n in LAYOUT.names)
+    return any(n == name or n.startswith(name + ".") for n in EVERY.names)
 
 
 def _entry(name: str, said: Any) -> Entry:
     if not _known(name):
-        groups = {n.rpartition(".")[0] for n in LAYOUT.names}
-        allowed = sorted({*LAYOUT.names, *groups})
+        groups = {n.rpartition(".")[0] for n in EVERY.names}
+        allowed = sorted({*EVERY.names, *groups})
         hint = suggestion(name, allowed)
         raise error("tolerance.name", name=name, hint=hint, groups=", ".join(sorted(groups)))
     kind = _kind(name)
@@ -208,7 +208,7 @@ def _entry(name: str, said: Any) -> Entry:
 
 def _kind(name: str) -> str:
     """Return the kind of a coefficient or of all coefficients of a group."""
-    members = [LAYOUT.coefficients[i] for i in LAYOUT.group(name)]
+    members = [EVERY.coefficients[i] for i in EVERY.group(name)]
     kinds: list[str] = list(dict.fromkeys(c.kind for c in members))
     if len(kinds) > 1:
         groups = list(dict.fromkeys(f'"{c.name.rpartition(".")[0]}"' for c in members))

@@ -106,6 +106,9 @@ _PRIOR = """\
 """
 
 
+_ERRORS = '# errors = { "gyro.bias.x" = "30 deg/h" }'
+
+
 def template(procedure: str) -> str:
     """Write a commented campaign file for `procedure`.
 
@@ -126,8 +129,8 @@ def template(procedure: str) -> str:
         "\n".join(["[site]", *SITE_NOTE, *_commented(SiteTable, _texts(EXAMPLE_SITE))]) + "\n",
         log_table(procedure),
         "\n".join(settings) + "\n",
-        _NOISE,
-        _PRIOR,
+        getattr(module, "NOISE_LINES", _NOISE),
+        getattr(module, "PRIOR_LINES", _PRIOR),
         "\n".join(["[simulate]", *_simulate_lines(procedure)]) + "\n",
     ]
     return "\n".join(parts)
@@ -137,7 +140,7 @@ def _simulate_lines(procedure: str) -> list[str]:
     own = _commented(procedures.load(procedure).Session, {})
     errors = [
         "# Coefficients set to a value instead of drawn:",
-        '# errors = { "gyro.bias.x" = "30 deg/h" }',
+        getattr(procedures.load(procedure), "ERRORS_LINE", _ERRORS),
     ]
     usual = _texts(getattr(procedures.load(procedure), "SIMULATE", {}))
     return [*_commented(SimulateTable, usual, leave_out=("errors",)), *own, *errors]
@@ -250,6 +253,8 @@ def _exact(model: BaseModel) -> dict[str, Any]:
             continue
         if isinstance(value, BaseModel):
             out[name] = _exact(value)
+        elif isinstance(value, tuple) and any(isinstance(item, BaseModel) for item in value):
+            out[name] = [_exact(item) for item in value]
         else:
             out[name] = value if kind is None else f"{value!r} {units.KINDS[kind].si}"
     return out

@@ -13,7 +13,10 @@ import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.logs import own, streaming
+from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
+from foucault.models.layouts import is_cluster
+from foucault.procedures.tumble_log import of_a_command
 from foucault.result import Level, Result
 from foucault.tables import Log
 
@@ -134,11 +137,15 @@ def _made_by(result: Result, sha256: str) -> str:
     return json.dumps(keep)
 
 
-def _calibrated(model: ImuModel, logs: Iterator[Log], seen: _Seen, force: bool) -> Iterator[Log]:
+def _calibrated(
+    model: ImuModel | ClusterModel, logs: Iterator[Log], seen: _Seen, force: bool
+) -> Iterator[Log]:
+    # A cluster always needs them, and says so itself.
+    forced = isinstance(model, ImuModel) and bool(model.g_sensitivity.any())
     for log in logs:
         if own.CALIBRATED in log.source.get("marker", "") and not force:
             raise error("apply.again", file=log.source["file"])
-        if log.gyro is not None and log.accel is None and model.g_sensitivity.any():
+        if log.gyro is not None and log.accel is None and forced:
             raise error("apply.needs_accel", file=log.source.get("file", "The log"))
         out = model.apply(log)
         seen.add(log, out)
@@ -206,7 +213,8 @@ class _Seen:
 
     def add(self, log: Log, out: Log) -> None:
         """Look at one block before and after."""
-        self.found.append(log.findings)
+        command = is_cluster(self.result.coefficients)
+        self.found.append(of_a_command(log.findings) if command else log.findings)
         names = self.result.coefficients.names
         for key in ("accel", "gyro", "temperature"):
             values = getattr(out, key)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error, suggestion
 from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.layouts import is_cluster
 from foucault.models.noise import ImuNoise
 from foucault.result import Level, Result
 
@@ -148,6 +149,8 @@ def request(
         What the receiver's file is written from.
     """
     vector = result.coefficients
+    if is_cluster(vector):
+        raise error("export.cluster", procedure=result.procedure, receiver=receiver)
     if not np.isfinite(vector.values).all():
         raise error("export.not_finite", procedure=result.procedure)
     if result.verdict.level is Level.UNUSABLE and not force:

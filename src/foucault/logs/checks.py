@@ -41,9 +41,11 @@ TIME_UNITS = ("s", "ms", "us", "ns")
 
 _SAMPLE = 200_000  # rows are thinned to about this many for a median or quantile
 
+Missing = Literal["error", "drop", "mask"]
+
 
 def finite(
-    columns: dict[str, FloatArray], missing: Literal["error", "drop"], file: str, start: int = 0
+    columns: dict[str, FloatArray], missing: Missing, file: str, start: int = 0
 ) -> tuple[npt.NDArray[np.bool_] | None, tuple[Finding, ...]]:
     """Look for missing (NaN) and infinite values.
 
@@ -51,8 +53,9 @@ def finite(
     ----------
     columns : dict of str to ndarray, each shape (n,) or (n, 3)
         The blocks of the log by name [SI].
-    missing : {"error", "drop"}
-        Whether such rows are an error or are left out.
+    missing : {"error", "drop", "mask"}
+        Whether such rows are an error, are left out, or are kept where only the accelerometers are
+        missing.
     file : str
         Name of the file, for the texts.
     start : int, shape ()
@@ -73,11 +76,13 @@ def finite(
             rows = np.flatnonzero(wrong.any(axis=1) if wrong.ndim == 2 else wrong)
             if len(rows):
                 bad[name] = rows
+    if missing == "mask":  # the rest of such a row is needed
+        bad.pop("accel", None)
     if not bad:
         return None, ()
     rows = np.unique(np.concatenate(list(bad.values())))
     where = ", ".join(bad)
-    if missing == "error":
+    if missing != "drop":
         infinite = any(np.isinf(columns[name][rows]).any() for name in bad)
         code = "log.infinite" if infinite else "log.missing_value"
         raise error(code, file=file, count=len(rows), rows=_row_list(rows + start),
@@ -239,7 +244,7 @@ def accel_scale(
     tuple of Finding
         One where the median is not gravity.
     """
-    norm = float(np.median(np.linalg.norm(_thinned(accel), axis=1)))
+    norm = float(np.nanmedian(np.linalg.norm(_thinned(accel), axis=1)))
     if _near(norm, gravity, GRAVITY_BAND):
         return ()
     words = {"norm": f"{norm:.4g}", "ratio": f"{norm / gravity:.3g}", "unit": unit, "kind": kind}

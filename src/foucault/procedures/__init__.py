@@ -1,7 +1,8 @@
 """Named methods, one file each: a procedure glues the stages and does nothing else.
 
 A procedure module has `Settings` and `Session` (pydantic models of its part of a campaign),
-`calibrate` and `simulate`.
+`calibrate` and `simulate`; one that plans a motion may have `foresee`, which says beforehand what
+the motion will show.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ PROCEDURES = {
     "turntable": "foucault.procedures.turntable",
     "rate_table": "foucault.procedures.rate_table",
     "north_seeking": "foucault.procedures.north_seeking",
+    "platform_tumble": "foucault.procedures.platform_tumble",
 }
 """Name in a campaign file -> module."""
 

@@ -20,10 +20,14 @@ from foucault.symptoms import (
     north_command,
     north_plan,
     north_seeking,
+    observability,
+    platform_tumble,
+    preflight,
     rate_table,
     results,
     session,
     study,
+    torquing,
     turntable,
     watch,
 )
@@ -53,13 +57,17 @@ SYMPTOMS: dict[str, Symptom] = {
             *north_command.ROWS,
             *north_plan.ROWS,
             *north_seeking.ROWS,
+            *observability.ROWS,
             *results.ROWS,
             *session.ROWS,
             *turntable.ROWS,
+            *platform_tumble.ROWS,
+            *preflight.ROWS,
             *rate_table.ROWS,
             *faces.ROWS,
             *watch.ROWS,
             *study.ROWS,
+            *torquing.ROWS,
         )
     )
 }
