@@ -116,7 +116,7 @@ def test_nothing_unseen_no_section():
 
 @pytest.mark.parametrize(
     ("unit", "sign"),
-    [("ug", "µg"), ("deg/h", "°/h"), ("percent", "%"), ("ug/g^2", "µg/g^2"), ("mg", "mg")],
+    [("ug", "µg"), ("deg/h", "°/h"), ("percent", "%"), ("ug/g^2", "µg/g²"), ("mg", "mg")],
 )
 def test_units_are_written_as_people_write_them(unit, sign):
     assert shown(unit) == sign

@@ -92,10 +92,12 @@ def _template() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup, escape
 
+    from foucault.report.page import GREEK
+
     def symbol(text: str) -> Markup:
         """Write ``b_ax`` with its index lowered."""
         letter, _, index = text.partition("_")
-        return Markup("<i>{}</i><sub>{}</sub>").format(letter, index)
+        return Markup("<i>{}</i><sub>{}</sub>").format(GREEK.get(letter, letter), index)
 
     def dotted(text: str) -> Markup:
         """Let a name break after its first dot, a long one after each, on a narrow screen."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from foucault.models import cluster
 from foucault.models.imu import EQUATION, INVERSE, SCALE_EQUATION, SCALE_INVERSE, ImuModel
 from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
 from foucault.report.page import Block, Code, Equation, Section, Text
@@ -25,6 +26,17 @@ print(result.verdict.level, result.coefficients, sep="\\n")
 f_b, w_ib_b = result.model.compensate(accel, gyro)"""
 
 
+_CLUSTER_COMMANDS = """\
+foucault apply result.json LOG -o compensated.parquet"""
+
+_CLUSTER_PYTHON = """\
+import foucault
+
+result = foucault.load_result("result.json")
+print(result.verdict.level, result.coefficients, sep="\\n")
+# accel [m/s^2]: readings, command [rad/s]: commanded rates, each with shape (n, 3)
+f_p, w_ip_p = result.model.compensate(accel, command)"""
+
 _NORTH = """\
 foucault north READINGS --calibration result.json -o fix"""
 
@@ -37,13 +49,17 @@ def how_to_apply(result: Result) -> Section | None:
     if result.equation == NORTH_EQUATION:
         blocks += [Text("In the field, from the run folder:"), Code(_NORTH)]
         return Section("How to apply it", "The instrument says, for what is true:", blocks)
+    commands, python = _COMMANDS, _PYTHON
     inverse = {EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE}.get(result.equation)
-    imu = inverse is not None and bool(np.isfinite(result.coefficients.values).all())
-    if imu and inverse is not None:
+    imu = inverse is not None
+    if result.equation == cluster.EQUATION:
+        inverse, commands, python = cluster.INVERSE, _CLUSTER_COMMANDS, _CLUSTER_PYTHON
+    finite = bool(np.isfinite(result.coefficients.values).all())
+    if finite and inverse is not None:
         blocks += [Text("Solved for what is true:"), Equation(_split(inverse)[0])]
-    blocks += [Text("On the command line, from the run folder:"), Code(_COMMANDS)]
-    blocks += [Text("In Python:"), Code(_PYTHON)]
-    if imu:
+    blocks += [Text("On the command line, from the run folder:"), Code(commands)]
+    blocks += [Text("In Python:"), Code(python)]
+    if finite and imu:
         blocks += [Text("The numbers alone, in SI units:"), Code(numbers(result))]
     return Section("How to apply it", "The instrument says, for what is true:", blocks)
 
@@ -58,7 +74,7 @@ def _split(equation: str) -> tuple[list[str], list[str]]:
 
 def numbers(result: Result) -> str:
     """Return the matrices of an IMU result as lines of Python that compensate readings."""
-    model = result.model
+    model = ImuModel.from_coefficients(result.coefficients)
     triads = {name.partition(".")[0] for name in result.coefficients.names}
     lines = ["import numpy as np", ""]
     if "accel" in triads:

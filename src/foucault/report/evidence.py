@@ -92,12 +92,17 @@ def _against_orientation(result: Result) -> list[Block]:
     return out
 
 
-def chi_square_words(what: str, row: Sequence[float]) -> tuple[str, str]:
-    """Say how the residuals of `what` fit; `row` is the sum of squares, limits, and freedom."""
-    value, low, high, dof = row
+def chi_square_words(what: str, row: Sequence[float | None]) -> tuple[str, str]:
+    """Say how the residuals of `what` fit; `row` is the sum of squares, limits, and freedom.
+
+    No upper limit, None, is that of residuals in which noise that is not white shows too.
+    """
+    value, low, high, dof = (float("inf") if v is None else v for v in row)
     fits = low <= value <= high
     word = "inside" if fits else "outside"
-    text = f"{what}: chi-square {value:.3g}, {word} {low:.3g} to {high:.3g} ({dof:.0f} degrees "
+    size = [f"{v:.3g}" if v < 1e3 else f"{v:.0f}" for v in (value, low, high)]
+    limits = f"{size[1]} to {size[2]}" if high < float("inf") else f"{size[1]} and above"
+    text = f"{what}: chi-square {size[0]}, {word} {limits} ({dof:.0f} degrees "
     return ("good" if fits else "warning", text + "of freedom).")
 
 

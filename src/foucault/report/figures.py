@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.report.page import Figure
+from foucault.report.page import GREEK, Figure
 
 FloatArray = npt.NDArray[np.float64]
 Trace = dict[str, Any]
@@ -21,6 +21,9 @@ SOFT = "var(--soft)"
 WARNING, BAD = "var(--warning)", "var(--bad)"
 SERIES = (FIRST, SECOND, THIRD, "var(--fourth)", "var(--fifth)", "var(--sixth)")
 
+
+MANY = 36
+"""More coefficients than this need a larger matrix and smaller names [1]."""
 
 FULL = 0.99
 """Robust weight above which an observation counts in full [1]."""
@@ -239,7 +242,7 @@ def _limit_lines(y: FloatArray, limit: float) -> list[Trace]:
 def shares(symbols: Sequence[str], share: Mapping[str, FloatArray]) -> Figure:
     """Draw the `share` [percent] of each source in the variance of each coefficient."""
     alt = "Share of every source in the variance of every coefficient"
-    return stacked([_lowered(s) for s in symbols], share, alt)
+    return stacked([lowered(s) for s in symbols], share, alt)
 
 
 def stacked(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) -> Figure:
@@ -348,7 +351,9 @@ def detection(
 def correlation(symbols: Sequence[str], matrix: FloatArray) -> Figure:
     """Draw the correlation matrix."""
     ticks = {"tickfont": {"size": 12.5}, "ticks": "", "showgrid": False, "tickmode": "linear"}
-    labels = [_lowered(s) for s in symbols]
+    labels = [lowered(s) for s in symbols]
+    many = len(symbols) > MANY
+    ticks["tickfont"] = {"size": 10 if many else 12.5}
     data = [
         {
             "type": "heatmap",
@@ -365,11 +370,14 @@ def correlation(symbols: Sequence[str], matrix: FloatArray) -> Figure:
         }
     ]
     look = layout(
-        520,
+        760 if many else 520,
         # About square on a narrow screen, where the columns have no room for their names.
         meta={
             "ratio": 1.05,
-            "narrow": {"xaxis": {"showticklabels": False}, "yaxis": {"tickfont": {"size": 10}}},
+            "narrow": {
+                "xaxis": {"showticklabels": False},
+                "yaxis": {"tickfont": {"size": 10}, "showticklabels": not many},
+            },
         },
         xaxis={"type": "category", "tickangle": -90, **ticks},
         yaxis={"type": "category", "autorange": "reversed", **ticks},
@@ -378,6 +386,8 @@ def correlation(symbols: Sequence[str], matrix: FloatArray) -> Figure:
     return Figure(data, look, alt="Correlation of every pair of coefficients, from -1 to 1")
 
 
-def _lowered(symbol: str) -> str:
+def lowered(symbol: str) -> str:
+    """Write a symbol for a figure, its index lowered."""
     letter, _, index = symbol.partition("_")
-    return f"{letter}<sub>{index}</sub>"
+    letter = GREEK.get(letter, letter)
+    return f"{letter}<sub>{index}</sub>" if index else letter

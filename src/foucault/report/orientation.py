@@ -31,7 +31,7 @@ def sphere(
 
     `also` are directions of another kind, shape (k, 3), as rings; `names` says what both kinds are.
     """
-    data = [*_wires(), *_axes()]
+    data = [*wires(), *tripod()]
     styles = [(up, names[0], FIRST, "circle", 5), (missing, "missing", BAD, "diamond-open", 7)]
     if also is not None:
         styles.insert(0, (also, names[1], SECOND, "circle-open", 10))
@@ -51,6 +51,14 @@ def sphere(
                     "hovertemplate": name + " %{customdata}<extra></extra>",
                 }
             )
+    look = space()
+    look["legend"] = look["legend"] | {"traceorder": "reversed" if also is not None else "normal"}
+    alt = f"Sphere with {len(up)} directions visited and {len(missing)} missing"
+    return Figure(data, look, "Turn it with the pointer.", on="screen", share=38, alt=alt)
+
+
+def space(height: int = HEIGHT) -> dict[str, Any]:
+    """Return the look of a figure in space of `height` [px]: a cube to turn, without axes."""
     hidden = {"visible": False, "range": [-1.35, 1.35]}
     scene = {
         "xaxis": hidden,
@@ -60,14 +68,12 @@ def sphere(
         "dragmode": "orbit",
         "camera": {"eye": {"x": 0.88, "y": -0.96, "z": 0.6}},
     }
-    look = layout(HEIGHT, scene=scene, meta={"ratio": 0.9})
+    look = layout(height, scene=scene, meta={"ratio": 0.9})
     look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
-    look["legend"] = look["legend"] | {"traceorder": "reversed" if also is not None else "normal"}
-    alt = f"Sphere with {len(up)} directions visited and {len(missing)} missing"
-    return Figure(data, look, "Turn it with the pointer.", on="screen", share=38, alt=alt)
+    return look
 
 
-def _wires() -> list[Trace]:
+def wires() -> list[Trace]:
     """The sphere as parallels and meridians, which hide nothing behind them."""
     t = np.linspace(0, 2 * np.pi, 61)
     gap = [np.nan]
@@ -81,17 +87,18 @@ def _wires() -> list[Trace]:
         y += [*(np.cos(t) * np.sin(longitude)), *gap]
         z += [*np.sin(t), *gap]
     line = {"color": "var(--sphere)", "width": 1}
-    return [_quiet(x=numbers(x), y=numbers(y), z=numbers(z), mode="lines", line=line)]
+    return [quiet(x=numbers(x), y=numbers(y), z=numbers(z), mode="lines", line=line)]
 
 
-def _axes() -> list[Trace]:
+def tripod(names: Sequence[str] = "xyz") -> list[Trace]:
+    """Three axes from the middle of the sphere, with their `names`."""
     out: list[Trace] = []
-    for i, name in enumerate("xyz"):
+    for i, name in enumerate(names):
         tip = [0.0, 0.0, 0.0]
         tip[i] = 1.25
         ends = {a: [0.0, tip[k]] for k, a in enumerate("xyz")}
         out.append(
-            _quiet(
+            quiet(
                 **ends,
                 mode="lines+text",
                 line={"color": SOFT, "width": 3},
@@ -102,7 +109,8 @@ def _axes() -> list[Trace]:
     return out
 
 
-def _quiet(**trace: Any) -> Trace:
+def quiet(**trace: Any) -> Trace:
+    """A trace in space that says nothing under the pointer."""
     return {"type": "scatter3d", "hoverinfo": "skip", "showlegend": False, **trace}
 
 
@@ -127,27 +135,32 @@ def flat_map(
         data.append(_dots(up, rests, sign, names[0], FIRST, "circle") | on)
         if len(missing):
             data.append(_dots(missing, words, sign, "missing", BAD, "diamond-open") | on)
-        shapes += _disc(ref)
+        shapes += disc(ref)
     notes = [
         {"text": text, "x": x, "y": y, "xref": f"x{r}", "yref": f"y{r}", "showarrow": False}
         for r, half in (("", "z up"), ("2", "z down"))
         for text, x, y in (("x", 1.13, 0), ("y", 0, 1.13), (f"<b>{half}</b>", 0, -1.2))
     ]
+    look = discs(shapes=shapes, annotations=notes)
+    look["legend"] = look["legend"] | {"traceorder": "reversed" if also is not None else "normal"}
+    alt = f"Map of the sphere with {len(up)} directions visited and {len(missing)} missing"
+    return Figure(data, look, "Equal-area map, both halves seen from +z.", share=62, alt=alt)
+
+
+def discs(height: int = HEIGHT, **more: Any) -> dict[str, Any]:
+    """Return the look of two discs side by side of `height` [px], with `more` layout keys."""
     bare = {"visible": False, "range": [-1.27, 1.27]}
     look = layout(
-        HEIGHT,
+        height,
         xaxis=bare | {"domain": [0, 0.47]},
         yaxis=bare | {"scaleanchor": "x"},
         xaxis2=bare | {"domain": [0.53, 1], "anchor": "y2"},
         yaxis2=bare | {"scaleanchor": "x2", "anchor": "x2"},
-        shapes=shapes,
-        annotations=notes,
         meta={"ratio": 0.62},  # a narrow screen needs less height
+        **more,
     )
     look["margin"] = {"l": 0, "r": 0, "t": 30, "b": 0}
-    look["legend"] = look["legend"] | {"traceorder": "reversed" if also is not None else "normal"}
-    alt = f"Map of the sphere with {len(up)} directions visited and {len(missing)} missing"
-    return Figure(data, look, "Equal-area map, both halves seen from +z.", share=62, alt=alt)
+    return look
 
 
 def _dots(
@@ -155,7 +168,7 @@ def _dots(
 ) -> Trace:
     z = points[:, 2] * sign
     pick = (z >= 0) if sign > 0 else (z > 0)
-    flat = points[pick, :2] / np.sqrt(1 + z[pick])[:, None]  # radius sqrt(1 - |z|)
+    flat = flattened(points[pick], z[pick])
     return {
         "type": "scatter",
         "mode": "markers",
@@ -174,7 +187,12 @@ def _dots(
     }
 
 
-def _disc(ref: str) -> list[Trace]:
+def flattened(points: FloatArray, z: FloatArray) -> FloatArray:
+    """Return the places of directions, shape (n, 3), on the disc of their height `z` >= 0."""
+    return np.asarray(points[:, :2] / np.sqrt(1 + z)[:, None])  # radius sqrt(1 - |z|)
+
+
+def disc(ref: str) -> list[Trace]:
     """The rim and the circles 30 and 60 deg below the pole."""
     radii = [1.0, *np.sqrt(1 - np.cos(np.deg2rad([60.0, 30.0])))]
     line = {"color": "var(--sphere)", "width": 1}

@@ -23,11 +23,26 @@
     return value;
   }
 
-  function draw() {
+  // A figure with choices draws the traces of one of them at a time; a list says which.
+  for (const plot of plots) {
+    const { choices, choose } = plot.figure.layout.meta ?? {};
+    if (!choices) continue;
+    const label = document.createElement("label");
+    plot.list = document.createElement("select");
+    plot.list.append(...choices.map((name) => new Option(name)));
+    plot.list.addEventListener("change", () => draw([plot]));
+    label.className = "choice";
+    label.append(choose + " ", plot.list);
+    plot.box.before(label);
+  }
+
+  function draw(which = plots) {
     const style = getComputedStyle(root);
-    for (const { box, figure } of plots) {
+    for (const { box, figure, list } of which) {
       if (box.offsetParent === null) continue; // not shown in this medium
-      const { data, layout } = painted(figure, style);
+      const chosen = { ...figure };
+      if (list) chosen.data = figure.data.filter((trace) => trace.meta === list.value);
+      const { data, layout } = painted(chosen, style);
       layout.width = box.clientWidth;
       if (root.classList.contains("print")) layout.height *= 0.8;
       layout.height = Math.min(layout.height, box.clientWidth * (layout.meta?.ratio ?? Infinity));
@@ -68,7 +83,7 @@
   window.addEventListener("resize", () => {
     if (window.innerWidth !== width) { width = window.innerWidth; draw(); }
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => draw());
   window.addEventListener("beforeprint", () => print(true));
   window.addEventListener("afterprint", () => print(false));
 })();

@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+GREEK = {"alpha": "α", "beta": "β", "gamma": "γ"}
+"""Symbols that are letters of another alphabet."""
+
 
 @dataclass(frozen=True)
 class Text:

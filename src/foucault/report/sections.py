@@ -14,7 +14,7 @@ import numpy as np
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
-from foucault.report import on_table
+from foucault.report import on_table, tumble
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
@@ -45,7 +45,7 @@ def heading(result: Result) -> Heading:
     reasons = list(result.verdict.reasons)
     if not reasons and result.checks:
         reasons = [f"All {len(result.checks)} checks passed."]
-    if result.status is not Status.CONVERGED:
+    if result.status is not Status.CONVERGED and ADVICE[result.status] not in reasons:
         reasons.append(ADVICE[result.status])
     level = result.verdict.level
     title = f"Calibration of {' '.join(names)}" if names else "Calibration"
@@ -103,7 +103,8 @@ def _limits(low: float | None, high: float | None) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−")
+    text = f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
+    return text.replace("-", "−")
 
 
 def findings(result: Result) -> Section | None:
@@ -144,6 +145,7 @@ def words(value: Any) -> str:
 
 SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     certificate,
+    tumble.alignment,
     coefficients,
     norms,
     on_table.norms,
@@ -155,6 +157,11 @@ SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     on_table.orientations,
     on_table.control,
     on_table.rig,
+    tumble.motion,
+    tumble.observability,
+    tumble.course,
+    tumble.residuals,
+    tumble.sensitivity,
     unseen,
     budget,
     correlation,

@@ -13,7 +13,7 @@ from foucault.coefficients import format_value
 from foucault.diagnose.study import Study
 from foucault.estimate.chi_square import chi_square_density
 from foucault.files import atomic
-from foucault.models.imu import LAYOUT
+from foucault.models.layouts import kind_of
 from foucault.report import figures, render
 from foucault.report.page import Column, Facts, Figure, Section, Table
 from foucault.report.sections import STATES, WORDS, Heading, check_table
@@ -109,7 +109,7 @@ def _coefficients(rows: Rows) -> Section | None:
 
 
 def _row(row: Mapping[str, Any], bound: bool) -> list[str]:
-    kind = LAYOUT.coefficients[LAYOUT.index(row["name"])].kind
+    kind = kind_of(row["name"])
     unit = display_unit(kind, row["rms"])
     size = factor(unit, kind)
     rms, sd = row["rms"] / size, row["sd"] / size

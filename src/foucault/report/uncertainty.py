@@ -17,7 +17,7 @@ from foucault.result import Result
 
 FloatArray = npt.NDArray[np.float64]
 
-TRIADS = {"accel": "Accelerometers", "gyro": "Gyros"}
+TRIADS = {"accel": "Accelerometers", "gyro": "Gyros", "attitude": "Attitude"}
 COVERAGE = 2.0  # coverage factor of the expanded uncertainty: about 95 % (JCGM 100:2008, 6.2)
 NOTHING_ADDED = 0.9  # of the prior sd: the data hardly added to what was known
 
@@ -93,7 +93,7 @@ def shown(unit: str) -> str:
     """Write a unit with the signs that people use."""
     for plain, sign in (("ug", "µg"), ("deg", "°"), ("percent", "%")):
         unit = re.sub(rf"\b{plain}\b", sign, unit)
-    return unit
+    return unit.replace("^2", "²")
 
 
 def _signed(text: str) -> str:
@@ -151,6 +151,10 @@ _BASIS = {
     "indexing": ("B", "index_sd as given"),
     "gyro drift": ("B", "slow noise and drift as given"),
     "tilt: drift": ("B", "slow noise as given"),
+    "noise and prior": ("B", "white noise and prior as given or assumed"),
+    "slow noise of accelerometers": ("B", "slow noise as given in the campaign"),
+    "slow noise of gyros": ("B", "slow noise as given in the campaign"),
+    "latitude": ("B", "standard uncertainty of the latitude"),
     "table, latitude and what was known before": ("B", "what the campaign says of them"),
     "prior": ("B", "prior as given in the campaign"),
     "local gravity": ("B", "standard uncertainty of local gravity"),
