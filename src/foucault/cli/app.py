@@ -18,6 +18,7 @@ from foucault.cli import (
     fleet,
     north,
     plans,
+    preflight,
     results,
     sessions,
     study,
@@ -106,7 +107,9 @@ def _program(
     ctx.obj.quiet, ctx.obj.json = quiet, json
 
 
-for _module in (campaigns, plans, sessions, results, fleet, north, allan, study, export, watch):
+for _module in (
+    campaigns, plans, preflight, sessions, results, fleet, north, allan, study, export, watch,
+):  # fmt: skip
     _module.add_to(app)
 
 

@@ -1,0 +1,277 @@
+"""The command preflight: what it foretells comes true, what it prints, and how it ends."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from foucault import procedures
+from foucault.campaign import preflight
+from foucault.cli import app
+from foucault.errors import FoucaultError
+from foucault.models.cluster import CONSTANTS, LAYOUT
+from foucault.models.noise import ImuNoise
+from foucault.procedures import platform_tumble
+from foucault.procedures.platform_tumble import NOISE
+from foucault.procedures.tumble_foresight import planned
+from foucault.result import Level
+from make_cluster import DEG_H, UG
+from make_tumble import SLOW, calibrate, campaign_of, tumble
+
+EXAMPLE = Path(__file__).parents[2] / "examples/platform_tumble.toml"
+TEMPLATE = "platform_tumble"
+CONSTANT = slice(0, len(CONSTANTS))
+WITHIN = 0.03
+
+
+def run(*words: object) -> Result:
+    result = CliRunner().invoke(app, [str(w) for w in words])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@cache
+def foreseen(procedure="", simulate="", **other):
+    return preflight.foresee(campaign_of(procedure, simulate, **other))
+
+
+def parts(made):
+    """Return what a procedure is told of a campaign."""
+    said = (made.settings, made.session, made.site, made.noise, made.prior)
+    return dict(zip(("settings", "session", "site", "noise", "prior"), said, strict=True))
+
+
+# -- what is foretold comes true -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4])
+def test_a_calibration_has_the_uncertainties_that_were_foretold(seed):
+    """The published plan, with other errors, attitude and noise than were thought usual.
+
+    Outer and inner angle at the end take up azimuth by the tilt there, which drawn errors change.
+    """
+    made, session = tumble("", seed=seed)
+    came = calibrate(made, session.simulation.log, trial=True).coefficients
+    found = foreseen()
+    assert found.names == came.names == LAYOUT.names
+    np.testing.assert_allclose(found.sd[CONSTANT], came.sd[CONSTANT], rtol=WITHIN)
+    middle = LAYOUT.index("attitude.middle")
+    assert found.sd[middle] == pytest.approx(came.sd[middle], rel=WITHIN)
+    np.testing.assert_array_equal(found.prior_sd, came.prior_sd)
+
+
+SHORT = 'plan = "-x -z -y +z"\nrate = "0.4 deg/s"\nsegment = "400 s"\naverage = "5 s"'
+WANDERING = ImuNoise(
+    replace(NOISE.accel, random_walk=0.2 * UG / 60), replace(NOISE.gyro, random_walk=DEG_H / 6e3)
+)
+
+
+@pytest.mark.parametrize(
+    ("procedure", "simulate", "noise"),
+    [
+        ("", "", NOISE),
+        (SHORT, "", WANDERING),
+        (SLOW, "", NOISE),
+        ('delay_sd = "0.1 s"\nlatitude_sd = "0.01 deg"', 'kind = "increment"', NOISE),
+    ],
+    ids=["published", "slow noise", "slow", "delay and latitude"],
+)
+def test_with_the_errors_that_were_thought_usual_all_45_come_true(procedure, simulate, noise):
+    """Uncertain gravity, latitude and slow noise too: every term of a result is foretold."""
+    made = campaign_of(procedure, simulate)
+    said = parts(made) | {"noise": noise}
+    found = platform_tumble.foresee(**said)
+    log = platform_tumble.simulate(
+        made.session.model_copy(update={"attitude_sd": 0.0}),
+        settings=made.settings.model_copy(update={"latitude_sd": 0.0, "delay_sd": 0.0}),
+        model=planned(**said).simulation.model, noise=made.noise, site=made.site, seed=11,
+    ).log  # fmt: skip
+    came = calibrate(made, log, trial=True, noise=noise).coefficients
+    assert made.site.gravity_sd > 0
+    np.testing.assert_allclose(found.sd, came.sd, rtol=WITHIN)
+    if noise is WANDERING:
+        assert found.sd[0] > 2 * platform_tumble.foresee(**(said | {"noise": NOISE})).sd[0]
+
+
+def test_noise_and_prior_decide():
+    """Twice the noise of everything is twice the sd, as far as the prior does not hold it."""
+    made = campaign_of('latitude_sd = "0 deg"')
+    noise = made.noise
+    louder = ImuNoise(*(replace(n, white=2 * n.white) for n in (noise.accel, noise.gyro)))
+    said = parts(made) | {"site": replace(made.site, gravity_sd=0.0)}
+    one, two = (platform_tumble.foresee(**(said | {"noise": n})) for n in (noise, louder))
+    free = one.share < 0.01
+    assert free.sum() > 25
+    np.testing.assert_allclose(two.sd[free], 2 * one.sd[free], rtol=0.02)
+    assert (two.sd[CONSTANT] > one.sd[CONSTANT]).all()
+    k = CONSTANTS.index("accel.bias.x")
+    held = platform_tumble.foresee(**(said | {"prior": {"accel.bias.x": (30 * UG, 0.01 * UG)}}))
+    assert held.sd[k] < 0.01 * UG < 0.05 * UG < one.sd[k]
+    assert held.prior_sd[k] == pytest.approx(0.01 * UG)
+    assert held.coefficients.values[k] == pytest.approx(30 * UG)
+    assert "means in [prior]" in held.linearised_at
+
+
+# -- a plan that does not show everything ----------------------------------------------------------
+
+
+def test_turns_about_one_axis_do_not_show_everything():
+    found = foreseen('plan = "-x"')
+    scale = [f"gyro.torquer_scale.{a}" for a in "xyz"]
+    assert {*scale, "gyro.misalignment.yx", "accel.quadratic.x"} <= set(found.hardly)
+    assert not {"accel.bias.y", "accel.quadratic.y", "gyro.drift_input.y"} & set(found.hardly)
+    assert found.rank < found.states == 45 and not found.complete
+    assert len(found.unseen) == found.states - found.rank
+    assert all("not seen at all" in words for words in found.unseen)
+    assert foreseen().complete and not foreseen().hardly and not foreseen().unseen
+    # Its calibration ends as badly as the cure warns.
+    made, session = tumble('plan = "-x"', seed=11)
+    came = calibrate(made, session.simulation.log, trial=True)
+    assert came.verdict.level is not Level.PASS
+    assert "tumble.unseen" in [f.code for f in came.findings]
+
+
+def test_the_rank_grows_leg_by_leg():
+    found = foreseen()
+    assert [leg.end for leg in found.legs] == [1800, 2700, 4500, 5400]
+    ranks = [leg.rank for leg in found.legs]
+    assert ranks == sorted(ranks) and ranks[0] < 45 == ranks[1] == found.rank
+    assert found.legs[0].alone < 42 < found.legs[-1].alone == 45
+    assert np.degrees(found.legs[1].rate[2]) == pytest.approx(-0.1, abs=0.005)
+    assert found.duration == 5400 and np.degrees(found.fastest) == pytest.approx(0.1)
+
+
+def test_an_end_where_the_angles_are_no_measure_is_foretold():
+    level = 'attitude = ["0 deg", "0 deg", "0 deg"]'
+    steps = '[{ rate = ["0 deg/s", "0.1 deg/s", "0 deg/s"], time = "900 s" }]'
+    found = foreseen(f"steps = {steps}", level)
+    assert found.singular and "tumble.singular" in [f.code for f in found.findings]
+    assert not foreseen().singular
+
+
+# -- what it is told -------------------------------------------------------------------------------
+
+
+def test_noise_that_is_not_declared_is_assumed_and_told():
+    said = parts(campaign_of(""))
+    found = platform_tumble.foresee(**(said | {"noise": None}))
+    codes = [f.code for f in found.findings]
+    assert {"preflight.noise", "tumble.noise"} <= set(codes)
+    assert "0.447 ug/sqrt(Hz) was taken" in found.findings[codes.index("preflight.noise")].message
+    np.testing.assert_allclose(found.sd, foreseen().sd, rtol=1e-4)
+    assert "preflight.noise" not in [f.code for f in foreseen().findings]
+
+
+def test_a_published_filter_is_not_what_is_foretold():
+    found = foreseen('filter = "published"')
+    told = next(f for f in found.findings if f.code == "preflight.filter")
+    assert "those that the published filter states are smaller" in told.message
+    np.testing.assert_array_equal(found.sd, foreseen().sd)
+    with pytest.raises(FoucaultError, match="delay is not among the states"):
+        preflight.foresee(campaign_of('filter = "published"\ndelay_sd = "0.1 s"'))
+
+
+def test_another_plan_takes_the_place_of_the_one_in_the_file():
+    made = campaign_of('plan = "-x -z"\nrate = "0.2 deg/s"\nsegment = "300 s"')
+    assert preflight.foresee(made).duration == 600
+    found = preflight.foresee(made, {"plan": "published"})
+    assert (found.plan, found.duration) == ("published", 5400)
+    np.testing.assert_array_equal(found.sd, foreseen().sd)
+    listed = campaign_of('steps = [{ rate = ["0.1 deg/s", "0 deg/s", "0 deg/s"], time = "9 min" }]')
+    assert preflight.foresee(listed).duration == 540
+    assert preflight.foresee(listed, {"plan": "published"}).duration == 5400
+    faster = preflight.foresee(made, {"rate": "0.4 deg/s"})
+    assert np.degrees(faster.fastest) == pytest.approx(0.4) and faster.duration == 600
+
+
+def test_a_cluster_that_stands_still_shows_nothing():
+    with pytest.raises(FoucaultError) as caught:
+        preflight.foresee(campaign_of('plan = "x"\nrate = "0.001 deg/h"'))
+    assert caught.value.code == "tumble.still"
+
+
+# -- the command -----------------------------------------------------------------------------------
+
+
+def test_the_words_and_the_table(tmp_path):
+    file = tmp_path / "expected.csv"
+    result = run("preflight", TEMPLATE, "-o", file)
+    assert result.exit_code == 0
+    for words in ("gyro.drift_input_spin.x", "deg/h/g^2", "Rank 45 of 45", "Plan: published, 5400",
+                  "Remains least known:", "known to 0.13 of the prior", "times less certain",
+                  "accel.bias.x and accel.quadratic.x (-0.98)", f"Table: {file}"):  # fmt: skip
+        assert words in result.output
+    assert "Seen by no leg" not in result.output
+    with file.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert tuple(rows[0]) == preflight.HEADINGS
+    assert [r["coefficient"] for r in rows] == list(LAYOUT.names)
+    bias = rows[LAYOUT.index("accel.bias.x")]
+    assert (bias["unit"], bias["prior_sd"]) == ("ug", "100")
+    sd = foreseen().sd[LAYOUT.index("accel.bias.x")]
+    assert float(bias["sd"]) == pytest.approx(sd / UG, rel=1e-4)
+    assert float(bias["of_prior"]) == pytest.approx(float(bias["sd"]) / 100, rel=1e-4)
+    assert rows[-1]["prior_sd"] == rows[-1]["of_prior"] == "" and float(rows[-1]["sd"]) > 0
+
+
+def test_a_bad_plan_ends_with_3_and_names_what_it_does_not_see():
+    result = run("preflight", TEMPLATE, "--plan", "-x")
+    assert result.exit_code == 3
+    warned = next(line for line in result.output.splitlines() if "hardly better" in line)
+    for name in foreseen('plan = "-x"').hardly:
+        assert name in warned
+    assert "Turn through more orientations" in result.output
+    assert "Seen by no leg:\n  +0.9" in result.output
+
+
+def test_the_document():
+    found = json.loads(
+        run("--json", "preflight", EXAMPLE, "--plan", "-x -z -y +z", "--rate", "0.2 deg/s",
+            "--segment", "300 s").output
+    )  # fmt: skip
+    assert found["procedure"] == TEMPLATE and found["file"] is None
+    assert (found["plan"], found["duration"]) == ("-x -z -y +z", 1200)
+    assert found["rate_limit"] == pytest.approx(np.radians(0.2)) == pytest.approx(found["fastest"])
+    assert (found["rank"], found["states"]) == (45, 45) and len(found["legs"]) == 4
+    by_name = {row["name"]: row for row in found["coefficients"]}
+    assert list(by_name) == list(LAYOUT.names)
+    drift = by_name["gyro.drift.x"]
+    assert (drift["unit"], drift["display_unit"]) == ("rad/s", "deg/h")
+    assert drift["sd"] == pytest.approx(drift["display_sd"] * DEG_H)
+    assert drift["of_prior"] == pytest.approx(drift["sd"] / drift["prior_sd"])
+    assert by_name["attitude.outer"]["of_prior"] is None
+    assert len(found["remaining"]) == 6 and found["correlated"]
+    assert "an attitude (2 deg, 3 deg, 5 deg) from `start`" in found["linearised_at"]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["hand_rotated"], "What hand_rotated will show cannot be predicted"),
+        (["hand_rotated"], "It can be of: platform_tumble"),
+        (["hand_rotated", "--plan", "x"], "It can be of: platform_tumble"),
+        (["nothing.toml"], "'nothing.toml' does not exist"),
+        ([TEMPLATE, "--plan", "x q"], "'q' is neither an axis"),
+        ([TEMPLATE, "--plan", "x", "--rate", "0.2"], "procedure.rate: '0.2' has no unit"),
+        ([TEMPLATE, "--rate", "0.2 deg/s"], "`rate` has no place where no plan is given"),
+        ([TEMPLATE, "--plan", "published", "--segment", "1 s"], "the plan is 'published'"),
+        ([EXAMPLE, "--rate", "0.3 deg/s"], "the limit is 0.2 deg/s"),
+    ],
+)
+def test_mistakes_end_with_1_and_one_sentence(words, text):
+    result = run("preflight", *words)
+    assert result.exit_code == 1
+    assert text in result.stderr and result.stderr.count("error:") == 1
+
+
+def test_those_that_can_are_those_that_have_the_hook():
+    assert TEMPLATE in preflight.able()
+    assert set(preflight.able()) <= set(procedures.PROCEDURES)
