@@ -20,6 +20,7 @@ from pathlib import Path
 
 import north_seeking
 import on_table
+import platform_tumble
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
@@ -287,6 +288,7 @@ def rows() -> list[Row]:
                    "allantools", peer))  # fmt: skip
     out += table_rows()
     out += north_rows()
+    out += tumble_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
@@ -333,6 +335,27 @@ def north_rows() -> list[Row]:
             measure(north_seeking.CALIBRATION), 1.5e-6),
     ]  # fmt: skip
     return out
+
+
+def tumble_rows() -> list[Row]:
+    """Measure what a platform tumble costs."""
+    every, averaged, published, whole = measure(platform_tumble.PASS)
+    dense, filterpy = measure(platform_tumble.DENSE), measure(platform_tumble.FILTERPY)
+    what = "tumble of 27,000 readings, 45 unknowns"
+    given = "of 45 states, matrices given, CPU"
+    return [
+        Row(f"{what}, one Gauss-Newton pass, CPU", every, 0.022, f"NumPy filter {given}", dense),
+        Row(f"{what}, one Gauss-Newton pass, CPU", every, 0.022, f"filterpy {given}", filterpy),
+        Row(f"{what}, one pass with residuals averaged over 1 s, CPU", averaged, 0.005,
+            f"NumPy filter {given}", dense),
+        Row(f"{what}, the whole solution from a levelled start, CPU", whole, None),
+        Row(f"{what}, the published filter of angles, CPU", published, 0.05,
+            f"filterpy {given}", filterpy),
+        Row("500 tumbles simulated and solved, two threads, wall", measure(platform_tumble.STUDY),
+            15.0),
+        Row("`foucault montecarlo` of 500 tumbles, two threads, wall",
+            measure(platform_tumble.COMMAND), None),
+    ]  # fmt: skip
 
 
 def main() -> None:

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 
 from foucault import campaign, units
+from foucault.coefficients import Coefficient
+from foucault.models import cluster
 from foucault.models.imu import LAYOUT
 from foucault.run_folder import result_schema
 from foucault.symptoms import markdown
@@ -17,15 +19,29 @@ def coefficients_markdown() -> str:
     lines = [
         "# Coefficients",
         "",
-        "Written by `docs/generate.py` from the model. A name is output axis first, then inputs.",
+        "Written by `docs/generate.py` from the models. A name is output axis first, then inputs.",
         "",
         "| name | symbol | SI unit | shown in | meaning |",
         "|---|---|---|---|---|",
+        *(f"| `{c.name}` | {c.symbol} | {_units(c)} | {c.meaning} |" for c in LAYOUT.coefficients),
+        "",
+        "## Of a torqued cluster",
+        "",
+        "With the symbol and sign of the source of the [platform "
+        "tumble](procedures/platform_tumble.md). See [the model](models/cluster.md).",
+        "",
+        "| name | symbol | source | SI unit | shown in | meaning |",
+        "|---|---|---|---|---|---|",
     ]
-    for c in LAYOUT.coefficients:
-        shown = ", ".join(units.KINDS[c.kind].display)
-        lines.append(f"| `{c.name}` | {c.symbol} | {c.unit} | {shown} | {c.meaning} |")
+    for c in cluster.LAYOUT.coefficients:
+        source, sign = cluster.SOURCE_SYMBOLS[c.name]
+        source = source if sign > 0 else f"-{source}"
+        lines.append(f"| `{c.name}` | {c.symbol} | {source} | {_units(c)} | {c.meaning} |")
     return "\n".join(lines) + "\n"
+
+
+def _units(c: Coefficient) -> str:
+    return f"{c.unit} | {', '.join(units.KINDS[c.kind].display)}"
 
 
 def messages_markdown() -> str:
