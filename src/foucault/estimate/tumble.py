@@ -196,7 +196,28 @@ def rougher(t: Tumble) -> Tumble | None:
     """
     turn = float(np.linalg.norm(t.command, axis=1).max() * np.median(t.dt))
     block = min(10 * t.block, int(FAR / max(turn, 1e-12)), len(t.dt) // 200)
-    return replace(t, block=block) if block >= 2 * t.block else None
+    if block < 2 * t.block:
+        return None
+    return _merged(replace(t, block=block))
+
+
+def _merged(t: Tumble) -> Tumble:
+    """Put intervals of one command together: few intervals, their readings one mean."""
+    change = np.flatnonzero((np.diff(t.command, axis=0) != 0).any(axis=1))
+    m = min(int(change[0]) + 1 if len(change) else 1, t.block)
+    n, h = len(t.dt) // max(m, 1), float(t.dt[0])
+    command = t.command[: n * m].reshape(n, m, 3)
+    even = bool(np.abs(t.dt - h).max() < 1e-6 * h)
+    if m < 2 or not even or (command != command[:, :1]).any():
+        return t
+    used: npt.NDArray[np.bool_] = np.asarray(t.used[: n * m].reshape(n, m).all(axis=1))
+    # Readings at the ends of m intervals are on the average half of one younger than a mean.
+    late = t.late if t.mean else t.late - 0.5 * h
+    return replace(
+        t, dt=np.full(n, m * h), command=np.ascontiguousarray(command[:, 0]), used=used,
+        reading=t.reading[: n * m].reshape(n, m, 3).mean(axis=1), mean=True, late=late,
+        accel_variance=t.accel_variance / m, block=max(1, t.block // m),
+    )  # fmt: skip
 
 
 def linearised(tumble: Tumble, prior: Prior, fit: Fit, *, moments: int = 0) -> Fit:

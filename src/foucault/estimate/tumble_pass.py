@@ -96,7 +96,7 @@ def run(
     out = information_pass(
         t.dt, t.command, t.reading, t.used, at.constants, scale, at.C_np,
         t.w_ie_n, t.gyro_psd, t.accel_variance, t.arms, t.gravity, t.mean, t.block, store,
-        checkpoints, at.delay,
+        checkpoints, at.delay + t.late,
     )  # fmt: skip
     return out, store[: len(out[9])]
 

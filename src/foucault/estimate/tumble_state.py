@@ -50,6 +50,8 @@ class Tumble:
         Whether readings are means over the interval.
     block : int, shape ()
         So many readings are averaged to one residual [1].
+    late : float
+        By how much all readings are older than that, whatever delay is estimated besides [s].
     """
 
     dt: FloatArray
@@ -63,6 +65,7 @@ class Tumble:
     arms: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     mean: bool = False
     block: int = 1
+    late: float = 0.0
 
 
 @dataclass(frozen=True)

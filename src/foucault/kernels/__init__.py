@@ -33,6 +33,14 @@ def kernel(function: Any) -> Any:
     return _compiled(function)
 
 
+def inlined(function: Any) -> Any:
+    """Compile `function` as `kernel` does, into its callers: every array that is handed on costs.
+
+    For the parts of one long loop.
+    """
+    return _compiled(function, forceinline=True)
+
+
 def reduction(function: Any) -> Any:
     """Compile a plain sum as `kernel` does, its terms added in any order (NaN stays NaN)."""
     return _compiled(function, fastmath={"reassoc", "contract"})

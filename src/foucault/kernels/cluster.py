@@ -6,7 +6,7 @@ output-spin, 21-23 torquer scale, 24-29 gyro misalignments xy xz yx yz zx zy, 30
 bias, 33-35 scale, 36-38 misalignments yx zx zy, 39-41 quadratic.
 """
 
-from foucault.kernels import kernel
+from foucault.kernels import inlined, kernel
 
 
 @kernel
@@ -26,7 +26,7 @@ def inverse_input_axes(theta, Ti):
     Ti[2, 2] = (1.0 - a * c) / det
 
 
-@kernel
+@inlined
 def drift_rates(theta, fx, fy, fz):
     """Return the drift of the three gyros [rad/s]; f in local g."""
     xi = fx + theta[24] * fy + theta[25] * fz
@@ -47,7 +47,7 @@ def drift_rates(theta, fx, fy, fz):
     return ex, ey, ez
 
 
-@kernel
+@inlined
 def actual_rate(theta, Ti, cx, cy, cz, fx, fy, fz):
     """Return the true rate w_ip_p [rad/s] under the command c, f in local g."""
     ex, ey, ez = drift_rates(theta, fx, fy, fz)
@@ -61,7 +61,7 @@ def actual_rate(theta, Ti, cx, cy, cz, fx, fy, fz):
     )
 
 
-@kernel
+@inlined
 def inputs(theta, fx, fy, fz, wx, wy, wz, ax, ay, az, arms, g):
     """Return what the three accelerometers sense along their input axes, W [local g].
 

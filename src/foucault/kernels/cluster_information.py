@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel, reduction
+from foucault.kernels import inlined, kernel, reduction
 from foucault.kernels.cluster import actual_rate, inputs, inverse_input_axes
 from foucault.kernels.cluster_slopes import COLUMNS as COLUMNS
 from foucault.kernels.cluster_slopes import RESIDUAL as RESIDUAL
@@ -34,7 +34,7 @@ UP, FORCE, BEFORE, RATE, BESIDE, TURNED, MISSED = 0, 1, 2, 3, 4, 5, 6
 # Few arrays are handed on: each costs seven words in a call that is not inlined.
 
 
-@kernel
+@inlined
 def _earth_turns(v, w_in, h):
     """Turn `up` by the Earth's rotation vector w h."""
     ax = w_in[0] * h
@@ -54,7 +54,7 @@ def _earth_turns(v, w_in, h):
     v[UP, 2] = z + s * bz + c * (ax * by - ay * bx)
 
 
-@kernel
+@inlined
 def _rotated(C, x, y, z):
     """Return ``C' (x, y, z)``."""
     return (
@@ -64,7 +64,7 @@ def _rotated(C, x, y, z):
     )
 
 
-@kernel
+@inlined
 def _advance(here, v, theta, Ti, cx, cy, cz, w_in, h):
     """Turn p through one interval under the command c."""
     fx, fy, fz = v[FORCE, 0], v[FORCE, 1], v[FORCE, 2]
@@ -100,7 +100,7 @@ def _advance(here, v, theta, Ti, cx, cy, cz, w_in, h):
     v[FORCE, 2] = fz
 
 
-@kernel
+@inlined
 def _miss(here, v, theta, zx, zy, zz, h, mean, delay, lever, arms, g, w_in):
     """Add what a reading z says beyond the trajectory to the misses."""
     fx, fy, fz = v[FORCE, 0], v[FORCE, 1], v[FORCE, 2]
@@ -185,7 +185,7 @@ def _gram(G, W, rows):
             G[i + 1, j + 3] += h
 
 
-@kernel
+@inlined
 def _innovation(m, r):
     """Factor ``H P H' + r I = L L'`` and write the gain K = P H' (L L')^-1; update P.
 
@@ -228,7 +228,7 @@ def _innovation(m, r):
             m[P, j, i] = p
 
 
-@kernel
+@inlined
 def _epoch(wide, m, here, there, half, v, theta, scale, w_in, arms, g, span, tail, q):
     """Carry the sensitivities to the epoch, `tail` [s] ago and `span` after the last one; look."""
     ex, ey, ez = w_in[0], w_in[1], w_in[2]
@@ -324,7 +324,7 @@ def information_pass(
     (c, 3, 3) at the checkpoints; time (blocks,) of every residual from the start [s].
     """
     N = dt.size
-    BATCH = 64
+    BATCH = 128
     lever = np.abs(arms).max() > 0.0
     m = np.zeros((11, 3, 3))
     v = np.zeros((7, 3))

@@ -3,7 +3,7 @@
 Equations and columns as in `kernels.cluster_information`, which drives this.
 """
 
-from foucault.kernels import kernel, reduction
+from foucault.kernels import inlined, reduction
 from foucault.kernels.rotation import multiply_exp
 
 COLUMNS = 48
@@ -17,7 +17,7 @@ P, TI, A, E, AXES, F, H, L, K = 0, 1, 2, 3, 4, 5, 6, 7, 8
 SLOPE = 9  # two rows: slopes by the misalignments
 
 
-@kernel
+@inlined
 def _slopes(m, theta, fx, fy, fz, wx, wy, wz):
     """Linearise the drift at f: slopes by f, axes of the gyros, slopes of drift - T w by T."""
     m0, m1, m2 = theta[24], theta[25], theta[26]
@@ -48,7 +48,7 @@ def _slopes(m, theta, fx, fy, fz, wx, wy, wz):
     m[SLOPE, 1, 2] = -wy + dI * fy - dS * fz
 
 
-@kernel
+@inlined
 def _constants_move(wide, m, there, half, theta, scale, span, wx, wy, wz):
     """Add to Y what the constants of the gyros do to psi over `span` [s]."""
     for i in range(3):
@@ -106,7 +106,7 @@ def _observe(wide, m):
             wide[S + i, j] = h0 * wide[Y, j] + h1 * wide[Y + 1, j] + h2 * wide[Y + 2, j]
 
 
-@kernel
+@inlined
 def _propagate(m, half, q):
     """Replace P by ``(I + F) P (I + F)' + q A A'``; `half` is scratch."""
     for i in range(3):
@@ -123,7 +123,7 @@ def _propagate(m, half, q):
             m[P, j, i] = p
 
 
-@kernel
+@inlined
 def move(wide, m, there, half, theta, scale, ux, uy, uz, span, px, py, pz, q):
     """Carry sensitivities and covariance of xi over `span` [s] in which p turned by (px, py, pz).
 
@@ -158,7 +158,7 @@ def move(wide, m, there, half, theta, scale, ux, uy, uz, span, px, py, pz, q):
     _propagate(m, half, q * span)
 
 
-@kernel
+@inlined
 def look(wide, m, there, theta, scale, fx, fy, fz, X, V, Z, wx, wy, wz):
     """Write H and the rows S: expected innovation per unit of every column."""
     sx = 1.0 + theta[33] + 2.0 * theta[39] * X

@@ -15,14 +15,14 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel
+from foucault.kernels import inlined, kernel
 
 # Series of sin(a) / a and (1 - cos(a)) / a^2 in a^2: a division costs more than the rest.
 S3, S5, S7, S9 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
 C4, C6, C8 = -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40320.0
 
 
-@kernel
+@inlined
 def multiply_exp(C, px, py, pz):
     """Replace C by ``C Exp(p)``, in place; Rodrigues' formula."""
     a2 = px * px + py * py + pz * pz
