@@ -15,11 +15,11 @@ from foucault.estimate.tumble_pass import look
 from foucault.models.earth import Site
 from foucault.plans import torquing
 from foucault.procedures.tumble_problem import prior_of, tumble_of
-from foucault.procedures.tumble_settings import NOISE, Session, Settings, draw_errors, simulate
+from foucault.procedures.tumble_settings import NOISE, Session, Settings, draw_printed, simulate
 site = Site(9.80665, np.radians(40.0))
 settings = Settings(arms=(("5 cm", "0 m", "0 m"), ("0 m", "5 cm", "0 m"), ("0 m", "0 m", "5 cm")))
 def make(seed):
-    model = draw_errors("navigation", seed)
+    model = draw_printed(seed)
     return simulate(Session(), settings=settings, model=model, noise=NOISE, site=site, seed=seed)
 made = make(1)
 prior = prior_of(settings, site, {})

@@ -31,7 +31,7 @@ from foucault.models.cluster import ClusterModel, angles_of, attitude_of
 from foucault.models.rotation import exp
 from foucault.plans import torquing
 from foucault.plans.torquing import PUBLISHED, TorquingPlan, nominal
-from foucault.procedures.tumble_settings import NOISE, draw_errors
+from foucault.procedures.tumble_settings import NOISE, draw_printed
 from foucault.simulate.platform_tumble import Acquisition, simulate_tumble
 
 WORKERS = 2
@@ -54,7 +54,7 @@ def made(
     """A session whose start is off by the rotation `off` in n, one draw of errors and noise."""
     errors, noise = (int(s) for s in seeds.generate_state(2))
     simulation = simulate_tumble(
-        plan, model=ClusterModel() if perfect else draw_errors("", errors), noise=NOISE, site=SITE,
+        plan, model=ClusterModel() if perfect else draw_printed(errors), noise=NOISE, site=SITE,
         start=angles_of((off @ attitude_of(plan.start).T).T),
         acquisition=Acquisition(arms=SETTINGS.lever_arms), seed=noise,
     )  # fmt: skip

@@ -25,7 +25,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log
 from foucault.plans.torquing import TorquingPlan
-from foucault.procedures.tumble_settings import NOISE, PRIOR, Session, Settings, draw_errors
+from foucault.procedures.tumble_settings import NOISE, PRIOR, Session, Settings, draw_printed
 from foucault.procedures.tumble_settings import simulate as simulated
 from foucault.simulate.platform_tumble import Acquisition, TumbleSimulation, simulate_tumble
 
@@ -143,7 +143,7 @@ def run_of(made: TumbleSimulation, block: int = BLOCK, noise: ImuNoise = NOISE) 
 def session(seeds: np.random.SeedSequence) -> Run:
     """One run of the setting of the source."""
     errors, noise = (int(s) for s in seeds.generate_state(2))
-    made = simulated(Session(), settings=SETTINGS, model=draw_errors("", errors), noise=NOISE,
+    made = simulated(Session(), settings=SETTINGS, model=draw_printed(errors), noise=NOISE,
                      site=SITE, seed=noise)  # fmt: skip
     return run_of(made)
 

@@ -21,6 +21,7 @@ from foucault.models.noise import ImuNoise
 from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble import NOISE
 from foucault.procedures.tumble_foresight import planned
+from foucault.procedures.tumble_settings import draw_printed
 from foucault.result import Level
 from make_cluster import DEG_H, UG
 from make_tumble import SLOW, calibrate, campaign_of, tumble
@@ -53,11 +54,12 @@ def parts(made):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 4])
-def test_a_calibration_has_the_uncertainties_that_were_foretold(seed):
-    """The published plan, with other errors, attitude and noise than were thought usual.
+def test_a_calibration_has_the_uncertainties_that_were_foretold(seed, monkeypatch):
+    """The published plan, with errors about the usual ones, another attitude and other noise.
 
     Outer and inner angle at the end take up azimuth by the tilt there, which drawn errors change.
     """
+    monkeypatch.setattr(platform_tumble, "draw_errors", lambda _grade, k: draw_printed(k))
     made, session = tumble("", seed=seed)
     came = calibrate(made, session.simulation.log, trial=True).coefficients
     found = foreseen()

@@ -135,10 +135,15 @@ def test_uncertain_gravity_is_one_error_of_all_scale_factors():
         for given in (0.0, sd)
     )
     more = unsure.cov - sure.cov
-    scale = (1 + sure.values[SCALE]) * sd / made.site.gravity
-    np.testing.assert_allclose(more[np.ix_(SCALE, SCALE)], np.outer(scale, scale), rtol=1e-6)
-    more[np.ix_(SCALE, SCALE)] = 0.0
-    assert not more.any()
+    # By units: what is per g moves with g, a bias not at all, 1 + scale factor error against it.
+    slope, quadratic = np.zeros(45), CONSTANTS.group("accel.quadratic")
+    for k, c in enumerate(CONSTANTS.coefficients):
+        power = {"g-sensitivity": 1, "g-squared sensitivity": 2}.get(c.kind, 0)
+        slope[k] = -power * sure.values[k]
+    slope[SCALE], slope[quadratic] = -1 - sure.values[SCALE], -2 * sure.values[quadratic]
+    slope *= sd / made.site.gravity
+    size = np.sqrt(np.outer(np.diag(unsure.cov), np.diag(unsure.cov)))
+    np.testing.assert_allclose(more / size, np.outer(slope, slope) / size, atol=1e-9)
     np.testing.assert_array_equal(sure.values, unsure.values)
 
 

@@ -18,6 +18,7 @@ from foucault.procedures.tumble_settings import (
     Session,
     Settings,
     draw_errors,
+    draw_printed,
     simulate,
 )
 from make_cluster import ARCSEC, DEG_H, UG, G, make_cluster
@@ -82,7 +83,7 @@ def test_a_spread_of_nothing_is_refused(key, value):
 
 def test_errors_are_drawn_about_the_means_of_the_source():
     """In the symbols of the source every mean is positive; here some names turn the sign."""
-    drawn = np.array([draw_errors("", seed).coefficients().values for seed in range(300)])
+    drawn = np.array([draw_printed(seed).coefficients().values for seed in range(300)])
     by_symbol = {
         SOURCE_SYMBOLS[name][0]: SOURCE_SYMBOLS[name][1] * column
         for name, column in zip(CONSTANTS.names, drawn.T, strict=True)
@@ -103,8 +104,21 @@ def test_errors_are_drawn_about_the_means_of_the_source():
     low, high = stats.chi2.ppf([0.0025, 0.9975], score.size)
     assert low < np.sum(score**2) < high
     assert np.abs(score.mean(axis=1) * np.sqrt(300)).max() < stats.norm.ppf(1 - 0.005 / 42)
-    misalignment = draw_errors("", 1).gyro_misalignment
+    misalignment = draw_printed(1).gyro_misalignment
     assert misalignment[0, 2] < 0 < misalignment[0, 1]
+
+
+def test_errors_are_drawn_as_the_prior_believes():
+    sd = CoefficientVector.prior(CONSTANTS, PRIOR).prior_sd
+    score = np.array([draw_errors("navigation", k).coefficients().values for k in range(300)]) / sd
+    low, high = stats.chi2.ppf([0.0025, 0.9975], score.size)
+    assert low < np.sum(score**2) < high
+    assert np.abs(score.mean(axis=0) * np.sqrt(300)).max() < stats.norm.ppf(1 - 0.005 / 42)
+
+
+def test_a_grade_that_clusters_do_not_have():
+    with pytest.raises(FoucaultError, match=r'grade = "mems".*drawn as "navigation" alone'):
+        draw_errors("mems", 1)
 
 
 def test_the_prior_is_the_usual_size_of_every_error():

@@ -128,6 +128,7 @@ def test_the_alignment_says_angles_and_directions(result):
         ({"value": 0.01, "sd": 1e-3, "estimated": False}, "10.0 ± 1.0 ms, tested: NOT taken off"),
         ({"value": -1e-9, "sd": 1e-3, "estimated": False}, "0.0 ± 1.0 ms, tested: none seen"),
         ({"value": 0.0, "sd": 0.0, "estimated": False}, "not tested"),
+        ({"value": 0.0, "sd": None, "estimated": False}, "not tested"),
     ],
 )
 def test_the_delay_in_words(delay, words, result):
@@ -149,7 +150,7 @@ def test_all_coefficients_in_their_groups(result):
     scale = [LAYOUT.index(f"accel.scale.{a}") for a in "xyz"]
     assert np.all(np.delete(ratio, scale) > 0.98)
     assert np.all(np.delete(ratio, scale) < 1.5)  # latitude is known to 0.001 deg
-    exact = [LAYOUT.index(f"gyro.drift_{word}.{a}") for word in ("input", "spin") for a in "xyz"]
+    exact = [LAYOUT.index(f"accel.bias.{a}") for a in "xyz"]
     np.testing.assert_allclose(ratio[exact], 1.0, atol=0.02)  # which hardly touches these
     assert np.all(ratio[scale] > 100)  # gravity is known to 40 mGal
     assert rows[LAYOUT.index("gyro.drift_input_spin.x")][headings.index("unit")] == "°/h/g²"
@@ -204,7 +205,7 @@ def test_what_the_motion_shows(result):
     at = dots[0]["y"].index("d<sub>Ox</sub>")
     k = LAYOUT.index("gyro.drift_output.x")
     share = result.coefficients.sd[k] / result.coefficients.prior_sd[k]
-    assert dots[0]["x"][at] == pytest.approx(share, rel=1e-3)
+    assert share >= dots[0]["x"][at] == pytest.approx(share, rel=0.05)  # latitude adds to it
 
 
 def test_what_is_not_seen_is_a_warning(result):

@@ -16,7 +16,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import log as rotation_of
 from foucault.plans.torquing import PUBLISHED, RATE, nominal, sequence, starting
-from foucault.procedures.tumble_settings import draw_errors
+from foucault.procedures.tumble_settings import draw_printed
 from foucault.simulate.platform_tumble import Acquisition, simulate_tumble
 from make_cluster import DEG_H, UG, G, make_cluster
 
@@ -63,7 +63,7 @@ def test_both_integrators_agree_over_the_published_plan():
 
 def test_the_published_plan_stays_away_from_the_singular_attitude():
     """With the errors and the start of the source, middle stays below about 6 deg."""
-    model = draw_errors("", 1)
+    model = draw_printed(1)
     made = simulated(PUBLISHED, model, start=START)
     C_pn = np.empty((27001, 3, 3))
     C_pn[0] = made.C_pn[0]

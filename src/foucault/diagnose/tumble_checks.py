@@ -278,9 +278,9 @@ def _delay(e: Evidence) -> Check:
     late, sd = e.fit.late
     z, limit = (late / sd if sd > 0 else 0.0), float(ndtri(1 - EACH / 2))
     fine = abs(z) <= limit
-    words = (
-        "Readings and command belong to the same times." if sd > 0 else "The delay is estimated."
-    )
+    words = "Readings and command belong to the same times."
+    if not 0 < sd < np.inf:
+        words = "The delay is estimated." if sd == 0 else "The motion does not show a delay."
     if not fine:
         words = (
             f"The readings are {1e3 * (late + e.prior.mean.delay):.3g} ms older than their time, "

@@ -5,6 +5,7 @@ Everything is computed here; the report draws it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -96,7 +97,7 @@ def observability_json(e: Evidence) -> dict[str, Any]:
         "growth": {
             "until": until,
             "rank": [gain.rank for gain in motion.gains],
-            "alone": np.cumsum([len(gain.alone) for gain in motion.gains]).tolist(),
+            "alone": _alone([gain.alone for gain in motion.gains]),
         },
         "unseen": [c.words for c in motion.unseen],
         "remaining": [r.words for r in information.remaining(prior_sd, WEAKEST)],
@@ -107,6 +108,12 @@ def observability_json(e: Evidence) -> dict[str, Any]:
             for name, sd, before in zip(STATE.names, whole.sd, prior_sd, strict=True)
         },
     }
+
+
+def _alone(newly: Sequence[Sequence[str]]) -> list[int]:
+    """Count the states seen each by itself; one that rounding hides for a while counts once."""
+    seen: set[str] = set()
+    return [len(seen := seen | set(names)) for names in newly]
 
 
 def piecewise(e: Evidence) -> tuple[Observability, list[float]]:

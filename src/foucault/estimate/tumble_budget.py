@@ -1,4 +1,4 @@
-"""What a tumble owes to errors that its filter does not weigh: slow noise, latitude.
+"""What a tumble owes to errors that its filter does not weigh: slow noise, latitude, gravity.
 
 Near the solution the estimate is linear in readings, command and place. An error of them moves it
 by what one more pass over the changed log says; an error with several independent modes adds its
@@ -27,6 +27,7 @@ from foucault.estimate.tumble import rougher
 from foucault.estimate.tumble_pass import look
 from foucault.estimate.tumble_state import STATES, Prior, State, Tumble
 from foucault.kernels.cluster_information import RESIDUAL
+from foucault.models.cluster import CONSTANTS, POWERS
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import TriadNoise
 from foucault.models.rotation import exp, log
@@ -69,7 +70,7 @@ def slow_modes(noise: TriadNoise, time: FloatArray) -> FloatArray:
 
 def sources(
     t: Tumble, prior: Prior, at: State, *, accel: TriadNoise, gyro: TriadNoise, latitude: float,
-    latitude_sd: float,
+    latitude_sd: float, gravity_sd: float,
 ) -> dict[str, FloatArray]:  # fmt: skip
     """Return what each source adds to the covariance of attitude at the end and constants.
 
@@ -89,26 +90,28 @@ def sources(
         Where the cluster stands [rad].
     latitude_sd : float
         Sd of that [rad].
+    gravity_sd : float
+        Sd of local gravity over gravity [1].
 
     Returns
     -------
     dict of str to ndarray, shape (46, 46)
         In the order and units of `tumble.Fit.cov`; sources that are zero are left out.
     """
-    t, here = rougher(t) or t, None  # the response needs no short averages
-    time = np.cumsum(t.dt)
+    rough = rougher(t) or t  # slow noise needs no short averages
+    time = np.cumsum(rough.dt)
     given = {
-        "slow noise of accelerometers": _readings(t, _modes(accel, time)),
-        "slow noise of gyros": _commands(t, _modes(gyro, time)),
-        "latitude": _places(t, latitude, latitude_sd),
+        "slow noise of accelerometers": (rough, _readings(rough, _modes(accel, time))),
+        "slow noise of gyros": (rough, _commands(rough, _modes(gyro, time))),
+        "latitude": (t, _places(t, latitude, latitude_sd)),
     }
     out: dict[str, FloatArray] = {}
-    for name, changes in given.items():
-        total = np.zeros((STATES, STATES))
+    for name, (log_, changes) in given.items():
+        total, here = np.zeros((STATES, STATES)), None
         for batch in changes:
             added = np.zeros((STATES, STATES))
             for changed in batch:
-                here = here or _solution(t, prior, at)
+                here = here or _solution(log_, prior, at)
                 C_np, values = _solution(changed, prior, at)
                 moved = np.concatenate([log(here[0].T @ C_np), values - here[1]])
                 added += np.outer(moved, moved)
@@ -117,7 +120,25 @@ def sources(
                 break
         if total.any():
             out[name] = total
+    if gravity_sd > 0:
+        moved = gravity_sd * _heavier(at)
+        out["local gravity"] = np.outer(moved, moved)
     return out
+
+
+def _heavier(at: State) -> FloatArray:
+    """Return how the solution moves with the logarithm of the gravity that is believed, (46,).
+
+    Readings over a larger gravity are smaller: bias, 1 + scale factor error and quadratic term are,
+    packed. In SI every constant moves with its power of gravity besides.
+    """
+    moved, c = np.zeros(STATES), at.constants
+    bias, scale, quadratic = (CONSTANTS.group(f"accel.{w}") for w in ("bias", "scale", "quadratic"))
+    moved[3:45] = -POWERS * c
+    moved[3 + bias] -= c[bias]
+    moved[3 + scale] -= 1 + c[scale]
+    moved[3 + quadratic] -= c[quadratic]
+    return moved
 
 
 def _modes(noise: TriadNoise, time: FloatArray) -> FloatArray:

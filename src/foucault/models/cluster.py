@@ -104,7 +104,7 @@ CONSTANTS = Layout(_coefficients())
 ATTITUDE = Layout(
     (
         Coefficient("attitude.outer", "alpha", "angle", "outer angle of the attitude, about North"),
-        Coefficient("attitude.middle", "beta", "angle", "middle angle, azimuth while inner is 0"),
+        Coefficient("attitude.middle", "beta", "angle", "middle angle, azimuth while outer is 0"),
         Coefficient("attitude.inner", "gamma", "angle", "inner angle of the attitude"),
     )
 )
@@ -147,7 +147,8 @@ _PER_G = {
     )
     for name in (f"{word}.{a}" for a in AXES)
 }  # fmt: skip
-_POWERS = np.array([_PER_G.get(name, 0) for name in CONSTANTS.names])
+POWERS = np.array([_PER_G.get(name, 0) for name in CONSTANTS.names], float)
+"""Power of gravity that turns each constant from SI into units where gravity is 1."""
 
 # Axis k of gyro i, as unit axis plus misalignments: (row, column, sign, misalignment).
 _NOMINAL = np.array(
@@ -170,7 +171,7 @@ def normalised(gravity: float) -> FloatArray:
     gravity : float
         Local gravity [m/s^2].
     """
-    return np.asarray(gravity ** _POWERS.astype(float))
+    return np.asarray(gravity**POWERS)
 
 
 @dataclass(frozen=True)

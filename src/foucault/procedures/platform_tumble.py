@@ -211,7 +211,7 @@ def _result(s: Solution, shown: bool) -> Result:
     e = Evidence(s.tumble, s.prior, s.fit, found, s.settings.angles, s.slow, s.advice)
     checks = evidence.checks(e)
     bound = np.sqrt(np.diag(public(s, s.least)))
-    budget = {k: np.diag(v).tolist() for k, v in parts(s, found.values).items()}
+    budget = {k: np.diag(v).tolist() for k, v in parts(s).items()}
     more: dict[str, Any] = {"bound": bound.tolist(), "budget": budget, "filter": s.settings.filter}
     if shown:
         more["observability"] = tumble_report.observability_json(e)

@@ -346,13 +346,28 @@ def simulate(
     )  # fmt: skip
 
 
-def draw_errors(_grade: str, seed: int) -> ClusterModel:
-    """Draw the errors of one cluster about their usual size.
+def draw_errors(grade: str, seed: int) -> ClusterModel:
+    """Draw the errors of one cluster: about zero, of their usual size, as the prior believes.
 
     Parameters
     ----------
-    _grade : str
-        Not needed: one class of clusters is known.
+    grade : str
+        "navigation": one class of clusters is known.
+    seed : int, shape ()
+        Seed [1].
+    """
+    if grade != SIMULATE["grade"]:
+        raise error("torquing.grade", given=grade, allowed=SIMULATE["grade"])
+    drawn = np.random.default_rng(seed).standard_normal(len(CONSTANTS))
+    sd = CoefficientVector.prior(CONSTANTS, PRIOR).prior_sd
+    return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, sd * drawn))
+
+
+def draw_printed(seed: int) -> ClusterModel:
+    """Draw the errors of one cluster as the source does: about their usual size, never about zero.
+
+    Parameters
+    ----------
     seed : int, shape ()
         Seed [1].
 
@@ -360,7 +375,7 @@ def draw_errors(_grade: str, seed: int) -> ClusterModel:
     -----
     The usual size has the sign of the source's symbols, all of them positive: a misalignment that
     enters with a minus in `models.cluster.SOURCE_SYMBOLS`, such as gyro.misalignment.xz, is drawn
-    about -120 arcsec.
+    about -120 arcsec. A prior about zero pulls such clusters all one way.
     """
     drawn = np.random.default_rng(seed).standard_normal(len(CONSTANTS))
     values = []

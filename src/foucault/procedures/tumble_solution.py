@@ -207,7 +207,7 @@ def _filter(tumble: Tumble, prior: Prior, name: str, moments: int) -> tuple[Fit,
 def owed_by(
     tumble: Tumble, prior: Prior, fit: Fit, settings: Settings, site: Site, noise: ImuNoise
 ) -> dict[str, FloatArray]:
-    """Return the covariance by what the filter does not weigh: slow noise, latitude.
+    """Return the covariance by what the filter does not weigh: slow noise, latitude, gravity.
 
     Parameters
     ----------
@@ -231,12 +231,12 @@ def owed_by(
     accel = replace(noise.accel, bias_instability=slow[0], random_walk=slow[1])
     return sources(
         tumble, prior, fit.start, accel=accel, gyro=noise.gyro, latitude=site.latitude,
-        latitude_sd=settings.latitude_sd,
+        latitude_sd=settings.latitude_sd, gravity_sd=site.gravity_sd / site.gravity,
     )  # fmt: skip
 
 
 def coefficients(s: Solution) -> CoefficientVector:
-    """Name what was found; the uncertainty of gravity is one of all accelerometers together.
+    """Name what was found.
 
     Parameters
     ----------
@@ -247,26 +247,20 @@ def coefficients(s: Solution) -> CoefficientVector:
     angles = angles_of(s.fit.C_np.T)
     values = np.concatenate([s.fit.start.constants * factor, angles])
     sd = np.concatenate([s.prior.sd[3:45] * factor, np.full(3, np.inf)])
-    cov = np.sum(list(parts(s, values).values()), axis=0)
+    cov = np.sum(list(parts(s).values()), axis=0)
     return CoefficientVector(LAYOUT, values, cov, prior_sd=sd)
 
 
-def parts(s: Solution, values: FloatArray) -> dict[str, FloatArray]:
+def parts(s: Solution) -> dict[str, FloatArray]:
     """Split the covariance of the coefficients by source, each shape (45, 45).
 
     Parameters
     ----------
     s : Solution
         A tumble solved.
-    values : ndarray, shape (45,)
-        The coefficients [SI].
     """
-    common = np.zeros(len(LAYOUT))
-    for k in LAYOUT.group("accel.scale"):
-        common[k] = (1 + values[k]) * s.site.gravity_sd / s.site.gravity
     out = {"noise and prior": public(s, s.fit.cov)}
-    out |= {name: public(s, cov) for name, cov in s.owed.items()}
-    return out | {"local gravity": np.outer(common, common)} if common.any() else out
+    return out | {name: public(s, cov) for name, cov in s.owed.items()}
 
 
 def public(s: Solution, cov: FloatArray) -> FloatArray:

@@ -52,8 +52,10 @@ def how_to_apply(result: Result) -> Section | None:
     commands, python = _COMMANDS, _PYTHON
     inverse = {EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE}.get(result.equation)
     imu = inverse is not None
+    lead = "The instrument says, for what is true:"
     if result.equation == cluster.EQUATION:
         inverse, commands, python = cluster.INVERSE, _CLUSTER_COMMANDS, _CLUSTER_PYTHON
+        lead = "How the cluster turns, and what its accelerometers say:"
     finite = bool(np.isfinite(result.coefficients.values).all())
     if finite and inverse is not None:
         blocks += [Text("Solved for what is true:"), Equation(_split(inverse)[0])]
@@ -61,7 +63,7 @@ def how_to_apply(result: Result) -> Section | None:
     blocks += [Text("In Python:"), Code(python)]
     if finite and imu:
         blocks += [Text("The numbers alone, in SI units:"), Code(numbers(result))]
-    return Section("How to apply it", "The instrument says, for what is true:", blocks)
+    return Section("How to apply it", lead, blocks)
 
 
 def _split(equation: str) -> tuple[list[str], list[str]]:

@@ -104,7 +104,8 @@ def _coefficients(rows: Rows) -> Section | None:
         f"deviation is right; its limits here are {low:.3f} to {high:.3f}."
     )
     if bound:
-        lead += " RMS / bound compares with the Cramér-Rao bound of the sensor noise alone."
+        lead += " RMS / bound compares with the Cramér-Rao bound of the sensor noise alone; "
+        lead += "what else is uncertain, such as gravity, brings it above 1."
     return Section("Error of every coefficient", lead, [Table(columns, cells)])
 
 

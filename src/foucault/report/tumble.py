@@ -27,8 +27,8 @@ ATTITUDE = "C_np = C_1(outer) C_2(middle) C_3(inner)"
 
 ANGLES = (
     ("outer", "about North"),
-    ("middle", "about Up: azimuth while inner is 0"),
-    ("inner", "about East"),
+    ("middle", "about Up while outer is 0: azimuth"),
+    ("inner", "about z of the cluster"),
 )
 
 DRIFTS = ("drift", "drift_input", "drift_output", "drift_spin", "drift_input_output",
@@ -121,7 +121,7 @@ def _sizes(sd: Sequence[float], about: str) -> str:
 
 
 def _delay(delay: Mapping[str, Any]) -> str:
-    if not delay["sd"] > 0:
+    if not (delay["sd"] or 0) > 0:  # none where the motion shows no delay
         return "not tested"
     value, sd = (1e3 * delay[key] for key in ("value", "sd"))
     words = f"{_signed(format_value(value, sd))} ± {format_value(sd, sd)} ms"
@@ -187,7 +187,11 @@ def observability(result: Result) -> Section | None:
     blocks: list[Block] = [
         Text(_rank_words(seen)),
         figures_motion.growth(growth["until"], curves, whole, _legs(result)),
-        Text("Standard deviation after the tumble over that before: farther left, better known."),
+        Text(
+            "Standard deviation after the tumble over that before, by readings and prior alone: "
+            "farther left, better known. What gravity, latitude and slow noise add stands in the "
+            "uncertainty budget."
+        ),
         *_left(seen["of_prior"]),
     ]
     unseen = [w.removesuffix(": not seen at all") for w in seen["unseen"]]
@@ -238,7 +242,8 @@ def _rounded(value: float) -> str:
 
 def _named(words: str) -> str:
     """Mark names as code, and write signs as people do."""
-    return _NAME.sub(lambda m: f"`{m.group()}`", words.replace("-", "−"))
+    words = words.replace("-", "−").replace(" ...", " and smaller parts")
+    return _NAME.sub(lambda m: f"`{m.group()}`", words)
 
 
 def _left(share: Mapping[str, float]) -> list[Block]:
@@ -250,7 +255,7 @@ def _left(share: Mapping[str, float]) -> list[Block]:
     out: list[Block] = []
     parts = (
         ("Drift of the gyros", drift, ""),
-        ("All others", rest, "ψ: attitude at the start, about East, North and Up."),
+        ("All others", rest, "ψ: start.east, .north, .up: attitude at the start, about these."),
     )
     for title, names, caption in parts:
         labels = [lowered(symbols.get(n, n)) for n in names]

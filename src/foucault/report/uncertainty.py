@@ -54,7 +54,7 @@ def coefficients(result: Result) -> Section | None:
             "would allow (Cramér-Rao)."
         )
         if prior:
-            lead += " A prior can bring it below 1."
+            lead += " A prior can bring it below 1; what else is uncertain, such as gravity, above."
     option = "expanded uncertainty U = 2 sd, about 95 %"
     return Section("Coefficients", lead, [Table(columns, rows, option)])
 

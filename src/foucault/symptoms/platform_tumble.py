@@ -101,7 +101,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "No slow noise is known: biases of accelerometers and drifts of gyros were taken to stand "
      "still for {minutes} minutes.",
      "Give bias_instability or random_walk in [noise.accel] and [noise.gyro], as `foucault allan` "
-     "finds them; the uncertainties then count what slow noise looks like coefficients."),
+     "finds them; the uncertainties then count the part of it that looks like coefficients."),
     ("tumble.unseen", "warning",
      "Coefficients that the motion hardly shows",
      "{count} coefficients are known hardly better than before: {names}.",

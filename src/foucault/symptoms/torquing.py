@@ -39,6 +39,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The rotation of the Earth turns the cluster by degrees in an hour; without latitude neither "
      "the command nor the motion is known.",
      "Give the latitude in [site]."),
+    ("torquing.grade", "error",
+     "A class of instruments that clusters do not come in",
+     'grade = "{given}" in [simulate]; torqued clusters are drawn as "{allowed}" alone.',
+     'Write grade = "{allowed}", and other sizes of single errors in `errors`.'),
     ("torquing.interval", "error",
      "A command that does not change on samples of the log",
      "The command changes every {command} s and a sample is taken every {given} s: that is no "
