@@ -123,6 +123,7 @@ def test_failed_trials_are_counted_and_do_not_end_the_study(tmp_path: Path) -> N
     few = campaign.parse(SHORT.replace("rests = 13", "rests = 5"), "short.toml")
     result = study.run(few, 3, tmp_path)
     assert result.status == {"rests.too_few": 3}
+    assert result.rows() == []
     (check,) = result.checks()
     assert not check.passed
 

@@ -6,20 +6,30 @@ study's seed and i. This module knows neither files nor clusters: it is given a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 Row = Mapping[str, Any]
 Trial = Callable[[int, np.random.SeedSequence], Row]
+S = TypeVar("S")
+T = TypeVar("T")
+
+AHEAD = 2
+"""Items that are begun, or done and not yet asked for, per worker [1]."""
 
 
 class Map(Protocol):
-    """Like the built-in ``map`` over one iterable: results in order, computed anywhere."""
+    """Like the built-in ``map`` over one iterable: results in order, computed anywhere.
 
-    def __call__(self, function: Callable[[int], Row], items: Iterable[int], /) -> Iterable[Row]:
+    Items are taken as they are needed, and never many more than the workers can begin.
+    """
+
+    def __call__(self, function: Callable[[S], T], items: Iterable[S], /) -> Iterator[T]:
         """Apply `function` to every item."""
         ...
 
@@ -33,17 +43,44 @@ def threads(workers: int) -> Map:
         Number of threads [1].
     """
 
-    def over_threads(function: Callable[[int], Row], items: Iterable[int], /) -> Iterable[Row]:
-        pool = ThreadPoolExecutor(workers)
+    def over_threads(function: Callable[[S], T], items: Iterable[S], /) -> Iterator[T]:
+        pool, waiting = ThreadPoolExecutor(workers), deque[Future[T]]()
         try:
-            yield from pool.map(function, items)
+            for item in items:
+                waiting.append(pool.submit(function, item))
+                if len(waiting) > AHEAD * workers:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
         finally:  # an interrupted study must not finish what was queued
             pool.shutdown(cancel_futures=True)
 
     return over_threads
 
 
-def run(trial: Trial, indices: Sequence[int], seed: int, map: Map = map) -> Iterator[Row]:
+@dataclass(frozen=True)
+class Numbered:
+    """A trial that knows its seed by its number; goes to another process where the trial does.
+
+    Attributes
+    ----------
+    trial : callable
+        The trial.
+    seed : int, shape ()
+        Seed of the study [1].
+    """
+
+    trial: Trial
+    seed: int
+
+    def __call__(self, index: int) -> Row:
+        """Run trial number `index`."""
+        return self.trial(index, np.random.SeedSequence(self.seed, spawn_key=(index,)))
+
+
+def run(
+    trial: Trial, indices: Sequence[int], seed: int, map: Map = map
+) -> Generator[Row, None, None]:
     """Run trials and yield their rows in the order of `indices`.
 
     Parameters
@@ -62,8 +99,4 @@ def run(trial: Trial, indices: Sequence[int], seed: int, map: Map = map) -> Iter
     mapping
         The row of each trial.
     """
-
-    def numbered(index: int) -> Row:
-        return trial(index, np.random.SeedSequence(seed, spawn_key=(index,)))
-
-    yield from map(numbered, indices)
+    yield from map(Numbered(trial, seed), indices)

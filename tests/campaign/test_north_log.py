@@ -85,7 +85,7 @@ def test_a_study_knows_what_a_session_shows(tilts: tuple[str, ...], names: int) 
     text = campaign.template("north_seeking").replace('["0 deg"]', str(list(tilts)))
     described = campaign.parse(text.replace("'", '"'))
     assert len(study.names_of(described)) == names
-    row = study.trial(described)(0, np.random.SeedSequence(1))
+    row = study.Trial(described)(0, np.random.SeedSequence(1))
     assert row["status"] == "converged" and np.isfinite(row["nees"])
 
 

@@ -21,16 +21,14 @@ import io
 import json
 import re
 import time as clock
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from foucault import logs, procedures, run_folder
+from foucault import logs, monte_carlo, procedures, run_folder
 from foucault.campaign.fleet_table import FleetTable, Row
 from foucault.campaign.reading import Campaign
 from foucault.campaign.study import names_of
@@ -49,8 +47,6 @@ from foucault.tables import Log
 Progress = Callable[[float, str], None]
 Report = Callable[[Path], Path]
 Entry = tuple[str, "Log | FoucaultError"]
-T = TypeVar("T")
-S = TypeVar("S")
 
 SCHEMA = "foucault.fleet/1"
 FLEET_FILE, TABLE_FILE, PAGE_FILE, INSTRUMENTS = (
@@ -163,7 +159,7 @@ def run(
         (folder / INSTRUMENTS).mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise unwritable(folder, problem) from None
-    rows = list(_rows(work, entries, workers, progress))
+    rows = list(_rows(work, entries, monte_carlo.threads(workers), progress))
     table = FleetTable.of(names, rows)
     _refuse_nothing(table)
     table = table.decided(tolerance)
@@ -171,12 +167,14 @@ def run(
     return table
 
 
-def _rows(work: _Work, entries: Iterable[Entry], workers: int, progress: Progress) -> Iterator[Row]:
+def _rows(
+    work: _Work, entries: Iterable[Entry], over: monte_carlo.Map, progress: Progress
+) -> Iterator[Row]:
     if not work.batch:
-        yield from _spread(lambda e: _calibrated(work, *e), entries, workers)
+        yield from over(lambda e: _calibrated(work, *e), entries)
         return
     reduced: list[_Reduced] = []
-    for item in _spread(lambda e: _reduced(work, *e), entries, workers):
+    for item in over(lambda e: _reduced(work, *e), entries):
         if isinstance(item, _Reduced):
             reduced.append(item)
         else:
@@ -188,7 +186,7 @@ def _rows(work: _Work, entries: Iterable[Entry], workers: int, progress: Progres
         [r.readings for r in reduced], work.campaign.settings, work.campaign.site
     )
     numbered = list(enumerate(reduced))
-    rows = _spread(lambda n: _from_batch(work, solved, *n), numbered, workers)
+    rows = over(lambda n: _from_batch(work, solved, *n), numbered)
     for done, row in enumerate(rows, 1):
         progress(0.5 + 0.45 * done / len(reduced), f"writing {done} of {len(reduced)}")
         yield row
@@ -240,20 +238,6 @@ def _read_each(campaign: Campaign, serials: dict[str, Path], progress: Progress)
             yield serial, logs.read(own, campaign.folder)
         except FoucaultError as problem:
             yield serial, problem
-
-
-def _spread(function: Callable[[S], T], items: Iterable[S], workers: int) -> Iterator[T]:
-    """Apply a function in threads, in order, with no more items in memory than are needed."""
-    pool, waiting = ThreadPoolExecutor(workers), deque[Future[T]]()
-    try:
-        for item in items:
-            waiting.append(pool.submit(function, item))
-            if len(waiting) > 2 * workers:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:  # what was interrupted must not finish what was queued
-        pool.shutdown(cancel_futures=True)
 
 
 def _reduced(work: _Work, serial: str, log: Log | FoucaultError) -> _Reduced | Row:

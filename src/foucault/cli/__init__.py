@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 
-# Our matrices are small: a second BLAS thread doubles the processor time and gains nothing.
-# Must be set before NumPy is first imported.
-for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+# Our matrices are small: a second BLAS thread doubles the processor time and gains nothing, and
+# the last digits of its sums are others. NumPy reads this when it is first imported; afterwards
+# the environment must not say what is not so (`cluster` compares it between machines).
+if "numpy" not in sys.modules:
+    for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(_name, "1")
 
-from foucault.cli.app import app, main  # noqa: E402
+from foucault.cli.app import app, main
 
 __all__ = ["app", "main"]

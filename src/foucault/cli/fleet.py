@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli.cluster import Workers
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -42,9 +43,7 @@ def fleet(
     reports: Annotated[
         bool, typer.Option("--reports", help="Write a report of each instrument too.")
     ] = False,
-    workers: Annotated[
-        int | None, typer.Option(help="Threads; as many as processors if left out.", min=1)
-    ] = None,
+    workers: Workers = None,
 ) -> None:
     """Calibrate many instruments by the same campaign: one page for all, a result for each."""
     from foucault import campaign as campaigns

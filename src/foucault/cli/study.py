@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from foucault.cli import cluster
 from foucault.cli.screen import Screen
 from foucault.cli.sessions import load_or_template
 
@@ -17,8 +17,8 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "montecarlo",
         epilog="Examples: foucault montecarlo campaign.toml -n 500 -o study; "
-        "foucault montecarlo hand_rotated -n 100 -o study. The same command again continues an "
-        "interrupted study.",
+        "foucault montecarlo hand_rotated -n 100 -o study --local-cluster 8. The same command "
+        "again continues an interrupted study.",
     )(montecarlo)
 
 
@@ -28,26 +28,30 @@ def montecarlo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Study folder.")],
     trials: Annotated[int, typer.Option("-n", "--trials", help="Number of trials.", min=2)] = 500,
     seed: Annotated[int, typer.Option(help="Seed of the study.", min=0)] = 0,
-    workers: Annotated[
-        int | None, typer.Option(help="Threads; as many as processors if left out.", min=1)
-    ] = None,
+    workers: cluster.Workers = None,
+    scheduler: cluster.Scheduler = None,
+    local_cluster: cluster.LocalCluster = None,
 ) -> None:
     """Study: simulate and calibrate many instruments; are the uncertainties right?"""
     from foucault.campaign import study
     from foucault.report import study as study_report
 
     screen: Screen = ctx.obj
-    with screen.progress() as tell:
+    described = load_or_template(what)
+    with (
+        cluster.spread(screen, workers, scheduler, local_cluster) as map_,
+        screen.progress() as tell,
+    ):
         result = study.run(
-            load_or_template(what),
+            described,
             trials,
             output,
             seed=seed,
-            workers=workers or os.cpu_count() or 1,
+            map=map_,
             progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
         )
-        about = study.load(output)[1] | {"n": trials}
-        report = study_report.write(result, about, output / "report.html")
+    about = study.load(output)[1] | {"n": trials}
+    report = study_report.write(result, about, output / "report.html")
     rows = result.rows()
     screen.table(
         "errors against predicted standard deviations",

@@ -81,9 +81,14 @@ class Study:
         return cls(tuple(names), block("error"), block("sd"), block("bound"), nees, status)
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return one dictionary per coefficient: mean, RMS, predicted sd, ratios, coverage."""
+        """Return one dictionary per coefficient: mean, RMS, predicted sd, ratios, coverage.
+
+        None where no trial produced an estimate.
+        """
         z = self.error / self.sd
         n = len(z)
+        if n == 0:
+            return []
         tests = len(self.names)
         low, high = (np.sqrt(v / n) for v in chi_square_limits(n, EACH, tests))
         bias_limit = np.sqrt(chi_square_limits(1, 2 * EACH, tests)[1])
