@@ -174,6 +174,16 @@ class _Settings(BaseModel):
     rate: Annotated[float, units.Quantity("frequency")]
 
 
+def test_one_unit_for_all_of_a_kind_by_the_middle_one() -> None:
+    arcsec, hourly = math.radians(1 / 3600), math.radians(1) / 3600
+    kinds = ("misalignment", "angular rate", "misalignment", "misalignment", "g-sensitivity")
+    sizes = (0.4 * arcsec, 3 * hourly, 7000 * arcsec, 90 * arcsec, math.inf)
+    assert units.display_units(kinds, sizes) == (
+        "arcmin", "deg/h", "arcmin", "arcmin", "deg/h/g",
+    )  # fmt: skip
+    assert units.display_units(kinds[:1], sizes[:1]) == ("arcsec",)
+
+
 def test_pydantic_field_holds_si_and_a_number_from_python_is_si() -> None:
     assert _Settings.model_validate({"rate": "0.1 kHz"}).rate == 100.0
     assert _Settings(rate=100).rate == 100.0

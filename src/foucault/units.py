@@ -17,12 +17,13 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from numbers import Real
+from statistics import median
 from typing import TYPE_CHECKING, Any, SupportsFloat, cast
 
 from foucault.errors import FoucaultError, error
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall, the ``g`` of every unit string [m/s^2] (CGPM 1901)."""
@@ -227,6 +228,23 @@ def display_unit(kind: str, magnitude: float) -> str:
         if abs(magnitude) >= factor(unit, kind):
             best = unit
     return best
+
+
+def display_units(kinds: Sequence[str], sizes: Iterable[float]) -> tuple[str, ...]:
+    """Choose one unit for all of a kind, that of the middle one of those that are finite.
+
+    Parameters
+    ----------
+    kinds : sequence of str
+        Keys of `KINDS`, one for each size.
+    sizes : iterable of float, shape (n,)
+        Magnitudes; the infinite ones and those that are no number decide nothing [SI].
+    """
+    of_kind: dict[str, list[float]] = {kind: [] for kind in kinds}
+    for kind, size in zip(kinds, sizes, strict=True):
+        of_kind[kind] += [float(size)] if math.isfinite(size) else []
+    unit = {kind: display_unit(kind, median(some or [0.0])) for kind, some in of_kind.items()}
+    return tuple(unit[kind] for kind in kinds)
 
 
 def plain(value: float, digits: int = 4) -> str:

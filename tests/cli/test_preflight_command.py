@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from foucault import procedures
-from foucault.campaign import preflight
+from foucault import procedures, units
+from foucault.campaign import parse, preflight, simulate, template
 from foucault.cli import app
+from foucault.diagnose.foresight import Limit, said
 from foucault.errors import FoucaultError
 from foucault.models.cluster import CONSTANTS, LAYOUT
 from foucault.models.noise import ImuNoise
@@ -194,6 +195,41 @@ def test_another_plan_takes_the_place_of_the_one_in_the_file():
     assert np.degrees(faster.fastest) == pytest.approx(0.4) and faster.duration == 600
 
 
+@pytest.mark.parametrize("latitude_sd", ["0 deg", "0.02 deg"])
+def test_more_is_worth_what_the_longer_plan_shows(latitude_sd):
+    """What is not noise is in it: an unknown latitude moves drifts however long it takes."""
+    plan = 'plan = "-x -z -y"\nrate = "0.2 deg/s"\nsegment = "900 s"'
+    base = f'average = "5 s"\nlatitude_sd = "{latitude_sd}"'
+    now = foreseen(f"{base}\n{plan}")
+    turned, rested = now.more
+    assert turned.what.startswith("five more minutes about")
+    axis = turned.what.split()[4]
+    rate = [f"{(axis[1] == a) * float(axis[0] + '0.2')} deg/s" for a in "xyz"]
+    rates = [[f"{-0.2 * (a == b)} deg/s" for b in "xyz"] for a in "xzy"]
+    steps = [{"rate": step, "time": "900 s"} for step in rates]
+    for extra, last in ((turned, rate), (rested, ["0 deg/s"] * 3)):
+        longer = preflight.foresee(
+            campaign_of(f"{base}\n{plan}"),
+            {"steps": [*steps, {"rate": last, "time": "300 s"}], "plan": None, "rate": None,
+             "segment": None},
+        )  # fmt: skip
+        ratio = longer.sd[CONSTANT] / now.sd[CONSTANT]
+        assert extra.ratio == pytest.approx(np.exp(np.log(ratio).mean()), rel=1e-6)
+        assert extra.best[0][1] == pytest.approx(ratio.min(), rel=1e-6)
+
+
+def test_more_keeps_the_limits_of_the_rig():
+    plan = 'plan = "-x"\nrate = "0.2 deg/s"\nsegment = "600 s"\naverage = "5 s"'
+    free, held = foreseen(plan), foreseen(f'{plan}\ntilt_limit = "125 deg"')
+    assert len(free.more) == len(held.more) == 2
+    locked = foreseen(f'{plan}\ntilt_limit = "100 deg"')
+    assert not locked.complete
+    assert [e.what for e in locked.more] == [e.what for e in free.more]  # it cannot be done anyway
+    needed = {limit.name: limit for limit in held.limits}["tilt from the start"]
+    assert np.degrees(needed.needed) == pytest.approx(120.0, abs=0.1)
+    assert "-x" not in held.more[0].what
+
+
 def test_a_cluster_that_stands_still_shows_nothing():
     with pytest.raises(FoucaultError) as caught:
         preflight.foresee(campaign_of('plan = "x"\nrate = "0.001 deg/h"'))
@@ -257,9 +293,9 @@ def test_the_document():
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["hand_rotated"], "What hand_rotated will show cannot be predicted"),
-        (["hand_rotated"], "It can be of: platform_tumble"),
-        (["hand_rotated", "--plan", "x"], "It can be of: platform_tumble"),
+        (["hand_rotated", "--plan", "x"], "procedure.plan is not a key of a campaign file"),
+        (["turntable", "--rate", "1 deg/s"], "procedure.rate is not a key of a campaign file"),
+        (["turntable", "--plan", "icosahedral"], "There is no plan 'icosahedral' for a table"),
         (["nothing.toml"], "'nothing.toml' does not exist"),
         ([TEMPLATE, "--plan", "x q"], "'q' is neither an axis"),
         ([TEMPLATE, "--plan", "x", "--rate", "0.2"], "procedure.rate: '0.2' has no unit"),
@@ -274,6 +310,73 @@ def test_mistakes_end_with_1_and_one_sentence(words, text):
     assert text in result.stderr and result.stderr.count("error:") == 1
 
 
-def test_those_that_can_are_those_that_have_the_hook():
-    assert TEMPLATE in preflight.able()
-    assert set(preflight.able()) <= set(procedures.PROCEDURES)
+def test_limits_are_read_side_by_side():
+    """One unit for a kind, and what only rounding made is nothing."""
+    by_rounding = Limit("middle angle", "angle", -2.2e-16, np.radians(70.0))
+    assert (said(by_rounding.needed, "angle"), by_rounding.words) == (
+        "0 deg", "middle angle 0 deg of 70 deg",
+    )  # fmt: skip
+    slow, fast = 1.2 * DEG_H, np.radians(0.2)
+    assert [said(w, "angular rate") for w in (slow, fast)] == ["0.0003333 deg/s", "0.2 deg/s"]
+    output = run("preflight", EXAMPLE).output.partition("limits of the rig")[2]
+    assert "0.2 deg/s" in output and "deg/h" not in output.partition("Plan: ")[0]
+    assert "-0 " not in output and "e-" not in output.partition("Plan: ")[0]
+
+
+def test_one_unit_for_a_kind():
+    rows = foreseen().rows()
+    kinds = {c.name: c.kind for c in foreseen().coefficients.layout.coefficients}
+    shown = {(kinds[row["name"]], row["display_unit"]) for row in rows}
+    assert len(shown) == len({kind for kind, _ in shown}) == len(set(kinds.values()))
+    sd = [row["sd"] for row in rows]
+    assert [row["display_unit"] for row in rows] == list(
+        units.display_units([kinds[row["name"]] for row in rows], sd)
+    )
+
+
+# -- other procedures ------------------------------------------------------------------------------
+
+
+def test_a_session_on_a_table_is_foretold_with_limits_and_what_more_would_buy(tmp_path):
+    file = tmp_path / "campaign.toml"
+    text = (EXAMPLE.parent / "norm_observation.toml").read_text()
+    file.write_text(
+        text.replace("[procedure]", '[procedure]\nmiddle_range = ["-90 deg", "90 deg"]')
+    )
+    result = run("preflight", file)
+    assert result.exit_code == 0, result.output
+    assert "limits of the rig" in result.output and "largest middle angle" in result.output
+    assert "one more position" in result.output and "rests of 35 s" in result.output
+    assert "rate about x, y, z" not in result.output and "about an axis" not in result.output
+    found = json.loads(run("--json", "preflight", file, "--plan", "icosahedron 12").output)
+    assert found["plan"] == "icosahedron 12" and found["legs"] == []
+    assert {limit["kept"] for limit in found["limits"]} == {True, False}
+    assert [f["code"] for f in found["findings"]] == ["preflight.typical"]
+    assert run("preflight", file, "--plan", "icosahedron 12").exit_code == 3
+    assert "BROKEN" in run("preflight", file, "--plan", "icosahedron 12").output
+
+
+def test_a_plan_takes_the_place_of_listed_positions():
+    text = (EXAMPLE.parent / "norm_observation.toml").read_text()
+    listed = '[["0 deg", "0 deg", "0 deg"]]'
+    made = parse(text.replace("[procedure]", f"[procedure]\npositions = {listed}"))
+    assert preflight.foresee(made).plan == "own positions"
+    assert preflight.foresee(made, {"plan": "dodecahedron 20"}).plan == "dodecahedron 20"
+
+
+@pytest.mark.parametrize("name", ["hand_rotated", "six_position", "ferraris", "rate_table"])
+def test_where_no_motion_is_planned_one_session_is_simulated(name):
+    """What it says is the covariance of the session that `foucault simulate` makes."""
+    made = parse(template(name))
+    found = preflight.foresee(made)
+    session = simulate(made)
+    came = (
+        procedures.load(name)
+        .calibrate(session.simulation.log, site=made.site, settings=made.settings)
+        .coefficients
+    )
+    np.testing.assert_array_equal(found.sd, came.sd)
+    assert found.complete and not found.legs and not found.more
+    assert found.duration == pytest.approx(np.ptp(session.simulation.log.time))
+    assert found.findings[0].code == "preflight.simulated"
+    assert f"{name} plans no motion of its own" in found.findings[0].message

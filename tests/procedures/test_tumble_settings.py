@@ -61,7 +61,7 @@ def test_arms_are_lengths():
          {"plan": "published", "segment": 10.0}),
         ("torquing.sequence", "'-q' is neither", {"plan": "-q"}),
         ("torquing.limit", "Step 1 .* 0.1 deg/s about x; the limit is 0.0572958",
-         {"plan": "x", "rate_limit": 0.001}),
+         {"plan": "x", "rate": RATE, "rate_limit": 0.001}),
         ("unit.kind", "does not measure angle", {"start": ["1 m", "0 deg", "0 deg"]}),
         ("unit.missing", "arms: '3' has no unit", {"arms": [["3", "0 m", "0 m"]] * 3}),
         ("unit.kind", "does not measure angular rate",
@@ -151,7 +151,8 @@ def test_a_session_does_the_plan_of_the_settings():
     assert simulated().plan.name == "published"
     assert len(simulated(Session(interval=1.0)).log) == 5401
     with pytest.raises(FoucaultError, match=r"the limit is 0\.0572958") as caught:
-        simulated(rate_limit=0.001)
+        simulated(rate_limit=0.001, plan="published", rate=RATE)
+    assert simulated(rate_limit=0.001).plan.duration == pytest.approx(1.5 * 2 * np.pi / 0.001)
     assert caught.value.code == "torquing.limit"
 
 

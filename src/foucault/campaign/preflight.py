@@ -1,34 +1,38 @@
-"""Whether the planned motion of a campaign will see its coefficients, told before the session."""
+"""What the planned session of a campaign will show, told before it is made.
+
+Procedures that plan a motion say it themselves (`foresee`). Of the others one session is simulated
+and calibrated: its covariance is the prediction.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from foucault import procedures
 from foucault.campaign.mistakes import validate
 from foucault.campaign.reading import Campaign
+from foucault.campaign.running import simulate
+from foucault.campaign.tables import grade
 from foucault.diagnose.foresight import Foresight
-from foucault.errors import error
+from foucault.errors import Finding, finding
 from foucault.files import atomic
 
-PLAN = ("plan", "rate", "segment", "steps")
+PLAN = ("plan", "rate", "segment", "steps", "positions")
 """Keys of [procedure] that say how it is turned; another plan takes the place of them all."""
 
 HEADINGS = ("coefficient", "sd", "prior_sd", "unit", "of_prior")
 """First line of the file that `write` writes."""
 
 
-def able() -> tuple[str, ...]:
-    """Return the names of the procedures whose planned motion can be judged."""
-    return tuple(n for n in procedures.PROCEDURES if hasattr(procedures.load(n), "foresee"))
-
-
 def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> Foresight:
-    """Return what the planned motion of a campaign will show.
+    """Return what the planned session of a campaign will show.
 
     Parameters
     ----------
@@ -39,21 +43,62 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
         place of all that the file says of the plan.
     """
     module = procedures.load(campaign.procedure)
-    if not hasattr(module, "foresee"):
-        raise error("preflight.procedure", procedure=campaign.procedure, able=", ".join(able()))
     settings = campaign.settings
     if changes:
         replaced = ("name", *(PLAN if "plan" in changes else ()))
         kept = {k: v for k, v in campaign.tables.procedure.items() if k not in replaced}
         settings = validate(module.Settings, kept | dict(changes), ("procedure",), ("name",))
-    found: Foresight = module.foresee(
-        settings,
-        session=campaign.session,
-        site=campaign.site,
-        noise=campaign.noise,
+    if not hasattr(module, "foresee"):
+        return _simulated(replace(campaign, settings=settings))
+    known, told = beforehand(campaign)
+    found: Foresight = module.foresee(settings, **known)
+    return replace(found, findings=(*told, *found.findings))
+
+
+def beforehand(campaign: Campaign) -> tuple[dict[str, Any], tuple[Finding, ...]]:
+    """Return what a plan is judged by beside settings, and what was assumed for it.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign; its log need not exist.
+    """
+    known: dict[str, Any] = {
+        "session": campaign.session, "site": campaign.site, "noise": campaign.noise,
+        "prior": campaign.prior,
+    }  # fmt: skip
+    if not getattr(procedures.load(campaign.procedure), "UNDECLARED", False) or campaign.noise:
+        return known, ()
+    known["typical"] = grade(campaign.simulate.grade, "simulate.grade").noise
+    return known, (finding("preflight.typical", grade=campaign.simulate.grade),)
+
+
+def _simulated(campaign: Campaign) -> Foresight:
+    """Simulate a session and calibrate it: its covariance is what can be expected."""
+    module, seed = procedures.load(campaign.procedure), campaign.simulate.seed
+    log = simulate(campaign, seed).simulation.log
+    result = module.calibrate(
+        log, site=campaign.site, settings=campaign.settings, noise=campaign.noise,
         prior=campaign.prior,
+    )  # fmt: skip
+    found = result.coefficients
+    lost = [n for n, s in zip(found.names, found.sd, strict=True) if not np.isfinite(s)]
+    return Foresight(
+        coefficients=found,
+        linearised_at=f"one simulated session, seed {seed}",
+        plan="that of [simulate]",
+        duration=float(log.time[-1] - log.time[0]),
+        states=len(found),
+        rank=len(found) - len(lost),
+        unseen=tuple(lost),
+        weakest=tuple(result.diagnostics.get("weakest", ())),
+        findings=(
+            finding(
+                "preflight.simulated", procedure=campaign.procedure, grade=campaign.simulate.grade
+            ),
+            *(f for f in result.findings if f.severity == "warning"),
+        ),
     )
-    return found
 
 
 def write(foresight: Foresight, path: str | Path) -> None:

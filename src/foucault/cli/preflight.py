@@ -1,4 +1,4 @@
-"""The command that says beforehand what a planned motion will show: preflight."""
+"""The command that says beforehand what a planned session will show: preflight."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def add_to(app: typer.Typer) -> None:
         "preflight",
         epilog="Exit codes: 0 all is seen; 3 something is hardly seen. "
         "Examples: foucault preflight campaign.toml -o expected.csv; "
-        "foucault preflight platform_tumble --plan '-x -z -y +z' --rate '0.2 deg/s'",
+        "foucault preflight platform_tumble --plan '-x -z -y +z' --rate '0.2 deg/s'; "
+        "foucault preflight norm_observation --plan 'dodecahedron 20'",
     )(preflight)
 
 
@@ -41,8 +42,8 @@ def preflight(
     plan: Annotated[
         str | None,
         typer.Option(
-            help="Try this plan, such as '-x -z -y +z', instead of plan, rate, segment and steps "
-            "of the file."
+            help="Try this plan, such as '-x -z -y +z' or 'dodecahedron 20', instead of that of "
+            "the file, where the procedure has plans."
         ),
     ] = None,
     rate: Annotated[str | None, typer.Option(help="Try this rate: '0.2 deg/s'.")] = None,
@@ -53,7 +54,7 @@ def preflight(
         Path | None, typer.Option("-o", "--output", help="CSV file for the table.")
     ] = None,
 ) -> None:
-    """Say beforehand whether the planned motion will see the coefficients, and how well."""
+    """Say beforehand whether the planned session will see the coefficients, and how well."""
     from foucault.campaign import preflight as preflights
     from foucault.cli.sessions import load_or_template
 
@@ -72,11 +73,20 @@ def preflight(
         [(r["name"], *_cells(r["display_sd"], r["display_unit"], r["of_prior"]))
          for r in found.rows()],
     )  # fmt: skip
-    screen.table(
-        "the plan",
-        ("leg", "until (s)", "rate about x, y, z (deg/s)", "rank", "seen alone"),
-        _legs(found),
-    )
+    if found.legs:
+        screen.table(
+            "the plan",
+            ("leg", "until (s)", "rate about x, y, z (deg/s)", "rank", "seen alone"),
+            _legs(found),
+        )
+    if found.limits:
+        screen.table("limits of the rig", ("", "needed", "allowed", ""), _limits(found))
+    if found.more:
+        screen.table(
+            "what more would buy",
+            ("", "longer (s)", "sd, of that without", "largest gain"),
+            _extras(found),
+        )
     screen.say(*_summary(found))
     screen.findings((*campaign.findings, *found.findings))
     if output is not None:
@@ -107,19 +117,46 @@ def _legs(found: Foresight) -> list[tuple[str, ...]]:
     return rows
 
 
+def _limits(found: Foresight) -> list[tuple[str, ...]]:
+    from foucault.diagnose.foresight import said
+
+    rows: list[tuple[str, ...]] = []
+    for limit in found.limits:
+        allowed = "" if limit.allowed is None else said(limit.allowed, limit.kind)
+        state = "" if limit.kept else "BROKEN"
+        rows.append((limit.name, said(limit.needed, limit.kind), allowed, state))
+    return rows
+
+
+def _extras(found: Foresight) -> list[tuple[str, ...]]:
+    return [
+        (
+            more.what,
+            f"{more.time:.0f}",
+            f"{more.ratio:.3f}",
+            ", ".join(f"{name} {ratio:.2f}" for name, ratio in more.best[:1]),
+        )
+        for more in found.more
+    ]
+
+
 def _summary(found: Foresight) -> list[str]:
     limit = found.rate_limit
     allowed = "" if limit is None else f", of {math.degrees(limit):.4g} deg/s that the rig allows"
+    fastest = ""
+    if found.fastest is not None:
+        fastest = f", at most {math.degrees(found.fastest):.4g} deg/s about an axis{allowed}"
+    smallest = ""
+    if found.smallest is not None:
+        smallest = f"; smallest relative singular value {found.smallest:.2g}, the priors as units"
     out = [
-        f"Plan: {found.plan}, {found.duration:.0f} s, at most {math.degrees(found.fastest):.4g} "
-        f"deg/s about an axis{allowed}.",
-        f"Rank {found.rank} of {found.states}; smallest relative singular value "
-        f"{found.smallest:.2g}, the priors as units.",
+        f"Plan: {found.plan}, {found.duration:.0f} s{fastest}.",
+        f"Rank {found.rank} of {found.states}{smallest}.",
         f"Linearised at {found.linearised_at}.",
     ]
     out += _listed("Remains least known", found.remaining)
     out += _listed("Hard to tell apart", found.weakest)
-    out += _listed("Seen by no leg", found.unseen)
+    out += _listed("Seen by no leg" if found.legs else "Not seen", found.unseen)
     pairs = [f"{a} and {b} ({value:+.2f})" for a, b, value in found.correlated[:SHOWN]]
     return out + ([f"Errors most correlated: {', '.join(pairs)}."] if pairs else [])
 

@@ -15,6 +15,10 @@ from foucault.errors import Finding
 FloatArray = npt.NDArray[np.float64]
 
 
+NOTHING = 1e-12
+"""What is needed or allowed and below this is rounding [SI]."""
+
+
 @dataclass(frozen=True)
 class Leg:
     """A part of a plan with one rate, and what is seen once it is over.
@@ -39,6 +43,91 @@ class Leg:
 
 
 @dataclass(frozen=True)
+class Limit:
+    """What a plan needs of the rig, and what the rig allows.
+
+    Attributes
+    ----------
+    name : str
+        Of what, such as "middle angle".
+    kind : str
+        Kind of its unit, as `units.KINDS` has it.
+    needed : float
+        What the plan needs [SI].
+    allowed : float or None
+        What the rig allows; None where nothing was said [SI].
+    """
+
+    name: str
+    kind: str
+    needed: float
+    allowed: float | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the plan keeps to it."""
+        return self.allowed is None or self.needed <= self.allowed * (1 + 1e-9) + NOTHING
+
+    @property
+    def words(self) -> str:
+        """What is needed, of what is allowed where that was said."""
+        needed = f"{self.name} {said(self.needed, self.kind)}"
+        return needed if self.allowed is None else f"{needed} of {said(self.allowed, self.kind)}"
+
+
+def said(value: float, kind: str) -> str:
+    """Write `value`, shape () [SI], in the largest unit of its kind: one unit side by side."""
+    unit = units.KINDS[kind].display[-1]
+    value = 0.0 if abs(value) <= NOTHING else value
+    return f"{units.plain(units.convert(value, kind, unit))} {unit}"
+
+
+@dataclass(frozen=True)
+class Extra:
+    """What a little more of a plan would buy.
+
+    Attributes
+    ----------
+    what : str
+        The addition, in words.
+    time : float
+        How much longer it all takes [s].
+    ratio : float
+        Geometric mean of sd with it over sd without [1].
+    best : tuple of (str, float)
+        Coefficients that gain most, and sd with it over sd without [1].
+    """
+
+    what: str
+    time: float
+    ratio: float
+    best: tuple[tuple[str, float], ...] = ()
+
+    @classmethod
+    def of(cls, what: str, time: float, names: tuple[str, ...], ratio: FloatArray) -> Extra:
+        """Return it from the ratio of every coefficient.
+
+        Parameters
+        ----------
+        what : str
+            The addition, in words.
+        time : float
+            How much longer it all takes [s].
+        names : tuple of str
+            Coefficients.
+        ratio : ndarray, shape (n,)
+            Sd with it over sd without [1].
+        """
+        order = np.argsort(ratio)[:GAINING]
+        best = tuple((names[i], float(ratio[i])) for i in order)
+        return cls(what, time, float(np.exp(np.log(ratio).mean())), best)
+
+
+GAINING = 3
+"""So many of the coefficients that gain most are named [1]."""
+
+
+@dataclass(frozen=True)
 class Foresight:
     """What a planned motion will show.
 
@@ -52,27 +141,33 @@ class Foresight:
     plan : str
         What the plan is called.
     duration : float
-        Time it takes [s].
-    fastest : float
+        Time it takes, moves included [s].
+    states : int
+        Number of unknowns, what is not reported among them [1].
+    rank : int
+        Combinations of them that the whole plan shows [1].
+    smallest : float or None
+        Smallest singular value that counts over the largest, priors as units [1].
+    fastest : float or None
         Largest rate of the plan about an axis [rad/s].
     rate_limit : float or None
         What the rig allows [rad/s].
-    states : int
-        Number of unknowns, the attitude at the start among them [1].
-    smallest : float
-        Smallest singular value that counts over the largest, priors as units [1].
     legs : tuple of Leg
-        The plan, leg by leg.
+        The plan of a torqued cluster, leg by leg.
     hardly : tuple of str
         Coefficients that will be known hardly better than before.
     unseen : tuple of str
-        Combinations that no leg shows.
+        Combinations that nothing in the plan shows.
     remaining : tuple of str
         Combinations that will remain most uncertain against the prior, worst first.
     weakest : tuple of str
         Combinations that are harder to see than each of their coefficients alone, worst first.
     correlated : tuple of (str, str, float)
         Pairs whose errors will be most correlated [1].
+    limits : tuple of Limit
+        What the plan needs of the rig.
+    more : tuple of Extra
+        What a little more would buy.
     singular : bool
         Whether the angles of the attitude at the end are no measure: see `findings`.
     findings : tuple of Finding
@@ -83,16 +178,19 @@ class Foresight:
     linearised_at: str
     plan: str
     duration: float
-    fastest: float
-    rate_limit: float | None
     states: int
-    smallest: float
-    legs: tuple[Leg, ...]
-    hardly: tuple[str, ...]
-    unseen: tuple[str, ...]
-    remaining: tuple[str, ...]
-    weakest: tuple[str, ...]
-    correlated: tuple[tuple[str, str, float], ...]
+    rank: int
+    smallest: float | None = None
+    fastest: float | None = None
+    rate_limit: float | None = None
+    legs: tuple[Leg, ...] = ()
+    hardly: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
+    remaining: tuple[str, ...] = ()
+    weakest: tuple[str, ...] = ()
+    correlated: tuple[tuple[str, str, float], ...] = ()
+    limits: tuple[Limit, ...] = ()
+    more: tuple[Extra, ...] = ()
     singular: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -114,29 +212,27 @@ class Foresight:
     @property
     def share(self) -> FloatArray:
         """Share of the prior that will be left, shape (n,), zero where there is no prior [1]."""
-        return np.asarray(self.sd / self.prior_sd)
-
-    @property
-    def rank(self) -> int:
-        """Combinations of the states that the whole plan shows."""
-        return self.legs[-1].rank
+        with np.errstate(invalid="ignore"):  # neither known before nor seen
+            return np.asarray(self.sd / self.prior_sd)
 
     @property
     def complete(self) -> bool:
-        """Whether all is seen, and every coefficient better than before."""
-        return self.rank == self.states and not self.hardly
+        """Whether all is seen, every coefficient better than before, and the rig can do it."""
+        seen = self.rank == self.states and not self.hardly
+        return seen and all(limit.kept for limit in self.limits)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one dictionary per coefficient, in SI and in the unit that reports show."""
-        out = []
-        for row, share in zip(self.coefficients.rows(), self.share, strict=True):
-            before, unit = row["prior_sd"], row["display_unit"]
+        out, rows = [], self.coefficients.rows()
+        shown = units.display_units([row["kind"] for row in rows], self.sd)
+        for row, unit, share in zip(rows, shown, self.share, strict=True):
+            sd, before = row["sd"], row["prior_sd"]
             out.append(
                 {key: row[key] for key in ("name", "unit", "sd", "prior_sd")}
                 | {
                     "of_prior": None if before is None else float(share),
                     "display_unit": unit,
-                    "display_sd": row["display_sd"],
+                    "display_sd": None if sd is None else units.convert(sd, row["kind"], unit),
                     "display_prior_sd": (
                         None if before is None else units.convert(before, row["kind"], unit)
                     ),
@@ -151,6 +247,8 @@ class Foresight:
         return (
             {key: getattr(self, key) for key in (*plain, "smallest", "complete", "singular")}
             | {"coefficients": self.rows(), "legs": [asdict(leg) for leg in self.legs]}
+            | {"limits": [asdict(item) | {"kept": item.kept} for item in self.limits]}
+            | {"more": [asdict(item) for item in self.more]}
             | {key: list(getattr(self, key)) for key in lists}
             | {
                 "correlated": [list(pair) for pair in self.correlated],

@@ -292,5 +292,8 @@ def information(at: Linearised, layout: Layout) -> Information:
         The coefficients.
     """
     root = gauss_newton.eliminate(at, len(layout))
+    # What nuisance parameters take the whole of leaves rounding: it must not look like a signal.
+    whole = np.linalg.norm(at.jacobian[:, : len(layout)], axis=0)
+    root = np.where(np.linalg.norm(root, axis=0) > INVISIBLE * whole, root, 0.0)
     # Fewer observations than coefficients leave fewer rows.
     return Information(layout, np.pad(root, ((0, len(layout) - len(root)), (0, 0))))

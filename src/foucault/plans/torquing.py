@@ -31,6 +31,7 @@ from foucault.models.rotation import cross_matrix
 from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
+Motion = tuple[tuple[float, float, tuple[float, float, float]], ...]
 
 TOLERANCE = 1e-6
 """Times nearer than this are the same time [s]."""
@@ -102,6 +103,13 @@ class TorquingPlan:
     def duration(self) -> float:
         """Time of the whole [s]."""
         return float(self.ends[-1]) + self.ramp
+
+    @property
+    def motion(self) -> Motion:
+        """Beginning, end [s] and rates about x, y, z [rad/s] of each step, without ramp."""
+        rates = [(float(x), float(y), float(z)) for x, y, z in self.rates]
+        ends = self.ends.tolist()
+        return tuple(zip(ends, ends[1:], rates, strict=False))
 
     def within(self, limit: float) -> TorquingPlan:
         """Return the plan itself; refuse it where a rate is beyond `limit` [rad/s]."""

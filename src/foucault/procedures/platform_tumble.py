@@ -40,6 +40,8 @@ from foucault.procedures.tumble_log import Description as Description
 from foucault.procedures.tumble_log import log_table as log_table
 from foucault.procedures.tumble_log import read_log as read_log
 from foucault.procedures.tumble_problem import noise_of, prior_of, tumble_of
+from foucault.procedures.tumble_search import Wanted as Wanted
+from foucault.procedures.tumble_search import space as space
 from foucault.procedures.tumble_settings import NOISE as NOISE
 from foucault.procedures.tumble_settings import PRIOR as PRIOR
 from foucault.procedures.tumble_settings import SIMULATE as SIMULATE
@@ -185,7 +187,8 @@ def foresee(
     m = tumble_foresight.planned(settings, session, site, noise, prior)
     owed = owed_by(m.tumble, m.prior, m.fit, settings, site, m.noise)
     s = Solution(m.tumble, m.prior, m.fit, m.fit.cov, owed, settings, site, m.noise)
-    return tumble_foresight.seen(m, coefficients(s), settings)
+    extras = tumble_foresight.more(m, settings, session, site, noise, prior)
+    return tumble_foresight.seen(m, coefficients(s), settings, extras)
 
 
 # -- the log ---------------------------------------------------------------------------------

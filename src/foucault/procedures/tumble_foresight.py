@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import tumble_checks, tumble_input, tumble_report
-from foucault.diagnose.foresight import Foresight, Leg
+from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.tumble_checks import Evidence
 from foucault.errors import Finding, error, finding
 from foucault.estimate import tumble as estimation
@@ -24,9 +26,22 @@ from foucault.estimate.tumble import Fit, Prior, State, Tumble
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
+from foucault.plans.torquing import Step, TorquingPlan
+from foucault.plans.torquing_reach import needs
 from foucault.procedures.tumble_problem import is_slow, noise_of, prior_of, tumble_of
-from foucault.procedures.tumble_settings import NOISE, PRIOR, Session, Settings, simulate
+from foucault.procedures.tumble_settings import (
+    NOISE,
+    PRIOR,
+    PlanStep,
+    Session,
+    Settings,
+    simulate,
+)
+from foucault.procedures.tumble_solution import Solution, coefficients, owed_by
 from foucault.simulate.platform_tumble import TumbleSimulation
+from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
 
 FORETOLD = ("tumble.singular", "tumble.condition", "tumble.azimuth")
 """What is said of a solution that can be said beforehand."""
@@ -65,7 +80,7 @@ class Planned:
 
 def planned(
     settings: Settings, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]],
+    prior: Mapping[str, tuple[float, float]], errors: ClusterModel | None = None,
 ) -> Planned:  # fmt: skip
     """Simulate the planned motion without noise, and linearise it.
 
@@ -81,6 +96,8 @@ def planned(
         Noise as declared [SI].
     prior : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
+    errors : ClusterModel or None
+        Errors of the cluster; None takes the means in `prior` and usual errors elsewhere.
     """
     told = []
     if settings.filter != "gauss-newton":
@@ -92,7 +109,7 @@ def planned(
         noise = replace(noise, accel=replace(noise.accel, white=NOISE.accel.white))
         given = f"{NOISE.accel.white / 9.80665e-6:.3g}"
         told.append(finding("preflight.noise", given=given))
-    made = _simulated(settings, session, site, prior)
+    made = _simulated(settings, session, site, errors or _usual(prior))
     tumble_input.require_readings(made.log, site, settings.rate_limit)
     used, said = noise_of(made.log, noise)
     tumble, more = tumble_of(made.log, site, settings, used)
@@ -106,13 +123,13 @@ def planned(
 
 
 def _simulated(
-    settings: Settings, session: Session, site: Site, prior: Mapping[str, tuple[float, float]]
+    settings: Settings, session: Session, site: Site, errors: ClusterModel
 ) -> TumbleSimulation:
-    """Simulate with nothing drawn: usual errors, the attitude of the session, no delay."""
+    """Simulate with nothing drawn: given errors, the attitude of the session, no delay."""
     sure = settings.model_copy(update={"latitude_sd": 0.0, "delay_sd": 0.0})
     steady = {"attitude_sd": 0.0, "delay": 0.0, "integrator": "exponential"}
     return simulate(
-        session.model_copy(update=steady), settings=sure, model=_usual(prior), noise=ImuNoise(),
+        session.model_copy(update=steady), settings=sure, model=errors, noise=ImuNoise(),
         site=site, seed=0,
     )  # fmt: skip
 
@@ -125,7 +142,9 @@ def _usual(prior: Mapping[str, tuple[float, float]]) -> ClusterModel:
     return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, values))
 
 
-def seen(p: Planned, found: CoefficientVector, settings: Settings) -> Foresight:
+def seen(
+    p: Planned, found: CoefficientVector, settings: Settings, extras: tuple[Extra, ...] = ()
+) -> Foresight:
     """Return what the planned motion will show.
 
     Parameters
@@ -136,6 +155,8 @@ def seen(p: Planned, found: CoefficientVector, settings: Settings) -> Foresight:
         All 45 with their covariance, as a result has them.
     settings : Settings
         What was chosen.
+    extras : tuple of Extra
+        What a little more would buy.
     """
     slow = is_slow(p.noise.accel) or is_slow(p.noise.gyro)
     e = Evidence(p.tumble, p.prior, p.fit, found, settings.angles, slow)
@@ -147,7 +168,7 @@ def seen(p: Planned, found: CoefficientVector, settings: Settings) -> Foresight:
     )  # fmt: skip
     if hardly:
         told.insert(0, finding("preflight.unseen", count=len(hardly), names=", ".join(hardly)))
-    plan = p.simulation.plan
+    plan, legs = p.simulation.plan, _legs(shown)
     return Foresight(
         coefficients=found,
         linearised_at=p.at,
@@ -156,8 +177,11 @@ def seen(p: Planned, found: CoefficientVector, settings: Settings) -> Foresight:
         fastest=float(np.abs(plan.rates).max()),
         rate_limit=settings.rate_limit,
         states=shown["states"],
+        rank=legs[-1].rank,
         smallest=shown["smallest"],
-        legs=_legs(shown),
+        legs=legs,
+        limits=needs(plan, settings.limits),
+        more=extras,
         hardly=hardly,
         unseen=tuple(shown["unseen"]),
         remaining=tuple(shown["remaining"]),
@@ -166,6 +190,88 @@ def seen(p: Planned, found: CoefficientVector, settings: Settings) -> Foresight:
         singular=any(f.code == "tumble.singular" for f in told),
         findings=(*p.told, *told),
     )
+
+
+LONGER = 300.0
+"""How much longer a plan is made to see what that would buy [s]."""
+
+
+def more(
+    p: Planned, settings: Settings, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]],
+) -> tuple[Extra, ...]:  # fmt: skip
+    """Return what five more minutes would buy: about the best axis, and at rest.
+
+    Parameters
+    ----------
+    p : Planned
+        The motion as planned.
+    settings : Settings
+        What was chosen.
+    session : Session
+        How it will be sampled.
+    site : Site
+        Gravity and latitude.
+    noise : ImuNoise or None
+        Noise as declared [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    plan, before = p.simulation.plan, stated(p, settings, site)
+    fastest = float(np.abs(plan.rates).max())
+    possible = _possible(plan, settings)
+    moved, rest = list[Extra](), list[Extra]()
+    for sign, axis in ((0.0, 0), *product((1.0, -1.0), range(3))):
+        longer = replace(plan, steps=(*plan.steps, Step(sign * fastest * np.eye(3)[axis], LONGER)))
+        if possible and not _possible(longer, settings):
+            continue
+        after = planned(with_plan(settings, longer), session, site, noise, prior)
+        words = f"about {'+-'[sign < 0]}{AXES[axis]} at {np.degrees(fastest):.4g} deg/s"
+        what = f"five more minutes {words if sign else 'at rest'}"
+        ratio = stated(after, settings, site) / before
+        (moved if sign else rest).append(Extra.of(what, LONGER, CONSTANTS.names, ratio))
+    return (*sorted(moved, key=lambda extra: extra.ratio)[:1], *rest)
+
+
+def _possible(plan: TorquingPlan, settings: Settings) -> bool:
+    return all(limit.kept for limit in needs(plan, settings.limits))
+
+
+def stated(p: Planned, settings: Settings, site: Site) -> FloatArray:
+    """Return the sd of the 42 constants that a calibration would state, shape (42,) [SI].
+
+    Parameters
+    ----------
+    p : Planned
+        The motion.
+    settings : Settings
+        What was chosen: `latitude_sd`.
+    site : Site
+        Gravity and latitude.
+    """
+    owed = owed_by(p.tumble, p.prior, p.fit, settings, site, p.noise)
+    s = Solution(p.tumble, p.prior, p.fit, p.fit.cov, owed, settings, site, p.noise)
+    return np.asarray(coefficients(s).sd[: len(CONSTANTS)])
+
+
+def with_plan(settings: Settings, plan: TorquingPlan) -> Settings:
+    """Return settings that do a plan, whatever limits they have.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    plan : TorquingPlan
+        What is to be done instead of their plan.
+    """
+    steps = tuple(
+        PlanStep.model_validate(
+            {"rate": [f"{v!r} rad/s" for v in step.rate.tolist()], "time": f"{step.time!r} s"}
+        )
+        for step in plan.steps
+    )
+    none = {"plan": None, "rate": None, "segment": None, "rate_limit": None}
+    return settings.model_copy(update={**none, "steps": steps})
 
 
 def _legs(shown: Mapping[str, Any]) -> tuple[Leg, ...]:

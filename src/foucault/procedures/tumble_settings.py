@@ -15,9 +15,14 @@ from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError, error
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.noise import ImuNoise
 from foucault.plans import torquing
 from foucault.plans.torquing import TorquingPlan
+from foucault.plans.torquing_reach import Limits
+from foucault.procedures.tumble_usual import NOISE as NOISE
+from foucault.procedures.tumble_usual import PRIOR as PRIOR
+from foucault.procedures.tumble_usual import TYPICAL as TYPICAL
+from foucault.procedures.tumble_usual import WHITE as WHITE
 from foucault.simulate.platform_tumble import (
     Acquisition,
     TumbleSimulation,
@@ -35,48 +40,12 @@ Checked = TypeVar("Checked")
 DEGREE = float(np.radians(1.0))
 """One degree [rad]."""
 
-TYPICAL = {
-    "gyro.drift": ("1 deg/h", "0.2 deg/h"),
-    "gyro.drift_input": ("0.5 deg/h/g", "0.1 deg/h/g"),
-    "gyro.drift_output": ("0.5 deg/h/g", "0.1 deg/h/g"),
-    "gyro.drift_spin": ("0.5 deg/h/g", "0.1 deg/h/g"),
-    "gyro.drift_input_output": ("0.01 deg/h/g^2", "0.005 deg/h/g^2"),
-    "gyro.drift_input_spin": ("0.01 deg/h/g^2", "0.005 deg/h/g^2"),
-    "gyro.drift_output_spin": ("0.01 deg/h/g^2", "0.005 deg/h/g^2"),
-    "gyro.torquer_scale": ("400 ppm", "50 ppm"),
-    "gyro.misalignment": ("120 arcsec", "20 arcsec"),
-    "accel.bias": ("100 ug", "10 ug"),
-    "accel.scale": ("100 ppm", "10 ppm"),
-    "accel.misalignment": ("120 arcsec", "20 arcsec"),
-    "accel.quadratic": ("100 ug/g^2", "10 ug/g^2"),
-}
-"""Mean and sd of the errors of clusters, in the signs of `models.cluster.SOURCE_SYMBOLS`."""
-
-
-def _kind(group: str) -> str:
-    kind: str = CONSTANTS.coefficients[CONSTANTS.group(group)[0]].kind
-    return kind
-
-
-PRIOR = {group: (0.0, units.parse(mean, _kind(group))) for group, (mean, _) in TYPICAL.items()}
-"""What is known of the errors where nothing else is said: zero, give or take their usual size."""
-
-WHITE = ("0.4472136 ug/sqrt(Hz)", "3.72678e-05 deg/sqrt(h)")
-"""White noise of accelerometers and gyros: 1 ug in samples of 0.2 s, and a drift of 0.05 deg/h in
-samples of 2 ms."""
-
-NOISE = ImuNoise(
-    TriadNoise(white=units.parse(WHITE[0], "velocity random walk")),
-    TriadNoise(white=units.parse(WHITE[1], "angle random walk")),
-)
-"""Noise that is simulated where [noise] says nothing."""
-
 SIMULATE = {"grade": "navigation"}
 """Default of [simulate]; the errors of clusters are those of `TYPICAL`."""
 
 
-def _at(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
-    """Return what `check` does; in a file its error names the key."""
+def at(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
+    """Return what `check` does; where a file is read (`info` says so) its error names the key."""
     try:
         return check()
     except FoucaultError as problem:
@@ -103,7 +72,7 @@ class PlanStep(BaseModel):
     @field_validator("rate", mode="after")
     @classmethod
     def _is_rate(cls, rate: Three, info: ValidationInfo) -> Three:
-        _at(info, lambda: _three(rate, "angular rate", "rate"))
+        at(info, lambda: _three(rate, "angular rate", "rate"))
         return rate
 
 
@@ -169,7 +138,7 @@ class Settings(BaseModel):
     )  # fmt: skip
     rate: Rate | None = Field(
         default=None, gt=0, examples=["0.1 deg/s"],
-        description="Rate of that plan; 0.1 deg/s if left out.",
+        description="Rate of that plan; 0.1 deg/s, or less where the rig allows less, if left out.",
     )  # fmt: skip
     segment: Seconds | None = Field(
         default=None, gt=0, examples=["900 s"],
@@ -187,18 +156,32 @@ class Settings(BaseModel):
         default=None, gt=0, examples=["0.2 deg/s"],
         description="Largest rate about an axis that the rig allows.",
     )  # fmt: skip
+    tilt_limit: Angle | None = Field(
+        default=None, gt=0, examples=["60 deg"],
+        description="Largest tilt of the cluster from `start` that the rig allows. Preflight "
+        "judges a plan by it, and a search for plans keeps it.",
+    )  # fmt: skip
+    middle_limit: Angle | None = Field(
+        default=None, gt=0, examples=["60 deg"],
+        description="Largest middle angle, either way, that the gimbals allow; likewise.",
+    )  # fmt: skip
+    cable_limit: Angle | None = Field(
+        default=None, gt=0, examples=["400 deg"],
+        description="Largest turn of the outer and of the inner gimbal from `start`, either way, "
+        "that cables or stops allow; likewise.",
+    )  # fmt: skip
     passes: int = Field(default=20, ge=1, description="Most passes of gauss-newton.")
 
     @field_validator("start", mode="after")
     @classmethod
     def _are_angles(cls, start: Three, info: ValidationInfo) -> Three:
-        _at(info, lambda: _three(start, "angle", "start"))
+        at(info, lambda: _three(start, "angle", "start"))
         return start
 
     @field_validator("arms", mode="after")
     @classmethod
     def _are_lengths(cls, arms: tuple[Three, ...], info: ValidationInfo) -> tuple[Three, ...]:
-        _at(info, lambda: [_three(arm, "length", "arms") for arm in arms])
+        at(info, lambda: [_three(arm, "length", "arms") for arm in arms])
         return arms
 
     @model_validator(mode="after")
@@ -239,9 +222,25 @@ class Settings(BaseModel):
         return "until its time" if sampled == "increment" else "from its time"
 
     @property
+    def limits(self) -> Limits:
+        """What the rig allows."""
+        return Limits(self.rate_limit, self.tilt_limit, self.middle_limit, self.cable_limit)
+
+    @property
+    def published_rate(self) -> float:
+        """Rate of plans that do not say theirs: the published, or what the rig allows [rad/s]."""
+        return min(torquing.RATE, self.rate_limit or torquing.RATE)
+
+    @property
+    def planned(self) -> TorquingPlan:
+        """The plan, or the published one where none is given."""
+        published = torquing.published(self.published_rate)
+        return self.torquing or torquing.starting(published, self.angles, self.ramp)
+
+    @property
     def torquing(self) -> TorquingPlan | None:
         """The plan from `start`, None where none is given."""
-        rate = torquing.RATE if self.rate is None else self.rate
+        rate = self.published_rate if self.rate is None else self.rate
         if self.steps:
             rates = [_three(step.rate, "angular rate", "rate") for step in self.steps]
             plan = torquing.from_rates(rates, [step.time for step in self.steps])
@@ -293,7 +292,7 @@ class Session(BaseModel):
     @field_validator("attitude", mode="after")
     @classmethod
     def _are_angles(cls, attitude: Three, info: ValidationInfo) -> Three:
-        _at(info, lambda: _three(attitude, "angle", "attitude"))
+        at(info, lambda: _three(attitude, "angle", "attitude"))
         return attitude
 
 
@@ -324,11 +323,7 @@ def simulate(
         Seed of attitude, delay and noise [1].
     """
     settings = settings or Settings()
-    plan = settings.torquing
-    if plan is None:
-        plan = torquing.starting(torquing.published(), settings.angles, settings.ramp)
-        if settings.rate_limit is not None:
-            plan = plan.within(settings.rate_limit)
+    plan = settings.planned
     rng = np.random.default_rng([seed, 5])
     if site.latitude is not None:  # it is known as well as the calibration will be told
         north = settings.latitude_sd * float(np.random.default_rng([seed, 6]).standard_normal())

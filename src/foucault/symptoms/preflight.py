@@ -4,10 +4,16 @@ from __future__ import annotations
 
 # fmt: off
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
-    ("preflight.procedure", "error",
-     "A preflight of a procedure that plans no motion",
-     "What {procedure} will show cannot be predicted from its campaign.",
-     "It can be of: {able}. Otherwise simulate a session and calibrate it: foucault simulate."),
+    ("preflight.simulated", "note",
+     "A preflight by one simulated session",
+     "{procedure} plans no motion of its own: one session was simulated as [simulate] says and "
+     "calibrated. Its noise, an instrument of class {grade} and what was drawn decide too.",
+     "For a spread over instruments and noise: foucault montecarlo."),
+    ("preflight.typical", "note",
+     "A preflight without the noise of the instrument",
+     "[noise] does not say the noise of the instrument, which a calibration measures in the log; "
+     "that of the class {grade} in [simulate] was taken.",
+     "Give it in [noise] if it is known: uncertainties depend on it."),
     ("preflight.unseen", "warning",
      "Coefficients that a planned motion will hardly show",
      "{count} coefficients will be known hardly better than before: {names}.",
