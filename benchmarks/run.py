@@ -22,6 +22,8 @@ import north_seeking
 import on_table
 import platform_tumble
 
+import plans
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
 
@@ -289,6 +291,7 @@ def rows() -> list[Row]:
     out += table_rows()
     out += north_rows()
     out += tumble_rows()
+    out += plan_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
@@ -358,6 +361,19 @@ def tumble_rows() -> list[Row]:
     ]  # fmt: skip
 
 
+def plan_rows() -> list[Row]:
+    """Measure what a search for a better plan costs."""
+    (bound, cost), dense = measure(plans.BOUND), measure(plans.DENSE)
+    took, evaluations, reached = measure(plans.SEARCH)
+    return [
+        Row("bound of a tumble plan of 5400 s in steps of 15 s, CPU", bound, 1e-3,
+            "NumPy covariance filter of 45 states, matrices given, CPU", dense),
+        Row("the same in slots of 6 deg, as the search takes them, CPU", cost, None),
+        Row(f"search for a tumble plan at 0.2 deg/s, {evaluations:,} plans, two threads, wall: "
+            f"{reached:.3f} of the published plan's sd", took, 60.0),
+    ]  # fmt: skip
+
+
 def main() -> None:
     table = rows()
     lines = [
@@ -373,6 +389,8 @@ def main() -> None:
         "| case | ours | target | met | peer | ratio |",
         "|---|---|---|---|---|---|",
         *[row.markdown() for row in table],
+        "",
+        "Dask, one process against two: `python benchmarks/scale.py`, which writes docs/scale.md.",
         "",
         "Reading ten million rows, with peak memory: `python benchmarks/read_ten_million.py`; all "
         "three Allan deviations and 1e8 samples: `python benchmarks/allan.py`.",

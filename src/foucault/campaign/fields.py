@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Mapping
-from typing import Any, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -34,7 +34,7 @@ def models_in(annotation: Any) -> list[type[BaseModel]]:
     """Return the models inside an annotation such as ``Noise | None`` or ``dict[str, Prior]``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    if get_origin(annotation) in (Union, types.UnionType, dict, list, tuple):
+    if get_origin(annotation) in (Annotated, Union, types.UnionType, dict, list, tuple):
         return [m for a in get_args(annotation) for m in models_in(a)]
     return []
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,13 @@ from pydantic import BaseModel
 
 from foucault import procedures
 from foucault.campaign.mistakes import parse_at, validate
-from foucault.campaign.tables import CampaignFile, PriorEntry, SimulateTable, file_with
+from foucault.campaign.tables import (
+    CampaignFile,
+    PriorEntry,
+    SimulateTable,
+    file_with,
+    joined,
+)
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
 from foucault.logs.description import LogDescription
@@ -47,6 +54,8 @@ class Campaign:
         Which instrument to simulate.
     session : pydantic model
         What to do with it in a simulation, as the procedure defines it [SI].
+    wanted : pydantic model or None
+        What a better plan may do, where the procedure has a plan to improve [SI].
     tables : CampaignFile
         The common tables as written, with defaults.
     findings : tuple of Finding
@@ -64,6 +73,7 @@ class Campaign:
     prior: dict[str, tuple[float, float]]
     simulate: SimulateTable
     session: Any
+    wanted: Any
     tables: CampaignFile
     findings: tuple[Finding, ...] = ()
 
@@ -128,9 +138,27 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         prior={key: _prior(key, entry, layout_of(str(name))) for key, entry in file.prior.items()},
         simulate=validate(SimulateTable, common, ("simulate",)),
         session=validate(module.Session, session, ("simulate",), SimulateTable.model_fields),
+        wanted=_wanted(str(name), file.optimise),
         tables=file,
         findings=file.site.findings(),
     )
+
+
+def _wanted(procedure: str, table: Mapping[str, Any]) -> Any:
+    """Read [optimise]; refused where the procedure has no plan to improve."""
+    model = getattr(procedures.load(procedure), "Wanted", None)
+    if model is not None:
+        weighted = {"weights": joined(table["weights"])} if "weights" in table else {}
+        return validate(model, {**table, **weighted}, ("optimise",))
+    if table:
+        able = ", ".join(improvable())
+        raise error("optimise.procedure", procedure=procedure, able=able)
+    return None
+
+
+def improvable() -> tuple[str, ...]:
+    """Return the names of the procedures whose plan can be searched for."""
+    return tuple(n for n in procedures.PROCEDURES if hasattr(procedures.load(n), "Wanted"))
 
 
 def _model(raw: dict[str, Any]) -> type[CampaignFile]:
@@ -173,7 +201,7 @@ def _prior(name: str, entry: PriorEntry, layout: Layout) -> tuple[float, float]:
 def schema() -> dict[str, Any]:
     """Return the JSON schema of campaign files, with the settings of every procedure."""
     out = CampaignFile.model_json_schema()
-    settings, sessions = [], []
+    settings, sessions, wanted = [], [], []
     for name in procedures.PROCEDURES:
         module = procedures.load(name)
         own = _part(out, module.Settings, f"Settings of {name}")
@@ -184,11 +212,14 @@ def schema() -> dict[str, Any]:
         common = _part(out, SimulateTable, "")
         session["properties"] = common["properties"] | session.get("properties", {})
         sessions.append(session)
+        if hasattr(module, "Wanted"):
+            wanted.append(_part(out, module.Wanted, f"Plan to search for, of {name}"))
     logs = list(dict.fromkeys(_description(name) for name in procedures.PROCEDURES))
     if len(logs) > 1:
         out["properties"]["log"] = {"anyOf": [_part(out, log, _title(log)) for log in logs]}
     out["properties"]["procedure"] = {"oneOf": settings}
     out["properties"]["simulate"] = {"anyOf": sessions}
+    out["properties"]["optimise"] = {"anyOf": wanted}
     out["title"] = "Foucault campaign"
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | out
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -196,6 +197,7 @@ class CampaignFile(_Table):
     noise: NoiseTable | None = None
     prior: dict[str, PriorEntry] = {}
     simulate: dict[str, Any] = {}
+    optimise: dict[str, Any] = {}
 
     @model_validator(mode="before")
     @classmethod
@@ -204,7 +206,17 @@ class CampaignFile(_Table):
             return raw | {"prior": joined(raw["prior"])}
         return raw
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A class that is made on the fly has no name by which pickle could find it.
+        return _empty_with, (type(self).model_fields["log"].annotation,), self.__getstate__()
 
+
+def _empty_with(log: type[FileLayout]) -> CampaignFile:
+    model = file_with(log)
+    return model.__new__(model)
+
+
+@cache
 def file_with(log: type[FileLayout]) -> type[CampaignFile]:
     """Return the model of a campaign file whose [log] is described by `log`."""
     if log is LogDescription:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import textwrap
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -132,8 +133,15 @@ def template(procedure: str) -> str:
         getattr(module, "NOISE_LINES", _NOISE),
         getattr(module, "PRIOR_LINES", _PRIOR),
         "\n".join(["[simulate]", *_simulate_lines(procedure)]) + "\n",
+        *([_wanted_lines(module.Wanted)] if hasattr(module, "Wanted") else []),
     ]
     return "\n".join(parts)
+
+
+def _wanted_lines(model: type[BaseModel]) -> str:
+    lines = [line if line.startswith("#") else f"# {line}" for line in _commented(model, {})]
+    head = ["# What `foucault optimise` may do to find a better plan:", "# [optimise]"]
+    return "\n".join([*head, *lines]) + "\n"
 
 
 def _simulate_lines(procedure: str) -> list[str]:
@@ -236,6 +244,32 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
+def changed(campaign: Campaign, changes: Mapping[str, Mapping[str, Any]], note: str) -> str:
+    """Write the campaign as its file says it, some keys changed.
+
+    Comments are lost; numbers keep the units that the file gives them. The log is one that is
+    still to be made: its name stays.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    changes : mapping of str to mapping of str to object
+        Table -> key -> value as in a file; None removes the key.
+    note : str
+        First line, a comment.
+    """
+    raw = tomllib.loads(campaign.text)
+    for table, keys in changes.items():
+        block = raw.setdefault(table, {})
+        for key, value in keys.items():
+            block.pop(key, None)
+            if value is not None:
+                block[key] = value
+    parts = [f"# {note}", *(_table(name, block) for name, block in raw.items())]
+    return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
 def _relocate(block: dict[str, Any], old: Path, new: Path) -> None:
     for key, value in block.items():
         if isinstance(value, dict):
@@ -261,5 +295,10 @@ def _exact(model: BaseModel) -> dict[str, Any]:
 
 
 def _table(name: str, values: Mapping[str, Any]) -> str:
-    lines = [f"{dotted((key,))} = {_text(value)}" for key, value in values.items()]
+    lines = []
+    for key, value in values.items():
+        line = f"{dotted((key,))} = {_text(value)}"
+        if len(line) > WIDTH and isinstance(value, list | tuple):  # one item in a line
+            line = "\n".join([f"{dotted((key,))} = [", *(f"    {_text(v)}," for v in value), "]"])
+        lines.append(line)
     return "\n".join([f"[{name}]", *lines, ""])

@@ -17,6 +17,7 @@ from foucault.cli import (
     export,
     fleet,
     north,
+    optimise,
     plans,
     preflight,
     results,
@@ -108,7 +109,8 @@ def _program(
 
 
 for _module in (
-    campaigns, plans, preflight, sessions, results, fleet, north, allan, study, export, watch,
+    campaigns, plans, preflight, optimise, sessions, results, fleet, north, allan, study, export,
+    watch,
 ):  # fmt: skip
     _module.add_to(app)
 

@@ -1,0 +1,147 @@
+"""The command that searches for a better plan: optimise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foucault.cli import cluster
+from foucault.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from foucault.campaign.found import Found
+
+INCOMPLETE = 3
+"""Exit code where the plan found is of no use or something cannot be seen."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command of this module to the program."""
+    app.command(
+        "optimise",
+        epilog="Exit codes: 0 a better plan was found, or one that the rig can do where that to "
+        "beat breaks its limits; 3 none was, or something cannot be seen. "
+        "Examples: foucault optimise campaign.toml -o search; foucault optimise platform_tumble "
+        "-o search --time-limit '60 s'. The same command again continues a search; with a larger "
+        "--restarts it goes further.",
+    )(optimise)
+
+
+def optimise(
+    ctx: typer.Context,
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A campaign file, or the name of a procedure. What may be changed of the plan "
+            "stands in its table [optimise]."
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the search.")],
+    restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1)] = 32,
+    evaluations: Annotated[
+        int, typer.Option(help="Plans that each restart judges.", min=1)
+    ] = 4000,
+    time_limit: Annotated[
+        str | None,
+        typer.Option(help="After this time no further restart is begun, such as '60 s'."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the search.", min=0)] = 0,
+    size: Annotated[
+        int,
+        typer.Option(
+            "--round", min=2,
+            help="Restarts in a round, of which later ones continue the best plans; on a cluster, "
+            "a multiple of its workers.",
+        ),
+    ] = 8,
+    workers: cluster.Workers = None,
+    scheduler: cluster.Scheduler = None,
+    local_cluster: cluster.LocalCluster = None,
+) -> None:  # fmt: skip
+    """Search for a plan that sees the coefficients better, within the limits of the rig."""
+    from foucault import units
+    from foucault.campaign import optimisation
+    from foucault.cli.sessions import load_or_template
+    from foucault.errors import error
+    from foucault.report import optimisation as report
+
+    screen: Screen = ctx.obj
+    limit = None if time_limit is None else units.parse(time_limit, "time", "--time-limit")
+    if limit is not None and limit < 0:
+        raise error("optimise.time_limit", given=time_limit)
+    campaign = load_or_template(what)
+    there = optimisation.finished(output)
+    with (
+        cluster.spread(screen, workers, scheduler, local_cluster) as map_,
+        screen.progress() as tell,
+    ):
+        found = optimisation.run(
+            campaign, output, restarts=restarts, evaluations=evaluations, time_limit=limit,
+            seed=seed, size=size, map=map_,
+            progress=lambda done, total: tell(done / total, f"restart {done} of {total}"),
+        )  # fmt: skip
+    page = report.write(found, output / "report.html")
+    _tell(screen, found)
+    if there:
+        screen.say(f"Went on from {there} of these restarts, which were in the folder.")
+    screen.say(f"Plan: {output / optimisation.CAMPAIGN_FILE}", f"Report: {page}")
+    screen.data(found_json(found) | {"folder": str(output), "report": str(page)})
+    raise typer.Exit(0 if found.complete else INCOMPLETE)
+
+
+def _tell(screen: Screen, found: Found) -> None:
+    from foucault.units import plain
+
+    screen.table(
+        f"{found.cases[0]}: the plan found beside {found.reference}",
+        ("coefficient", "before", "found", "unit", "ratio"),
+        [
+            (name, plain(before, 3), plain(after, 3), unit, f"{ratio:.3f}")
+            for name, before, after, unit, ratio in zip(
+                found.names, found.reference_sd[0], found.sd[0], found.units, found.ratio[0],
+                strict=True,
+            )
+        ],
+    )  # fmt: skip
+    screen.table(
+        "sd over sd, of what counts",
+        ("case", "geometric mean", "worst"),
+        [
+            (case, f"{mean:.3f}", f"{worst:.3f}")
+            for case, mean, worst in zip(
+                found.cases, found.geometric_mean, found.worst, strict=True
+            )
+        ],
+    )
+    headings, *rows = found.steps
+    screen.table("the plan", headings, rows)
+    if found.needs:
+        screen.table("limits of the rig", ("", "before", "found", "allowed"), _needs(found))
+    if found.unseen:
+        screen.say(f"No allowed plan shows: {', '.join(found.unseen)}.")
+    screen.findings(found.findings)
+    screen.say(f"{found.evaluations} plans in {len(found.restarts)} restarts, seed {found.seed}.")
+
+
+def _needs(found: Found) -> list[tuple[str, ...]]:
+    from foucault.diagnose.foresight import Limit, said
+
+    def needed(limit: Limit) -> str:
+        return said(limit.needed, limit.kind) + ("" if limit.kept else " BROKEN")
+
+    return [
+        (n.name, needed(b), needed(n), "" if n.allowed is None else said(n.allowed, n.kind))
+        for b, n in zip(found.reference_needs, found.needs, strict=True)
+    ]
+
+
+def found_json(found: Found) -> dict[str, object]:
+    """Return what was found as JSON."""
+    from dataclasses import asdict
+
+    from foucault.result_document import plain
+
+    document: dict[str, object] = plain(asdict(found) | {"complete": found.complete})
+    return document

@@ -1,0 +1,186 @@
+"""A search for a plan in a folder: the same whoever computes it, continued, and its plan runs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from foucault import campaign
+from foucault.campaign import found as found_plan
+from foucault.campaign import optimisation
+from foucault.campaign.running import save_session, simulate
+from foucault.errors import FoucaultError
+from make_tumble import campaign_text
+
+SMALL = {"restarts": 6, "evaluations": 60, "size": 3, "seed": 5}
+
+
+def described(procedure='rate_limit = "0.2 deg/s"', wanted="", path="campaign.toml"):
+    procedure = f'{procedure}\nlatitude_sd = "0 deg"'  # what is stated then is the bound
+    text = campaign_text(procedure, 'interval = "1 s"')
+    text = text.replace("# gravity_sd = ", 'gravity_sd = "0 m/s^2"  # ')
+    return campaign.parse(
+        f"{text}\n[optimise]\ntruths = 1\nlatitudes = ['0 deg']\n{wanted}\n", path
+    )
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("search")
+    return folder, optimisation.run(described(), folder, workers=1, **SMALL)
+
+
+def content(folder):
+    return pq.read_table(folder / "restarts.parquet")
+
+
+def test_what_is_found_is_better_and_said_so(searched):
+    folder, found = searched
+    assert found.geometric_mean[0] < 1
+    assert found.cases == ("the site", "latitude 0 deg", "cluster 1")
+    assert len(found.restarts) == 6
+    assert found.evaluations == content(folder)["evaluations"].to_numpy().sum()
+    assert found_plan.load(folder) == found
+    best = content(folder)["cost"].to_numpy().min()
+    # What was searched by is a little pessimistic, see plans.torquing_search.FINEST.
+    assert np.log(found.geometric_mean[0]) == pytest.approx(best, abs=0.06)
+
+
+def test_workers_do_not_matter(searched, tmp_path):
+    folder, found = searched
+    other = optimisation.run(described(), tmp_path, workers=4, **SMALL)
+    assert content(tmp_path).equals(content(folder))
+    assert other == found
+
+
+def test_what_was_lost_is_computed_again(searched, tmp_path):
+    folder, _ = searched
+    shutil.copytree(folder, tmp_path / "again")
+    for name in ("0000001-0000001.parquet", "0000005-0000005.parquet"):
+        (tmp_path / "again" / "parts" / name).unlink()
+    (tmp_path / "again" / "restarts.parquet").unlink()
+    optimisation.run(described(), tmp_path / "again", **SMALL)
+    assert content(tmp_path / "again").equals(content(folder))
+
+
+def test_more_restarts_go_on_where_it_ended(searched, tmp_path):
+    folder, found = searched
+    shutil.copytree(folder, tmp_path / "on")
+    further = optimisation.run(described(), tmp_path / "on", **SMALL | {"restarts": 9})
+    assert content(tmp_path / "on").slice(0, 6).equals(content(folder))
+    costs = [r["cost"] for r in further.restarts]
+    assert len(costs) == 9
+    assert min(costs) <= min(r["cost"] for r in found.restarts)
+    assert [r["continued"] for r in further.restarts] == [False] * 4 + [True] * 2 + [
+        False,
+        True,
+        True,
+    ]
+    # Wherever it was interrupted, in the middle of a round too.
+    optimisation.run(described(), tmp_path / "new", **SMALL | {"restarts": 5})
+    assert optimisation.run(described(), tmp_path / "new", **SMALL | {"restarts": 9}) == further
+
+
+def test_fewer_restarts_do_not_forget_what_was_found(searched, tmp_path):
+    folder, found = searched
+    shutil.copytree(folder, tmp_path / "fewer")
+    assert optimisation.run(described(), tmp_path / "fewer", **SMALL | {"restarts": 2}) == found
+
+
+def test_what_is_damaged_is_computed_again_or_said(searched, tmp_path):
+    folder, found = searched
+    shutil.copytree(folder, tmp_path / "cut")
+    part = tmp_path / "cut" / "parts" / "0000002-0000002.parquet"
+    part.write_bytes(part.read_bytes()[:200])
+    assert optimisation.run(described(), tmp_path / "cut", **SMALL) == found
+    (tmp_path / "cut" / "optimise.json").write_text("")
+    with pytest.raises(
+        FoucaultError, match=r"optimise\.json is missing or cannot be read"
+    ) as caught:
+        optimisation.run(described(), tmp_path / "cut", **SMALL)
+    assert caught.value.code == "study.damaged"
+
+
+def test_what_the_plan_hardly_shows_is_said(tmp_path):
+    """One axis, everything it cannot show left out but one that it shows badly."""
+    with pytest.raises(FoucaultError) as caught:
+        optimisation.space_of(described(wanted='axes = "x"'))
+    names = caught.value.message.split("that count: ")[1].split(". Allowed")[0].split(", ")
+    weights = ", ".join(f'"{name}" = 0' for name in names)
+    wanted = f'axes = "x"\nweights = {{ {weights} }}\nworst = 1e9'
+    found = optimisation.run(described(wanted=wanted), tmp_path, **SMALL | {"restarts": 3})
+    assert set(found.unseen) == set(names)
+    assert not found.complete
+    said = {item.code: item.message for item in found.findings}
+    space = optimisation.space_of(described(wanted=wanted))
+    plan = [(int(t), int(s)) for t, s in _best(tmp_path)]
+    assert ("optimise.hardly" in said) == bool(space.hardly(tuple(plan)))
+
+
+def _best(folder):
+    rows = content(folder).to_pydict()
+    return json.loads(rows["plan"][int(np.argmin(rows["cost"]))])
+
+
+def test_a_time_limit_keeps_what_is_finished(tmp_path):
+    found = optimisation.run(described(), tmp_path, time_limit=1e-9, workers=1, **SMALL)
+    assert 1 <= len(found.restarts) < 6
+    whole = optimisation.run(described(), tmp_path, **SMALL)
+    assert len(whole.restarts) == 6
+
+
+def test_the_plan_runs_unchanged(searched, tmp_path):
+    folder, found = searched
+    read = campaign.load(folder / "campaign.toml")
+    session = simulate(read, 3)
+    assert session.simulation.plan.duration == pytest.approx(found.duration) == 5400.0
+    written = save_session(session, tmp_path / "session")
+    result = campaign.calibrate(written)
+    assert result.status == "converged"
+    # The same cluster, but for 0.1 deg of the attitude at the start.
+    sd = optimisation.space_of(described()).sd(session.simulation.plan, "cluster 3")
+    np.testing.assert_allclose(result.coefficients.sd[:42], sd, rtol=0.03)
+
+
+def test_another_search_is_refused(searched):
+    folder, _ = searched
+    for other, more in (
+        (described(wanted='total = "5000 s"'), {}),
+        (described('rate_limit = "0.1 deg/s"'), {}),
+        (described(), {"seed": 6}),
+        (described(), {"evaluations": 61}),
+        (described(), {"size": 2}),
+    ):
+        with pytest.raises(FoucaultError) as caught:
+            optimisation.run(other, folder, **SMALL | more)
+        assert caught.value.code == "study.other"
+        assert str(folder) in caught.value.message
+
+
+def test_a_procedure_without_plan_is_refused(tmp_path):
+    with pytest.raises(FoucaultError, match="ferraris") as caught:
+        optimisation.run(campaign.parse(campaign.template("ferraris")), tmp_path)
+    assert caught.value.code == "optimise.procedure"
+    with pytest.raises(FoucaultError) as caught:
+        campaign.parse(campaign.template("ferraris") + '\n[optimise]\naxes = "x"\n')
+    assert caught.value.code == "optimise.procedure"
+
+
+def test_a_folder_without_search_is_refused(tmp_path):
+    with pytest.raises(FoucaultError) as caught:
+        found_plan.load(tmp_path)
+    assert caught.value.code == "optimise.missing"
+
+
+def test_limits_that_only_the_search_shows(tmp_path):
+    """A plan to beat that nothing comes near keeps its place, and the result says so."""
+    found = optimisation.run(
+        described(wanted='total = "1801 s"\nworst = 100.0'), tmp_path, **SMALL | {"restarts": 3}
+    )
+    assert found.geometric_mean[0] > 1
+    assert found.findings[-1].code == "optimise.no_gain"
+    assert not found.complete
