@@ -38,7 +38,8 @@ def leg_lines(legs: Sequence[Mapping[str, Any]]) -> list[Trace]:
     return [place | {"x0": leg["start"], "x1": leg["start"]} for leg in legs[1:]]
 
 
-def _leg_numbers(legs: Sequence[Mapping[str, Any]]) -> list[Trace]:
+def leg_numbers(legs: Sequence[Mapping[str, Any]]) -> list[Trace]:
+    """Return the number of every leg, above its middle."""
     return [
         {
             "text": str(k), "x": (leg["start"] + leg["end"]) / 2, "y": 1, "yref": "paper",
@@ -158,7 +159,7 @@ def angles(table: Mapping[str, FloatArray], legs: Sequence[Mapping[str, Any]]) -
     ]  # fmt: skip
     look = layout(
         280, meta={"zoom": True}, xaxis=axis("time [s]", showgrid=False),
-        yaxis=axis("angle [°]", dtick=90), shapes=leg_lines(legs), annotations=_leg_numbers(legs),
+        yaxis=axis("angle [°]", dtick=90), shapes=leg_lines(legs), annotations=leg_numbers(legs),
     )  # fmt: skip
     look["margin"] = look["margin"] | {"t": 52}
     look["legend"] = look["legend"] | {"y": 1.1}
@@ -184,7 +185,7 @@ def growth(
     look = layout(
         260, xaxis=axis("time [s]", showgrid=False, range=[0, 1.005 * until[-1]]),
         yaxis=axis(f"of {whole}", range=[0, 1.06 * whole]),
-        shapes=[level_line(whole, dash="dash"), *leg_lines(legs)], annotations=_leg_numbers(legs),
+        shapes=[level_line(whole, dash="dash"), *leg_lines(legs)], annotations=leg_numbers(legs),
     )  # fmt: skip
     look["margin"] = look["margin"] | {"t": 52}
     look["legend"] = look["legend"] | {"y": 1.1}
