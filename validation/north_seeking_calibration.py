@@ -29,7 +29,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_TILTED, SEEKER, Compensation, earth_rate_b, up_b
 from foucault.models.rotation import turned
-from foucault.procedures import north_seeking
+from foucault.procedures import north_seeking, north_solution
 
 
 def inflation(draws: int) -> tuple[list[str], bool]:
@@ -70,7 +70,7 @@ def seeker(names: tuple[str, ...], rng, z: bool):
     """An instrument drawn from the settings' own prior of the z couplings."""
     sd = {"bias": 0.02 * DPH, "scale": 2e-3, "misalignment": 1e-3}
     each = np.array([sd[name.split(".")[1]] for name in names])
-    coupled = np.array([name in north_seeking.Z_COUPLING for name in names])
+    coupled = np.array([name in north_solution.Z_COUPLING for name in names])
     each[coupled] = north_seeking.Settings().z_coupling_sd if z else 0.0
     return CoefficientVector(SEEKER.subset(names), each * rng.standard_normal(len(names)))
 
@@ -129,7 +129,7 @@ def nees(draws: int) -> tuple[list[str], bool]:
 
 def z_coupling() -> tuple[list[str], bool]:
     """A differential z coupling, without noise: what a level and a tilted calibration leave."""
-    layout = SEEKER.subset(north_seeking.Z_COUPLING)
+    layout = SEEKER.subset(north_solution.Z_COUPLING)
     model = ImuModel.from_coefficients(CoefficientVector(layout, np.array([-0.7e-3, 1e-3])))
     noise = ImuNoise(TriadNoise(white=1e-9), TriadNoise(white=1e-12))
     lines = ["| calibration | latitude [deg] | RMS heading error [deg] | largest | method |",

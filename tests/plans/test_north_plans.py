@@ -65,6 +65,16 @@ def test_the_pair_looks_east_and_west() -> None:
     assert both.from_north[4:].all()
 
 
+def test_east_west_and_back_costs_a_move_and_cancels_a_drift() -> None:
+    there, back = (compare(replace(TASK, total=300.0, rough_sd=0.01), (name,)).rows[0]
+                   for name in ("east-west pair", "East west east"))  # fmt: skip
+    assert back.order is plans.AGAIN and back.at is not None and there.at is not None
+    assert back.sd == pytest.approx(there.sd * np.sqrt(290 / 280), rel=1e-3)
+    assert back.at.drift_error < 1e-4 * there.at.drift_error
+    both = compare(replace(TASK, total=300.0, rough_sd=0.01), ("east-west pair", "east-west-east"))
+    assert both.best.order is plans.AGAIN and "linear drift" in both.reason
+
+
 def test_pieces_of_a_rotation_are_those_of_a_log() -> None:
     order = plans.continuous(5)
     d = order.dwells(300.0, 10.0, HEADING)

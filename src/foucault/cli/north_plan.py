@@ -167,7 +167,7 @@ def _refuse(option: str, given: object, fine: bool, allowed: str) -> None:
 
 def _latitude(text: str) -> float:
     from foucault import units
-    from foucault.procedures.north_seeking import require_latitude
+    from foucault.procedures.north_solution import require_latitude
 
     value = units.parse(text, "angle", "--latitude")
     require_latitude(value)

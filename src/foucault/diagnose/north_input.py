@@ -59,7 +59,7 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
         name = dwells.names[patterns.index(angles)]
         name += f" and {count - 1} more" * (count > 1)
         distinct = sorted(set(angles))
-        if not _spans(distinct):
+        if not spans(distinct):
             if known.near is None:
                 raise error("north.stops", name=name, stops=_list(distinct))
             on_base = dwells.accel is not None and dwells.accel.shape[1] == 1
@@ -88,8 +88,14 @@ def _list(angles: list[int]) -> str:
     return some + (", ..." if len(angles) > 12 else "")
 
 
-def _spans(angles: list[int]) -> bool:
-    """Tell whether constant, cosine and sine over these angles can be told apart."""
+def spans(angles: list[int]) -> bool:
+    """Tell whether constant, cosine and sine over these angles can be told apart.
+
+    Parameters
+    ----------
+    angles : list of int, length k
+        Index angles that differ, in whole degrees [deg].
+    """
     a = np.radians(np.array(angles, float))
     design = np.stack([np.ones_like(a), np.cos(a), np.sin(a)], 1)
     return len(a) >= 3 and bool(np.linalg.svd(design, compute_uv=False)[-1] > 0.05)

@@ -58,6 +58,8 @@ class Conditions:
         Without accelerometers: how well the case is levelled [rad].
     compensation : Compensation
         The instrument's calibration, with covariance.
+    offset_sd : float
+        Of the gyro's constant offset, infinite where the readings have to tell it [rad/s].
     """
 
     latitude: float
@@ -70,6 +72,7 @@ class Conditions:
     index_sd: float = 0.0
     level_sd: float | None = None
     compensation: Compensation = field(default_factory=Compensation)
+    offset_sd: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ def poses(tilt: float) -> FloatArray:
 
 def predict(
     dwells: Dwells, at: FloatArray, conditions: Conditions, *, near: bool = False,
-    drift: bool = True,
+    drift: bool = True, on_case: bool | None = None,
 ) -> Prediction:  # fmt: skip
     """Predict the standard deviation of the heading.
 
@@ -134,8 +137,10 @@ def predict(
         both directions to one accelerometer that turns with them: two on the case are taken.
     drift : bool
         Whether to find the error by drift too; NaN without.
+    on_case : bool or None
+        Whether two accelerometers stay with the case; None takes them for a rough heading alone.
     """
-    made = readings(dwells, at, conditions, on_case=near)
+    made = readings(dwells, at, conditions, on_case=near if on_case is None else on_case)
     prior = conditions.drift if conditions.drift_estimated else 0.0
     fixes = _solved(_reduced(made, conditions, prior), at, conditions, near)
     ignored = bool(conditions.drift) and not conditions.drift_estimated
@@ -186,7 +191,9 @@ def readings(
 
 
 def _reduced(made: Dwells, conditions: Conditions, drift_sd: float) -> Pairs:
-    nuisance = Nuisance(drift_sd=drift_sd, index_sd=conditions.index_sd)
+    nuisance = Nuisance(
+        offset_sd=conditions.offset_sd, drift_sd=drift_sd, index_sd=conditions.index_sd
+    )
     return reduce(made, conditions.noise, nuisance)
 
 

@@ -218,6 +218,11 @@ PAIR = StopOrder(
     "east-west pair", np.radians([90.0, 270.0]), np.full(2, 0.5), np.ones(2, bool), ROUGH
 )
 """The sensing axis looks east, then west."""
+AGAIN = StopOrder(
+    "east-west-east", np.radians([90.0, 270.0, 90.0]), np.array([0.25, 0.5, 0.25]),
+    np.ones(3, bool), ROUGH,
+)  # fmt: skip
+"""The same, and back: a drift cancels, at the cost of a move."""
 
 
 def positions(count: int) -> StopOrder:
@@ -253,8 +258,8 @@ SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 """Of the time for the first stage, to choose from [1]."""
 
 NAMES = (
-    "published", "sequential", "palindrome", "6 positions", "east-west pair", "two-stage",
-    "continuous 5",
+    "published", "sequential", "palindrome", "6 positions", "east-west pair", "east-west-east",
+    "two-stage", "continuous 5",
 )  # fmt: skip
 """Orders that are compared where none is named."""
 
@@ -275,7 +280,7 @@ def orders(name: str, cycles: int = 1) -> tuple[Order, ...]:
     words = known.split()
     number = next((int(w) for w in words if w.isdigit()), None)
     fixed = {"published": PUBLISHED, "sequential": SEQUENTIAL, "palindrome": PALINDROME,
-             "east west pair": PAIR}  # fmt: skip
+             "east west pair": PAIR, "east west east": AGAIN}  # fmt: skip
     if known == "two stage":  # its two stages follow one another once
         return tuple(two_stage(share) for share in SHARES)
     if number is not None and words[0] == "continuous":
@@ -283,7 +288,7 @@ def orders(name: str, cycles: int = 1) -> tuple[Order, ...]:
     if number is not None and words[-1] in ("positions", "position"):
         return (positions(number).repeated(cycles),)
     if known not in fixed:
-        allowed = (*NAMES[:3], "N positions", *NAMES[4:6], "continuous N")
+        allowed = (*NAMES[:3], "N positions", *NAMES[4:7], "continuous N")
         hint = suggestion(name.lower(), allowed)
         raise error("north_plan.order", name=name, hint=hint, allowed=", ".join(allowed))
     return (fixed[known].repeated(cycles),)

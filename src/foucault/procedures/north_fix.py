@@ -31,8 +31,8 @@ from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.procedures.hand_rotated import Progress, silent
-from foucault.procedures.north_seeking import accelerometers_before, require_latitude
 from foucault.procedures.north_settings import Settings
+from foucault.procedures.north_solution import accelerometers_before, require_latitude
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
@@ -16,6 +16,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
+from foucault.models.rotation import turned
 from foucault.plans.north_seeking import PALINDROME, PUBLISHED, SEQUENTIAL
 from foucault.simulate.north_seeking import (
     NorthPlan,
@@ -56,6 +57,26 @@ SPREAD = {
 """What the errors of instruments are drawn from: standard deviation and kind."""
 
 
+class Stop(BaseModel):
+    """One stop of the base."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    index: Angle = Field(description="Index angle, clockwise seen from above.")
+    dwell: Seconds | None = Field(
+        default=None, gt=0, examples=["75 s"],
+        description="How long it lasts; left out, the `dwell` of all stops.",
+    )  # fmt: skip
+
+
+Named = Literal["published", "sequential", "palindrome"]
+Order = Annotated[
+    Annotated[Named, Tag("name")] | Annotated[tuple[Stop, ...], Tag("list"), Field(min_length=1)],
+    Discriminator(lambda given: "name" if isinstance(given, str) else "list"),
+]
+"""A mistake is told of what was given alone: a name, or a list."""
+
+
 class Settings(BaseModel):
     """What can be chosen: of both, of the calibration on a turntable, of the fix in the field."""
 
@@ -78,6 +99,15 @@ class Settings(BaseModel):
         default=None, ge=0, examples=["1 ms"],
         description="Sd of the time between an index angle and the middle of the gyro's reading, "
         "for a base that turns.",
+    )  # fmt: skip
+    index_limit: Angle | None = Field(
+        default=None, gt=0, examples=["180 deg"],
+        description="Planning. How far the base turns either way from index 0, as a cable lets it; "
+        "left out, any angle. Named orders are told by angles within it where they can be.",
+    )  # fmt: skip
+    index_step: Angle | None = Field(
+        default=None, gt=0, examples=["90 deg"],
+        description="Planning. Detents of the base: it stops at multiples of this alone.",
     )  # fmt: skip
     settle: Seconds = Field(default=1.0, ge=0, description="Left out after every move of the base.")
     shortest: Seconds = Field(default=5.0, gt=0, description="Shortest dwell.")
@@ -163,10 +193,15 @@ class Session(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     headings: int = Field(default=12, ge=1, description="Headings of the turntable, evenly spread.")
-    order: Literal["published", "sequential", "palindrome"] = Field(
-        default="published", description="Order of the stops of the base in each heading."
+    order: Order = Field(
+        default="published",
+        description="Order of the stops of the base in each heading: published, sequential, "
+        'palindrome, or a list of { index = "0 deg", dwell = "75 s" }.',
     )
-    dwell: Seconds = Field(default=120.0, gt=0, description="Length of the shortest stop.")
+    dwell: Seconds = Field(
+        default=120.0, gt=0,
+        description="Length of the shortest stop, or of those in a list that say none.",
+    )  # fmt: skip
     move: Seconds = Field(default=5.0, ge=0, description="Time from one stop to the next.")
     tilts: tuple[str, ...] = Field(
         default=("0 deg",),
@@ -190,6 +225,28 @@ class Session(BaseModel):
     rows: Literal["means", "samples"] = Field(
         default="means", description="One mean per stop, or a row per sample."
     )
+
+    @property
+    def called(self) -> str:
+        """What the order is called."""
+        return f"{self.order} order" if isinstance(self.order, str) else "stops of the campaign"
+
+    def motion(self, limit: float | None = None) -> Stops:
+        """Return what the base does in each heading.
+
+        Parameters
+        ----------
+        limit : float or None
+            How far it turns either way; None for any angle [rad].
+        """
+        if isinstance(self.order, str):
+            order = ORDERS[self.order]
+            index, dwell = order.index, self.dwell * order.share / order.share.min()
+            if limit is not None:
+                index = np.where(np.abs(index) > limit, turned(index), index)
+            return Stops(index, dwell, self.move)
+        lengths = [self.dwell if stop.dwell is None else stop.dwell for stop in self.order]
+        return Stops(np.array([s.index for s in self.order]), np.array(lengths), self.move)
 
 
 def simulate(
@@ -240,9 +297,7 @@ def simulate(
         heading_sd=settings.heading_sd, heading_offset=common,
         twice_per_turn=(twice[0], twice[1]),
     )  # fmt: skip
-    order = ORDERS[session.order]
-    dwell = session.dwell * order.share / order.share.min()
-    plan = NorthPlan(setups, Stops(order.index, dwell, session.move))
+    plan = NorthPlan(setups, session.motion(settings.index_limit))
     accel = None if session.accelerometers == "none" else session.accelerometers
     return simulate_north(
         plan, model=model, noise=noise, site=site, errors=errors, accel=accel, rate=session.rate,
