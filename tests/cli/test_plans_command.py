@@ -106,3 +106,19 @@ def test_a_file_that_is_no_text(tmp_path: Path) -> None:
     file.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FoucaultError, match="it is not text"):
         read_positions(file)
+
+
+def test_poses_for_deflection(tmp_path):
+    result = run("plans", "--model", "deflection")
+    assert result.exit_code == 0
+    assert "icosahedral 6" in result.output and "1.658" in result.output
+    assert "optimised 6" in result.output and "1.438" in result.output
+    file = tmp_path / "poses.csv"
+    result = run("plans", "--model", "deflection", "simple 6", "-o", str(file))
+    assert result.exit_code == 0 and "-90.000000" in result.output
+    assert file.read_text().splitlines()[0] == "about_z,about_east"
+    found = json.loads(run("--json", "plans", "--model", "deflection", "simple 6").output)
+    (only,) = found["poses"]
+    assert only["condition"] == pytest.approx(7.05, abs=0.01) and len(only["sd"]) == 6
+    assert run("plans", "--model", "deflection", "simple").exit_code == 1
+    assert run("plans", "--model", "deflection", "-o", str(file)).exit_code == 1

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 SAMPLE = "fibonacci 24"
 """Stands in the list for the plans of any number of positions."""
 
+DEFLECTION = "deflection"
+"""The model that poses for spins are judged for."""
+
 # What the sd of a coefficient is in, for noise of 1 ug in one reading.
 _UNITS = {"bias": "ug", "scale": "ppm", "misalignment": "urad", "quadratic": "ug/g^2"}
 
@@ -25,7 +28,8 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         "plans",
         epilog="Examples: foucault plans; foucault plans --model 'accel quadratic'; "
-        "foucault plans 'icosahedron 12' -o angles.csv; foucault plans angles.csv",
+        "foucault plans 'icosahedron 12' -o angles.csv; foucault plans angles.csv; "
+        "foucault plans --model deflection 'optimised 6'",
     )(plans)
 
 
@@ -42,7 +46,8 @@ def plans(
         str,
         typer.Option(
             help="What is to be found: accel (norm of gravity, also for the norm of the rate), "
-            "'accel quadratic', or 'accel table' (the angles of the table are known)."
+            "'accel quadratic', 'accel table' (the angles of the table are known), or deflection "
+            "(poses for spins about a level axis, for gyros on dither springs)."
         ),
     ] = "accel",
     angles: Annotated[
@@ -57,6 +62,9 @@ def plans(
     from foucault.plans.efficiency import model_named
 
     screen: Screen = ctx.obj
+    if model.strip().lower() == DEFLECTION:
+        _poses(screen, name, angles, output)
+        return
     known = model_named(model)
     if name is not None:
         _one(screen, name, known, angles, output)
@@ -116,6 +124,49 @@ def _one(screen: Screen, name: str, model: str, angles: bool, output: Path | Non
     if output is not None:
         screen.say(f"Angles: {output}")
     screen.data(_document(known, found) | {"angles": at.tolist()})
+
+
+def _poses(screen: Screen, name: str | None, angles: bool, output: Path | None) -> None:
+    """List sets of poses for spins about a level axis, or print one."""
+    import numpy as np
+
+    from foucault.errors import error
+    from foucault.plans.pose_search import poses_named
+    from foucault.plans.position_files import write_positions
+    from foucault.plans.spin_poses import COEFFICIENTS, NAMES, quality
+
+    if name is None and output is not None:
+        raise error("plan.which", path=output)
+    sets = [poses_named(n) for n in ((*NAMES, "optimised 6") if name is None else (name,))]
+    if output is not None:
+        write_positions(sets[0][1], output, ("about_z", "about_east"))
+    found = [quality(at) for _, at in sets]
+    screen.table(
+        "poses for six coefficients of deflection",
+        ("poses", "number", "condition", "rms sd"),
+        [(n, str(len(at)), f"{q.condition:.2f}", f"{q.spread:.3f}")
+         for (n, at), q in zip(sets, found, strict=True)],
+    )  # fmt: skip
+    screen.say(
+        "rms sd: of a coefficient, for sd 1 of 2 tilt / (turned angle x g) in each pose.",
+        "'optimised N' finds N poses; no set has an rms sd below 3.52 / sqrt(N).",
+    )
+    if name is not None and angles:
+        screen.table(
+            "", ("pose", "about z (deg)", "about East (deg)"),
+            [(str(k), *(f"{a:z.6f}" for a in row))
+             for k, row in enumerate(np.degrees(sets[0][1]), 1)],
+        )  # fmt: skip
+    if output is not None:
+        screen.say(f"Angles: {output}")
+    screen.data({
+        "model": DEFLECTION,
+        "poses": [
+            {"name": n, "angles": at.tolist(), "condition": q.condition, "rms_sd": q.spread,
+             "sd": dict(zip(COEFFICIENTS, q.sd.tolist(), strict=True))}
+            for (n, at), q in zip(sets, found, strict=True)
+        ],
+    })  # fmt: skip
 
 
 def _positions(name: str) -> tuple[str, FloatArray]:

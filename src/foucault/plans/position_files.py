@@ -17,17 +17,21 @@ HEADINGS = ("outer", "middle", "inner")
 """The first line of a file."""
 
 
-def write_positions(angles: FloatArray, path: str | Path) -> None:
+def write_positions(
+    angles: FloatArray, path: str | Path, headings: tuple[str, ...] = HEADINGS
+) -> None:
     """Write positions as CSV in degrees, whole or not at all.
 
     Parameters
     ----------
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle of each position [rad].
+    angles : ndarray, shape (n, k)
+        Outer, middle and inner angle of each position, or what `headings` name [rad].
     path : str or Path
         File to write.
+    headings : tuple of str
+        Names of the angles.
     """
-    lines = [",".join(HEADINGS), *(",".join(f"{a:.9f}" for a in row) for row in np.degrees(angles))]
+    lines = [",".join(headings), *(",".join(f"{a:.9f}" for a in row) for row in np.degrees(angles))]
     with atomic(path) as temporary:
         temporary.write_text("\n".join([*lines, ""]), encoding="utf-8")
 

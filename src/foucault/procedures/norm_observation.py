@@ -26,6 +26,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.foresight import Foresight
 from foucault.errors import error
 from foucault.estimate import four_positions, norm_observation, parallel_vectors
 from foucault.estimate.table_fit import TableFit
@@ -36,9 +37,12 @@ from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.table_state import State
-from foucault.procedures import on_table
+from foucault.plans.position_search import PositionSpace
+from foucault.plans.position_search import Wanted as Wanted
+from foucault.procedures import on_table, table_plan
 from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent
+from foucault.procedures.table_plan import UNDECLARED as UNDECLARED
 from foucault.procedures.turntable_session import LOG_LINES as LOG_LINES
 from foucault.procedures.turntable_session import TableSession, TableSettings
 from foucault.procedures.turntable_session import simulate as simulate
@@ -229,3 +233,24 @@ def _published(readings: FloatArray, norm: float | FloatArray) -> tuple[FloatArr
 def _solved(pair: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, FloatArray]:
     assert pair is not None  # the start of the likelihood has solved the same equations
     return pair
+
+
+def space(
+    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]], typical: ImuNoise | None = None,
+) -> PositionSpace:  # fmt: skip
+    """Return the positions to seek a better plan among; `prior` as a campaign has it [SI]."""
+    return table_plan.space(
+        task_of(settings), wanted, session=session, site=site, noise=noise, prior=prior,
+        typical=typical,
+    )  # fmt: skip
+
+
+def foresee(
+    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]], typical: ImuNoise | None = None,
+) -> Foresight:  # fmt: skip
+    """Return what the session will show; noise and `prior` as a campaign has them [SI]."""
+    return table_plan.foresee(
+        task_of(settings), session=session, site=site, noise=noise, prior=prior, typical=typical
+    )

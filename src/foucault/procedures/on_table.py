@@ -212,12 +212,38 @@ def from_readings(
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     readings, found = _usable(readings, task, site)
+    options = options_of(readings, task, prior)
+    start = _start(readings, task, site, options)
+    solution = fit(readings, site, start, options)
+    likelihood = None
+    if task.variant is not None:
+        likelihood = solution.estimate.coefficients
+        coefficients, state = task.variant(readings, site, solution)
+        estimate = replace(solution.estimate, coefficients=coefficients, state=state)
+        solution = replace(solution, estimate=estimate)
+    return _result(readings, task, site, options, solution, found, likelihood)
+
+
+def options_of(
+    readings: Readings, task: Task, prior: Mapping[str, tuple[float, float]] | None
+) -> Options:
+    """Return how readings are fitted, by what they hold and what is believed of the table.
+
+    Parameters
+    ----------
+    readings : Readings
+        One mean per rest and per spin [SI].
+    task : Task
+        Which procedure, with its settings.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
     names = names_of(task.settings, readings.gyro is not None)
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))
     free = task.trust is None
     at_rest = readings.gyro is not None and (task.settings.g_sensitivity or not free)
-    options = Options(
+    return Options(
         names,
         # With free directions and no gyros, a lever arm only turns the axis of each spin.
         lever_arm=task.settings.lever_arm and spins and (readings.gyro is not None or not free),
@@ -231,15 +257,6 @@ def from_readings(
         repeatability=task.repeatability,
         gyro_at_rest=at_rest,
     )
-    start = _start(readings, task, site, options)
-    solution = fit(readings, site, start, options)
-    likelihood = None
-    if task.variant is not None:
-        likelihood = solution.estimate.coefficients
-        coefficients, state = task.variant(readings, site, solution)
-        estimate = replace(solution.estimate, coefficients=coefficients, state=state)
-        solution = replace(solution, estimate=estimate)
-    return _result(readings, task, site, options, solution, found, likelihood)
 
 
 NORM_NEEDS = 9
@@ -305,7 +322,7 @@ def _result(
     checks = table_checks.checks(evidence)
     if likelihood is not None:
         checks += (table_checks.agreement(estimate.coefficients, likelihood),)
-    rate_sd = _common_rate_sd(readings, task, site)
+    rate_sd = common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,
         coefficients=table_report.with_references(estimate.coefficients, site, rate_sd),
@@ -325,7 +342,7 @@ def _result(
     )
 
 
-def _common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
+def common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
     """Relative sd of an error that all spin rates share.
 
     On a table whose tilt is not modelled, a tilt t of the outer axis towards North changes the
@@ -359,7 +376,7 @@ def _diagnostics(
         "chi_square": squares(solution.after),
         "chi_square_of_noise_alone": squares(solution.before),
         "coverage": coverage_json(covered, int(np.sum(~e.readings.spin))),
-        "budget": table_report.budget(solution, site, _common_rate_sd(e.readings, task, site)),
+        "budget": table_report.budget(solution, site, common_rate_sd(e.readings, task, site)),
         "unseen": table_report.unseen(
             e.readings, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
         ),

@@ -14,13 +14,17 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from foucault.diagnose.foresight import Foresight
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.table_geometry import Trust
-from foucault.procedures import on_table
+from foucault.plans.position_search import PositionSpace
+from foucault.plans.position_search import Wanted as Wanted
+from foucault.procedures import on_table, table_plan
 from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent
+from foucault.procedures.table_plan import UNDECLARED as UNDECLARED
 from foucault.procedures.turntable_session import LOG_LINES as LOG_LINES
 from foucault.procedures.turntable_session import TableSession, TableSettings
 from foucault.procedures.turntable_session import simulate as simulate
@@ -110,3 +114,29 @@ def task_of(settings: Settings, site: Site) -> Task:
     common = np.repeat([s.plumb_sd, s.orthogonality_sd, s.zero_sd], 2)
     trust = Trust(common, s.position_sd, latitude)
     return Task("turntable", settings, trust, repeatability=s.repeatability)
+
+
+def space(
+    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]], typical: ImuNoise | None = None,
+) -> PositionSpace:  # fmt: skip
+    """Return the positions to seek a better plan among; `prior` as a campaign has it [SI]."""
+    return table_plan.space(
+        task_of(settings, site), wanted, session=session, site=site, noise=noise, prior=prior,
+        typical=typical,
+    )  # fmt: skip
+
+
+def foresee(
+    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]], typical: ImuNoise | None = None,
+) -> Foresight:  # fmt: skip
+    """Return what the session will show; noise and `prior` as a campaign has them [SI]."""
+    return table_plan.foresee(
+        task_of(settings, site),
+        session=session,
+        site=site,
+        noise=noise,
+        prior=prior,
+        typical=typical,
+    )

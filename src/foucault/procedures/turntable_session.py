@@ -94,6 +94,29 @@ class TableSettings(BaseModel):
         default="robust",
         description="robust: a wrong reading is left out; squares: all count in full.",
     )
+    cable_limit: Angle | None = Field(
+        default=None,
+        gt=0,
+        examples=["3 rev"],
+        description="Largest outer angle either way that a cable allows, turns counted; for "
+        "preflight and optimise, as the other limits of the table below.",
+    )
+    middle_range: tuple[Angle, Angle] | None = Field(
+        default=None,
+        examples=[["-95 deg", "95 deg"]],
+        description="Smallest and largest middle angle that the table reaches.",
+    )
+    inner_range: tuple[Angle, Angle] | None = Field(
+        default=None,
+        examples=[["0 deg", "360 deg"]],
+        description="Smallest and largest inner angle that the table reaches.",
+    )
+    angle_step: Angle | None = Field(
+        default=None,
+        gt=0,
+        examples=["15 deg"],
+        description="Angles are multiples of this, as on a dividing head.",
+    )
 
     @field_validator("plan", mode="after")
     @classmethod
@@ -114,6 +137,13 @@ class TableSettings(BaseModel):
         if rate == 0.0:
             raise ValueError("it should not be zero")
         return rate
+
+    @field_validator("middle_range", "inner_range", mode="after")
+    @classmethod
+    def _grows(cls, ends: tuple[float, float] | None) -> tuple[float, float] | None:
+        if ends is not None and ends[0] > ends[1]:
+            raise ValueError("its first angle should not be larger than its second")
+        return ends
 
     @property
     def chosen(self) -> Positions:

@@ -44,6 +44,7 @@ from foucault.tables import Log, TableColumns
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+MOVE_RATE = float(np.pi / 6)  # highest rate of the axes in moves [rad/s]
 _PEAK = 1.875  # highest rate of the S-shaped move over its mean rate
 _SETTLE = 1.0  # standstill before a spin [s]
 _SHORTEST_MOVE = 2.0  # [s]
@@ -128,7 +129,7 @@ def simulate(
     rig: Rig | None = None,
     rate: float = 20.0,
     sampled: Literal["rate", "increment"] = "rate",
-    move_rate: float = np.pi / 6,
+    move_rate: float = MOVE_RATE,
     accumulate: bool = True,
     seed: int = 0,
 ) -> Simulation:
@@ -280,6 +281,13 @@ class Motion:
         rate[:, :1] += first + more * (3 * x**2 - 2 * x**3)
         acceleration[:, :1] += more * 6 * x * (1 - x) / T
         return angle, rate, acceleration
+
+
+def timetable(plan: TablePlan) -> tuple[float, float]:
+    """Return how long a `plan` takes [s], and how far the outer axis gets, turns counted [rad]."""
+    said, _, _ = _motions(plan, np.zeros((len(plan), 2)), plan.rate, MOVE_RATE)
+    outer = said.at(np.concatenate([np.cumsum(said.time) - said.time, [said.end]]))[0][:, 0]
+    return said.end, float(np.abs(outer).max())
 
 
 def _motions(

@@ -35,6 +35,35 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The {n} positions of '{plan}' do not determine all coefficients: {reason}.",
      "Use another plan, such as 'icosahedron 12' or 'dodecahedron 20' (`foucault plans` lists "
      "them), or give the coefficients named a prior."),
+    ("table.range", "error",
+     "A range of a table without an angle that it can stand at",
+     "Between {low} and {high} deg the {name} axis has no angle that is a multiple of {step} deg.",
+     "Widen {name}_range in [procedure], or take a smaller angle_step."),
+    ("table.cable", "error",
+     "Spins that turn the outer axis further than its cable allows",
+     "Spins of {turns} turns, {how}, take the outer axis to {needed} turns from zero; the cable "
+     "allows {allowed}.",
+     "Unwind after each spin (both_senses = true in [procedure]), give fewer `turns` in "
+     "[simulate], or a larger cable_limit."),
+    ("table.too_few", "error",
+     "Too few positions for what is to be estimated",
+     "No {count} positions determine all coefficients that count; allowed are {limits}.",
+     "Allow more `positions` in [optimise] (12 or more, 20 is good), or wider limits of the table, "
+     "or give what need not be known the weight 0."),
+    ("table.unseen", "warning",
+     "Positions of a table that do not show everything",
+     "The positions of '{plan}' do not show {names}.",
+     "Take another plan: `foucault plans` lists them, and `foucault optimise` finds one for your "
+     "table."),
+    ("poses.unknown", "error",
+     "The name of a set of poses is not known",
+     "There is no set of poses '{name}'.{hint}",
+     "Use one of: {allowed}."),
+    ("poses.singular", "error",
+     "Poses that cannot tell six coefficients of deflection",
+     "No {count} poses with angles of {z} deg about z and {east} deg about East tell all six "
+     "coefficients.",
+     "Take six poses or more, and let both axes of the gimbals turn by 90 deg or more."),
     ("plan.which", "error",
      "A file for the angles of a plan, but no plan",
      "'{path}' is to take the angles of one plan, but all plans are asked for.",
