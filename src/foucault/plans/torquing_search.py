@@ -34,7 +34,7 @@ UNSEEN = 0.5
 SAMPLED = 48
 """So many random plans show together what can be seen at all [1]."""
 
-TRIED = 100
+TRIED = 40
 """Random plans that are drawn in search of such as keep the limits [1]."""
 
 PARTS = 6
