@@ -68,7 +68,7 @@ from pathlib import Path
 from foucault import campaign
 from foucault.campaign import study
 text, folder = Path(sys.argv[1]).read_text(), sys.argv[2]
-study.run(campaign.parse(text, "short.toml"), 60, folder, seed=5, workers=2)
+study.run(campaign.parse(text, "short.toml"), 42, folder, seed=5, workers=2)
 """
 
 

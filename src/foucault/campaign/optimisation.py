@@ -15,7 +15,9 @@ import json
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import islice
 from math import inf
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -224,10 +226,12 @@ def _concluded(
 ) -> Found:  # fmt: skip
     """Compare the best plan with the one to beat; write what was found."""
     cost = getattr(space, "exact_cost", space.cost)
-    plans = [space.from_json(plain) for plain in _best(rows, len(rows["cost"]))[:FINALISTS]]
-    plan = min(plans, key=cost, default=None)
-    if plan is None or cost(plan) == inf:
+    plans = map(space.from_json, _best(rows, len(rows["cost"])))
+    possible = ((price, plan) for plan in plans if (price := cost(plan)) < inf)
+    best = min(islice(possible, FINALISTS), key=itemgetter(0), default=None)
+    if best is None:
         raise error("optimise.limits", tried=int(rows["evaluations"].sum()), limits=space.limits)
+    plan = best[1]
     told = [*beforehand(campaign)[1], *getattr(space, "findings", ())]
     hardly = space.hardly(plan) if hasattr(space, "hardly") else ()
     if hardly:
