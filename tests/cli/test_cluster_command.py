@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 import foucault
 from foucault import campaign
-from foucault.campaign import study
+from foucault.campaign import optimisation, study
 from foucault.cli import app, cluster
 from foucault.cli.screen import Screen
 from foucault.errors import FoucaultError
@@ -116,6 +116,18 @@ def test_a_tumble_gives_identical_content(four: Any, tmp_path: Path) -> None:
     processes = over(four.scheduler_address, described, 6, tmp_path / "processes")
     one = tmp_path / "one" / study.TRIALS_FILE
     assert one.read_bytes() == processes.read_bytes()
+
+
+def test_a_search_finds_the_same_plan(four: Any, tmp_path: Path) -> None:
+    described = campaign.parse(campaign.template("platform_tumble"), "platform_tumble.toml")
+    asked = {"restarts": 6, "evaluations": 40, "size": 4, "seed": 3}
+    threads = optimisation.run(described, tmp_path / "threads", workers=2, **asked)
+    with cluster.spread(SILENT, None, four.scheduler_address, None) as map_:
+        processes = optimisation.run(described, tmp_path / "processes", map=map_, **asked)
+    assert threads == processes
+    for name in (optimisation.RESTARTS_FILE, optimisation.CAMPAIGN_FILE):
+        here, there = tmp_path / "threads" / name, tmp_path / "processes" / name
+        assert here.read_bytes() == there.read_bytes(), name
 
 
 # -- what is killed --------------------------------------------------------------------------

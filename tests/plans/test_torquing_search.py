@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -10,9 +11,14 @@ import pytest
 from foucault import campaign
 from foucault.campaign.optimisation import space_of
 from foucault.errors import FoucaultError
-from foucault.models.cluster import angles_of
+from foucault.estimate.tumble import Prior, State, Tumble
+from foucault.estimate.tumble_pass import look
+from foucault.models.cluster import angles_of, attitude_of
+from foucault.models.earth import earth_rate_n
+from foucault.models.rotation import exp
 from foucault.plans.torquing import nominal
 from foucault.plans.torquing_limits import Allowed
+from make_cluster import G, make_cluster
 from make_tumble import campaign_text
 
 FAST = 'rate_limit = "0.2 deg/s"'
@@ -61,6 +67,31 @@ def test_plans_keep_the_time_and_the_shortest_segment(usual):
         assert slots.sum() == usual.allowed.slots
         assert slots.min() >= usual.allowed.least == 2
         assert (turns[1:] != turns[:-1]).all()
+
+
+def test_the_fast_bound_is_that_of_the_filter_that_solves_readings(usual):
+    """`estimate.tumble_pass` solves by NumPy; the same plan as a log of means over the slots."""
+    latitude, start = 0.7, np.array([0.3, -0.2, 0.5])
+    conditions = replace(
+        usual.conditions, w_ie_n=earth_rate_n(latitude), constants=make_cluster(1).packed(G),
+        prior_sd=np.full(46, 1e-3), arms=np.diag([0.05, 0.05, 0.05]), gravity=G,
+        C_np=np.ascontiguousarray((exp(np.array([0.03, 0.01, -0.02])) @ attitude_of(start)).T),
+        gyro_psd=1e-13, accel_psd=1.5e-9,
+    )  # fmt: skip
+    tried = replace(usual, allowed=allowed(start=start, together=True), conditions=conditions)
+    n, slot = tried.allowed.slots, tried.allowed.slot
+    assert (n, slot) == (360, 15.0)
+    plan = ((0, 100), (4, 7), (21, 93), (12, 160))
+    log = Tumble(
+        np.full(n, slot), nominal(tried.torquing(plan), latitude, slot).command,
+        np.zeros((n, 3)), np.ones(n, bool), conditions.w_ie_n, G, 1e-13, 1e-10,
+        conditions.arms, mean=True,
+    )  # fmt: skip
+    prior_sd = np.append(conditions.prior_sd[:45], 0.0)  # the delay is known
+    at = State(conditions.C_np, conditions.constants)
+    expected = np.sqrt(np.diag(look(log, Prior(at, prior_sd), at).cov))[3:45]
+    assert expected.max() > 0.1  # not all is seen well: the prior matters too
+    np.testing.assert_allclose(tried.bound(plan), expected, rtol=1e-6)
 
 
 def test_the_fast_bound_is_that_of_the_whole_motion(usual):

@@ -1,7 +1,8 @@
-"""What a torquing plan tells of a cluster's constants, fast enough to try thousands of plans.
+"""What goes before and after `cluster_information` where thousands of torquing plans are tried.
 
-A plan is a list of rates held for whole numbers of equal slots; one reading of each accelerometer
-stands for the mean over a slot. Nothing is simulated: the covariance depends on the motion alone.
+A plan is a list of rates held for whole numbers of equal slots. The information pass is called from
+outside and not from a kernel here: compiled into another kernel its sums come out in another order
+than where that kernel is loaded from the cache, and the same plan would have two costs.
 """
 
 import math
@@ -9,7 +10,6 @@ import math
 import numpy as np
 
 from foucault.kernels import kernel
-from foucault.kernels.cluster_information import information_pass
 from foucault.kernels.rotation import multiply_exp
 from foucault.kernels.small_matrices import cholesky
 
@@ -55,32 +55,11 @@ def attitudes(rates, slots, slot, C_pn):
 
 
 @kernel
-def plan_information(rates, slots, slot, C_pn, w_in, theta, scale, C_np, q, r, arms, g):
-    """Return the information of a plan about attitude and constants, shape (45, 45), lower half.
-
-    Parameters beside those of `commanded`: theta (42,) packed constants; scale (46,) what one unit
-    of each column is, the sd of its prior; C_np (3, 3) true attitude at the start; q white gyro
-    noise [rad^2/s]; r variance of the mean over one slot; arms (3, 3) [m]; g [m/s^2].
-    """
-    command = commanded(rates, slots, slot, C_pn, w_in)
-    n = len(command)
-    out = information_pass(
-        np.full(n, slot), command, np.zeros((n, 3)), np.ones(n, np.bool_), theta, scale, C_np,
-        w_in, q, r, arms, g, True, 1, np.zeros((0, 3, 48)), np.zeros(0, np.int64), 0.0,
-    )  # fmt: skip
-    N = np.empty((KNOWN, KNOWN))
-    for i in range(KNOWN):
-        for j in range(i + 1):
-            N[i, j] = out[0][0, j, i]
-            N[j, i] = N[i, j]
-    return N
-
-
-@kernel
 def remaining(N):
-    """Return sd over prior sd of every unknown, shape (45,); N (45, 45) is used up.
+    """Return sd over prior sd of every unknown, shape (45,).
 
-    The prior is the unit matrix; all NaN where N is no sum of squares.
+    N (45, 45), the information, lower half, is used up; the prior is the unit matrix; all NaN where
+    N is no sum of squares.
     """
     sd = np.full(KNOWN, np.nan)
     for i in range(KNOWN):
@@ -99,11 +78,3 @@ def remaining(N):
             s2 += column[i] * column[i]
         sd[j] = math.sqrt(s2)
     return sd
-
-
-@kernel
-def plan_bound(rates, slots, slot, C_pn, w_in, theta, scale, C_np, q, r, arms, g):
-    """Return sd over prior sd of every unknown after a plan, shape (45,)."""
-    return remaining(
-        plan_information(rates, slots, slot, C_pn, w_in, theta, scale, C_np, q, r, arms, g)
-    )

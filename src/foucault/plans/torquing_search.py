@@ -1,8 +1,8 @@
 """Better motions for a torqued cluster: sequences of turns about its axes, judged by their bound.
 
 A plan is a tuple of (turn, slots): which of the allowed rates, and for how many slots of time. The
-bound is that of `kernels.cluster_plan` at the latitude of the site and at errors of usual size;
-how good the best plan is at other latitudes and with other errors is looked at in the end.
+bound is that of `kernels.cluster_information` at the latitude of the site and at errors of usual
+size; how good the best plan is at other latitudes and with other errors is looked at in the end.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from foucault.diagnose.foresight import Limit
 from foucault.errors import Finding, error
-from foucault.kernels.cluster_plan import attitudes, plan_bound, plan_information, remaining
+from foucault.kernels.cluster_information import COLUMNS, information_pass
+from foucault.kernels.cluster_plan import KNOWN, attitudes, commanded, remaining
 from foucault.models.cluster import angles_of, attitude_of
 from foucault.plans.torquing import Motion, Step, TorquingPlan
 from foucault.plans.torquing_limits import FEWEST, Allowed
@@ -27,6 +28,10 @@ from foucault.plans.weights import require_seen
 
 FloatArray = npt.NDArray[np.float64]
 Turns = tuple[tuple[int, int], ...]
+
+NO_ROWS: FloatArray = np.zeros((0, 3, COLUMNS))
+NO_MOMENTS: npt.NDArray[np.int64] = np.zeros(0, np.int64)
+"""Neither white rows nor the course in time are wanted."""
 
 UNSEEN = 0.5
 """A coefficient that keeps more than this share of its prior is not seen [1]."""
@@ -135,15 +140,27 @@ class TorquingSpace:
 
     def bound(self, plan: Turns) -> FloatArray:
         """Return the bound over the prior of the 42 constants [1]."""
-        return np.asarray(plan_bound(*self._kernel(plan))[3:])
+        return np.asarray(remaining(self.information(plan))[3:])
 
-    def _kernel(self, plan: Turns) -> tuple[Any, ...]:
-        c, a = self.conditions, self.allowed
-        turns = np.array(plan)
-        return (
-            a.turns[turns[:, 0]], turns[:, 1], a.slot, self._start, c.w_ie_n, c.constants,
-            c.prior_sd, c.C_np, c.gyro_psd, c.accel_psd / a.slot, c.arms, c.gravity,
-        )  # fmt: skip
+    def information(self, plan: Turns) -> FloatArray:
+        """Return what a plan tells of attitude and constants, lower half, shape (45, 45) [1].
+
+        One reading stands for the mean over a slot.
+        """
+        c, a, turns = self.conditions, self.allowed, np.array(plan)
+        command = commanded(a.turns[turns[:, 0]], turns[:, 1], a.slot, self._start, c.w_ie_n)
+        dt, reading, used = self._readings
+        gram = information_pass(
+            dt, command, reading, used, c.constants, c.prior_sd, c.C_np, c.w_ie_n, c.gyro_psd,
+            c.accel_psd / a.slot, c.arms, c.gravity, True, 1, NO_ROWS, NO_MOMENTS, 0.0,
+        )[0][0]  # fmt: skip
+        return np.ascontiguousarray(gram[:KNOWN, :KNOWN].T)
+
+    @cached_property
+    def _readings(self) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+        """Length of the slots, readings, which do not matter, and that all of them count."""
+        n = self.allowed.slots
+        return np.full(n, self.allowed.slot), np.zeros((n, 3)), np.ones(n, bool)
 
     @cached_property
     def _start(self) -> FloatArray:
@@ -162,8 +179,7 @@ class TorquingSpace:
                 break
         if not plans:
             raise error("optimise.limits", tried=TRIED, limits=self.allowed.words)
-        together = sum(plan_information(*self._kernel(plan)) for plan in plans)
-        left = remaining(np.ascontiguousarray(together))[3:]
+        left = remaining(np.sum([self.information(plan) for plan in plans], axis=0))[3:]
         return require_seen(self.names, self.weights, left > UNSEEN, self.allowed.words)
 
     def keeps_limits(self, plan: Turns) -> bool:
