@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from foucault.models import earth
+from foucault.models.geodesy import east_north_up
+from foucault.models.rotation import log
 
 DEG = np.pi / 180
 
@@ -51,3 +53,44 @@ def test_site_at_a_latitude_uses_normal_gravity() -> None:
     assert site.gravity == earth.gravity(45 * DEG, 100.0)
     assert site.gravity_source == "normal gravity"
     assert earth.Site(9.81).latitude is None
+
+
+def test_gravity_and_earth_rate_of_many_places_are_those_of_each() -> None:
+    L, h = np.radians([[-90.0, -12.0], [0.0, 53.0]]), np.array([[0.0, 10.0], [9e3, -30.0]])
+    alone = np.vectorize(earth.gravity)(L, h)
+    assert isinstance(earth.gravity(0.3), float)
+    np.testing.assert_allclose(earth.gravity(L, h), alone, rtol=1e-15)
+    np.testing.assert_allclose(earth.gravity_n(L, h, 2e-4)[..., 2], -(alone + 2e-4), rtol=1e-15)
+    np.testing.assert_array_equal(earth.gravity_n(L, h)[..., :2], 0.0)
+    assert earth.earth_rate_n(L).shape == (2, 2, 3)
+    np.testing.assert_array_equal(earth.earth_rate_n(L)[1, 1], earth.earth_rate_n(L[1, 1]))
+
+
+def test_radii_of_curvature_are_the_published_ones() -> None:
+    RM, RN = earth.radii(np.radians([0.0, 90.0]))
+    # Moritz, Geodetic Reference System 1980 and NIMA TR8350.2, table 3.5: polar radius of
+    # curvature; at the equator a (1 - e^2) and a.
+    assert RN[0] == 6378137.0
+    assert RM[0] == pytest.approx(6378137.0 * (1 - 6.69437999014e-3), abs=1e-4)
+    assert pytest.approx([6399593.6258, 6399593.6258], abs=1e-4) == [RM[1], RN[1]]
+
+
+def test_quarter_of_the_meridian_has_its_published_length() -> None:
+    x, weight = np.polynomial.legendre.leggauss(20)
+    RM, _ = earth.radii(np.pi / 4 * (1 + x))
+    assert np.pi / 4 * weight @ RM == pytest.approx(10001965.7293, abs=1e-4)
+
+
+def test_transport_rate_is_how_a_moving_level_frame_turns() -> None:
+    rng = np.random.default_rng(5)
+    L, lon, h = rng.uniform(-1.5, 1.5, 20), rng.uniform(-3, 3, 20), rng.uniform(-1e3, 2e4, 20)
+    v = rng.normal(0.0, 200.0, (20, 3))
+    RM, RN = earth.radii(L)
+    ahead = 0.05
+
+    def frame(t: float) -> np.ndarray:
+        return east_north_up(L + v[:, 1] / (RM + h) * t, lon + v[:, 0] / (RN + h) / np.cos(L) * t)
+
+    turned = log(np.swapaxes(frame(-ahead), 1, 2) @ frame(ahead)) / (2 * ahead)
+    # The difference is even in time: what is left is of the third order of the angle.
+    np.testing.assert_allclose(turned, earth.transport_rate(L, h, v), rtol=1e-6, atol=1e-11)

@@ -1,4 +1,4 @@
-"""The Earth: its rate of rotation and its gravity.
+"""The Earth: its rate of rotation, its gravity and its shape.
 
 Frame n is East-North-Up. `latitude` is geodetic, positive north.
 
@@ -6,17 +6,19 @@ References
 ----------
 .. [1] NIMA TR8350.2, *Department of Defense World Geodetic System 1984*, 3rd ed., 2000.
 .. [2] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
-   Systems*, 2nd ed., Artech House, 2013, sections 2.4.4 and 2.4.7.
+   Systems*, 2nd ed., Artech House, 2013, sections 2.4.2, 2.4.4 and 2.4.7, eqs. (5.42), (5.44).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+Number = float | FloatArray
 
 EARTH_RATE = 7.292115e-5
 """Angular rate of the Earth relative to inertial space, WGS-84 [rad/s]."""
@@ -42,7 +44,11 @@ NORMAL_GRAVITY_SD = 4e-4
 _SOMIGLIANA = 1.931852652458e-3  # k of ref. [1] eq. (4-1)
 
 
-def gravity(latitude: float, height: float = 0.0) -> float:
+@overload
+def gravity(latitude: float, height: float = 0.0) -> float: ...
+@overload
+def gravity(latitude: FloatArray, height: Number = 0.0) -> FloatArray: ...
+def gravity(latitude: Number, height: Number = 0.0) -> Number:
     """Compute normal gravity on the WGS-84 ellipsoid, with its free-air term.
 
     ``g = g_e (1 + k sin^2 L) / sqrt(1 - e^2 sin^2 L)``, then the second-order height term of
@@ -50,14 +56,14 @@ def gravity(latitude: float, height: float = 0.0) -> float:
 
     Parameters
     ----------
-    latitude : float, shape ()
+    latitude : float or ndarray, shape (...)
         Geodetic latitude, positive north [rad].
-    height : float, shape ()
+    height : float or ndarray, shape (...)
         Height above the ellipsoid [m].
 
     Returns
     -------
-    float
+    float or ndarray, shape (...)
         Magnitude of normal gravity [m/s^2].
 
     Notes
@@ -71,25 +77,105 @@ def gravity(latitude: float, height: float = 0.0) -> float:
     polar = a * (1 - FLATTENING)
     m = EARTH_RATE**2 * a**2 * polar / GRAVITATIONAL_CONSTANT
     first = 2.0 / a * (1 + FLATTENING + m - 2 * FLATTENING * s2) * height
-    return float(g0 * (1 - first + 3.0 * (height / a) ** 2))
+    out = np.asarray(g0 * (1 - first + 3.0 * (height / a) ** 2))
+    return out if out.ndim else float(out)
 
 
-def earth_rate_n(latitude: float) -> FloatArray:
+def gravity_n(latitude: Number, height: Number = 0.0, offset: float = 0.0) -> FloatArray:
+    """Return the gravity vector, ``g_n = (0, 0, -(g + offset))``.
+
+    Parameters
+    ----------
+    latitude : float or ndarray, shape (...)
+        Geodetic latitude, positive north [rad].
+    height : float or ndarray, shape (...)
+        Height above the ellipsoid [m].
+    offset : float, shape ()
+        Measured local gravity minus normal gravity [m/s^2].
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        g_n, frame n [m/s^2].
+
+    Notes
+    -----
+    Along the normal of the ellipsoid at every height. Above it normal gravity leans towards the
+    equator by 8e-9 h sin 2L m/s^2, ref. [2] eq. (2.140): at 10 km as much as a deflection of the
+    vertical of 1.7 arcsec. It is left out, as that is.
+    """
+    g = np.asarray(gravity(np.asarray(latitude), height)) + offset
+    return np.stack([np.zeros_like(g), np.zeros_like(g), -g], axis=-1)
+
+
+def earth_rate_n(latitude: Number) -> FloatArray:
     """Return the Earth's rotation in the local frame.
 
     ``w_ie_n = w_ie (0, cos L, sin L)`` in East-North-Up.
 
     Parameters
     ----------
-    latitude : float, shape ()
+    latitude : float or ndarray, shape (...)
         Geodetic latitude, positive north [rad].
 
     Returns
     -------
-    ndarray, shape (3,)
+    ndarray, shape (..., 3)
         w_ie_n, frame n [rad/s].
     """
-    return EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    s, c = np.sin(latitude), np.cos(latitude)
+    return EARTH_RATE * np.stack([np.zeros_like(s), c, s], axis=-1)
+
+
+def radii(latitude: Number) -> tuple[FloatArray, FloatArray]:
+    """Return the radii of curvature of the ellipsoid, of the meridian and the prime vertical.
+
+    ``RN = a / sqrt(1 - e^2 sin^2 L)``, ``RM = RN (1 - e^2) / (1 - e^2 sin^2 L)``; ref. [2]
+    eqs. (2.105), (2.106).
+
+    Parameters
+    ----------
+    latitude : float or ndarray, shape (...)
+        Geodetic latitude, positive north [rad].
+
+    Returns
+    -------
+    RM, RN : ndarray, shape (...)
+        Along the meridian, and across it [m].
+    """
+    d = 1.0 - ECCENTRICITY_SQUARED * np.sin(np.asarray(latitude, dtype=float)) ** 2
+    RN = np.asarray(SEMI_MAJOR_AXIS / np.sqrt(d))
+    return np.asarray(RN * (1.0 - ECCENTRICITY_SQUARED) / d), RN
+
+
+def transport_rate(latitude: Number, height: Number, velocity_n: FloatArray) -> FloatArray:
+    """Return the rate at which frame n turns relative to the Earth because it moves.
+
+    ``w_en_n = (-v_N / (RM + h), v_E / (RN + h), v_E tan L / (RN + h))``, ref. [2] eq. (5.44).
+
+    Parameters
+    ----------
+    latitude : float or ndarray, shape (...)
+        Geodetic latitude, positive north [rad].
+    height : float or ndarray, shape (...)
+        Height above the ellipsoid [m].
+    velocity_n : ndarray, shape (..., 3)
+        Velocity relative to the Earth, frame n [m/s].
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        w_en_n, frame n [rad/s].
+
+    Notes
+    -----
+    The up component grows without limit towards the poles, where east and north turn with the
+    meridians.
+    """
+    RM, RN = radii(latitude)
+    east = velocity_n[..., 0] / (RN + height)
+    north = velocity_n[..., 1] / (RM + height)
+    return np.stack(np.broadcast_arrays(-north, east, east * np.tan(latitude)), axis=-1)
 
 
 @dataclass(frozen=True)

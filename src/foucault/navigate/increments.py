@@ -1,0 +1,180 @@
+"""From a log to what strapdown navigation adds up: increments of angle and of velocity.
+
+A log of increments holds them already, as means over each interval. Of a log of instantaneous
+values the integral of the cubic through four samples is taken::
+
+    dtheta_k = dt (13 (w_k-1 + w_k) - w_k-2 - w_k+1) / 24
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.errors import Finding, error, finding
+from foucault.tables import Log
+from foucault.units import plain, span
+
+FloatArray = npt.NDArray[np.float64]
+
+GAP = 1.5
+"""An interval longer than this many usual ones is a gap [1]."""
+
+
+@dataclass(frozen=True)
+class Increments:
+    """What the instrument added up over each interval, in body axes.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        End of each interval [s].
+    dt : ndarray, shape (n,)
+        Its length [s].
+    dtheta_b : ndarray, shape (n, 3)
+        Integral of the angular rate w_ib_b [rad].
+    dvel_b : ndarray, shape (n, 3)
+        Integral of the specific force f_b [m/s].
+    joined : ndarray of bool, shape (n,)
+        Whether the interval before ends where this one begins, and neither holds a gap.
+    findings : tuple of Finding
+        Gaps that were bridged.
+    """
+
+    time: FloatArray
+    dt: FloatArray
+    dtheta_b: FloatArray
+    dvel_b: FloatArray
+    joined: npt.NDArray[np.bool_]
+    findings: tuple[Finding, ...] = ()
+
+    @classmethod
+    def of(cls, time: FloatArray, dtheta_b: FloatArray, dvel_b: FloatArray) -> Increments:
+        """Take increments as they are, without a gap.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            End of each interval [s]; the first is taken to be as long as the second.
+        dtheta_b : ndarray, shape (n, 3)
+            Increments of angle [rad].
+        dvel_b : ndarray, shape (n, 3)
+            Increments of velocity [m/s].
+        """
+        joined = np.ones(len(time), bool)
+        joined[:1] = False
+        return cls(time, _lengths(time), np.ascontiguousarray(dtheta_b, float),
+                   np.ascontiguousarray(dvel_b, float), joined)  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice) -> Increments:
+        """Return the intervals of a slice."""
+        return Increments(
+            self.time[rows], self.dt[rows], self.dtheta_b[rows], self.dvel_b[rows],
+            self.joined[rows], self.findings,
+        )  # fmt: skip
+
+    def row_at(self, time: float) -> int:
+        """Return the row whose interval ends nearest to a time.
+
+        Parameters
+        ----------
+        time : float, shape ()
+            Time as in the log [s].
+        """
+        k = int(np.searchsorted(self.time, time))
+        if k == len(self) or (k > 0 and time - self.time[k - 1] < self.time[k] - time):
+            k -= 1
+        return k
+
+
+def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Increments:
+    """Return the increments of a log.
+
+    Parameters
+    ----------
+    log : Log
+        Angular rate and specific force in body axes, compensated or not [SI].
+    gaps : {"stop", "bridge"}
+        What is done where samples are missing: an error, or the readings before and after are
+        taken to hold half of the gap each.
+
+    Raises
+    ------
+    FoucaultError
+        A triad is missing, the rows are means over positions, or there is a gap.
+
+    Notes
+    -----
+    The first row has no interval before it; it is taken as long as the usual one. Navigation that
+    starts at row 0 does not use it but for coning and sculling.
+    """
+    for name in ("gyro", "accel"):
+        if getattr(log, name) is None:
+            raise error("strapdown.no_triad", missing=name)
+    if log.averaged is not None or len(log) < 2:
+        raise error("strapdown.averaged")
+    assert log.gyro is not None and log.accel is not None
+    dt = _lengths(log.time)
+    usual = log.interval
+    gap = dt > GAP * usual
+    gap[0] = False
+    found: tuple[Finding, ...] = ()
+    if gap.any():
+        words = _words(log.time, dt, gap, usual)
+        if gaps == "stop":
+            raise error("strapdown.gap", **words)
+        found = (finding("strapdown.bridged", **words),)
+    both = np.concatenate([log.gyro, log.accel], axis=1)
+    total = _integrals(both, dt, gap, log.sampled)
+    joined = ~(gap | np.roll(gap, 1))
+    joined[0] = False
+    return Increments(log.time, dt, total[:, :3].copy(), total[:, 3:].copy(), joined, found)
+
+
+def _lengths(time: FloatArray) -> FloatArray:
+    dt = np.diff(time, prepend=time[0])
+    # Steps that differ by rounding of the time only are equal: seconds of the day have 12 digits.
+    usual = (time[-1] - time[0]) / (len(time) - 1)
+    even = np.abs(dt[1:] - usual) <= 8 * np.spacing(np.abs(time[-1])) + 1e-9 * usual
+    dt[1:][even] = usual
+    dt[0] = np.median(dt[1:])
+    return dt
+
+
+def _integrals(
+    x: FloatArray, dt: FloatArray, gap: npt.NDArray[np.bool_], sampled: str
+) -> FloatArray:
+    """Integrate over each interval; across a gap both neighbours hold half."""
+    half = x.copy()
+    half[1:] = 0.5 * (x[:-1] + x[1:])
+    if sampled == "increment":
+        mean = np.where(gap[:, None], half, x)
+    else:
+        mean = half
+        # The cubic needs two intervals on either side that are whole and equally long.
+        inner = slice(2, -1)
+        whole = ~(gap[1:-2] | gap[2:-1] | gap[3:])
+        for side in (dt[1:-2], dt[3:]):
+            whole &= np.abs(side - dt[inner]) < 0.1 * dt[inner]
+        cubic = (13.0 * (x[1:-2] + x[2:-1]) - x[:-3] - x[3:]) / 24.0
+        mean[inner] = np.where(whole[:, None], cubic, mean[inner])
+    return np.asarray(mean * dt[:, None])
+
+
+def _words(
+    time: FloatArray, dt: FloatArray, gap: npt.NDArray[np.bool_], usual: float
+) -> dict[str, object]:
+    rows = np.flatnonzero(gap)
+    places = ", ".join(f"{plain(float(time[r - 1]), 8)} s" for r in rows[:3])
+    return {
+        "where": places + (" ..." if len(rows) > 3 else ""),
+        "count": len(rows),
+        "longest": span(float(dt[gap].max())),
+        "usual": span(usual),
+    }
