@@ -57,6 +57,33 @@ def sampled_log(
         f_b = sum(w * part[0] for w, part in zip(_WEIGHTS, parts, strict=True))
         w_b = sum(w * part[1] for w, part in zip(_WEIGHTS, parts, strict=True))
     accel, gyro = model.measure(f_b, w_b)
+    return noisy_log(time, accel, gyro, sampled=sampled, noise=noise, rng=rng)
+
+
+def noisy_log(
+    time: FloatArray,
+    accel: FloatArray,
+    gyro: FloatArray,
+    *,
+    sampled: Literal["rate", "increment"],
+    noise: ImuNoise,
+    rng: np.random.Generator,
+) -> Log:
+    """Add noise to readings and round them.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Times of the samples, evenly spaced [s].
+    accel, gyro : ndarray, shape (n, 3)
+        Readings without noise [SI].
+    sampled : {"rate", "increment"}
+        Instantaneous rates, or means over the interval before each sample.
+    noise : ImuNoise
+        Their noise [SI].
+    rng : Generator
+        Source of random numbers.
+    """
     accel = quantise(accel + draw_noise(noise.accel, time, rng), noise.accel.quantisation)
     gyro = quantise(gyro + draw_noise(noise.gyro, time, rng), noise.gyro.quantisation)
     return Log(time, gyro, accel, sampled)
