@@ -1,0 +1,111 @@
+"""The Rauch-Tung-Striebel smoother of an error-state filter that feeds its errors back.
+
+With F the transition from one epoch to the next, P- and P+ the covariances before and after each
+update, X what the update fed back, and c what is still wrong with the states of the filter as seen
+from the end (zero at the last epoch)::
+
+    G_k = P+_k F' (P-_k+1)^-1
+    c_k = G_k (c_k+1 + X_k+1),      P_k = P+_k + G_k (P_k+1 - P-_k+1) G_k'
+
+because the filter expects no error once it has fed it back.
+
+References
+----------
+.. [1] H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic
+   systems", *AIAA Journal* 3 (1965) 1445-1450.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.estimate.ins_filter import FilterRun
+from foucault.models.earth import SEMI_MAJOR_AXIS
+from foucault.models.rotation import exp
+from foucault.navigate.state import matrix_of, quaternion_of
+from foucault.navigate.strapdown import Trajectory
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A filter run as seen from its end.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+        States at the epochs.
+    coefficients : ndarray, shape (m, p)
+        Coefficients [SI].
+    cov : ndarray, shape (m, 9 + p, 9 + p)
+        Covariances [SI].
+    """
+
+    trajectory: Trajectory
+    coefficients: FloatArray
+    cov: FloatArray
+
+    @property
+    def sd(self) -> FloatArray:
+        """Standard deviations, shape (m, 9 + p) [SI]."""
+        return np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2))
+
+
+def smooth(found: FilterRun) -> Smoothed:
+    """Smooth a run of `estimate.ins_filter.run` made with ``keep=True`` and without restarts.
+
+    Parameters
+    ----------
+    found : FilterRun
+        What the filter found.
+    """
+    m, n = found.sd.shape
+    if len(found.transitions) != m:
+        raise ValueError("a run to be smoothed must be made with keep=True")
+    c = np.zeros((m, n))
+    cov = found.after.copy()
+    steps = np.diff(found.time, prepend=found.time[0])
+    for k in range(m - 2, -1, -1):
+        F = np.eye(n)
+        F[:9] = found.transitions[k + 1]
+        F[9:, 9:] = np.diag(np.exp(-steps[k + 1] * found.decay))
+        before = found.before[k + 1]
+        G = _divided(found.after[k] @ F.T, before)
+        c[k] = G @ (c[k + 1] + found.corrections[k + 1])
+        cov[k] += G @ (cov[k + 1] - before) @ G.T
+    states = _corrected(found.trajectory.history, c[:, :9])
+    return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
+
+
+def _divided(A: FloatArray, P: FloatArray) -> FloatArray:
+    """Return A P^-1 for a covariance whose states have units of very different size."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    size = np.sqrt(np.diag(P))
+    seen = size > 0  # what is known exactly needs no correction
+    out = np.zeros_like(A)
+    unit = size[seen]
+    factor = cho_factor(P[np.ix_(seen, seen)] / np.outer(unit, unit), lower=True)
+    out[:, seen] = cho_solve(factor, (A[:, seen] / unit).T).T / unit
+    return out
+
+
+def _corrected(x: FloatArray, c: FloatArray) -> FloatArray:
+    """Take errors (m, 9) out of states (m, 12), as `kernels.ins_filter.correct` does."""
+    C_el = matrix_of(x[:, 7:11])
+    radius = SEMI_MAJOR_AXIS + x[:, 11]
+    turn = np.stack([c[:, 7], -c[:, 6], np.zeros(len(c))], axis=1) / radius[:, None]
+    back = np.swapaxes(exp(turn), 1, 2)
+    C_lb = back @ exp(c[:, 0:3]) @ matrix_of(x[:, :4])
+    C_el = C_el @ exp(turn)
+    out = x.copy()
+    out[:, 4:7] = np.einsum("kij,kj->ki", back, x[:, 4:7] - c[:, 3:6])
+    out[:, 11] -= c[:, 8]
+    for k in range(len(x)):
+        out[k, :4] = quaternion_of(C_lb[k])
+        out[k, 7:11] = quaternion_of(C_el[k])
+    return out

@@ -1,0 +1,462 @@
+"""The error-state filter of a strapdown navigator: navigate, carry the covariance, correct.
+
+Errors are those of `models.ins_errors`: attitude psi, velocity dv and position dr in the level
+frame l of the computed position, estimate minus truth but for psi (``C_est = (I - psi x) C``), and
+what is left of each sensor coefficient (true minus estimated). Over one interval of dt with the
+velocity increment a of the specific force::
+
+    psi' = -w_il x psi - C u_g            dv' = a/dt x psi - (2 w_ie + w_el) x dv + C u_a + G dr
+    dr'  = dv - w_el x dr                 G = (g / R) diag(-1, -1, 2)
+
+where u_g, u_a are the columns of the terms below. The transition of the nine first is added up
+sample by sample, so that a coefficient is seen through the motion as it was; the covariance is
+carried from one epoch to the next. All errors found are fed back at once.
+
+A term says that coefficient `coefficient[t]` adds ``weight[t] * s[input[t]]`` to sensor axis
+`axis[t]` (gyros 0 to 2, accelerometers 3 to 5), s being the inputs of `sense`.
+"""
+
+import math
+
+import numpy as np
+
+from foucault.kernels import inlined, kernel
+from foucault.kernels.strapdown import (
+    curvature,
+    product,
+    rotation,
+    step,
+    transport,
+    weight_before,
+)
+
+HALF, WIDE = 64, 128
+"""Columns of the transition: from 0 on those that have a share in psi, from HALF on the others."""
+
+INPUTS = 31
+"""Inputs of the terms: 1; w; f; q(f); |w|; w^3; |f|; f_k w_j at 22 + 3 k + j."""
+
+
+@inlined
+def sense(w, s, most):
+    """Fill s (31,), the inputs, from w (6,) rate and specific force; those above `most` are left.
+
+    The inputs: 1, w (3), f (3), the six products of f as in `models.imu`, |w|, w^3, |f|, f_k w_j.
+    """
+    s[0] = 1.0
+    for c in range(6):
+        s[1 + c] = w[c]
+    if most > 6:
+        s[7], s[8], s[9] = w[3] * w[3], w[4] * w[4], w[5] * w[5]
+        s[10], s[11], s[12] = w[3] * w[4], w[3] * w[5], w[4] * w[5]
+    if most > 12:
+        for c in range(3):
+            s[13 + c] = abs(w[c])
+            s[16 + c] = w[c] * w[c] * w[c]
+            s[19 + c] = abs(w[3 + c])
+    if most > 21:
+        for k in range(3):
+            for j in range(3):
+                s[22 + 3 * k + j] = w[3 + k] * w[j]
+
+
+@inlined
+def compensated(raw_angle, raw_velocity, dt, axis, entry, value, most, w, s, u):
+    """Fill u (6,) with increments free of the errors `value` (t,) of the terms; s with the inputs.
+
+    The model gives readings for what is true; it is turned round by repeating it.
+    """
+    rate = 1.0 / dt
+    for c in range(3):
+        w[c] = raw_angle[c] * rate
+        w[3 + c] = raw_velocity[c] * rate
+    if axis.size == 0:
+        for c in range(6):
+            u[c] = w[c] * dt
+        return
+    for _ in range(2):
+        sense(w, s, most)
+        for c in range(3):
+            w[c] = raw_angle[c] * rate
+            w[3 + c] = raw_velocity[c] * rate
+        for t in range(axis.size):
+            w[axis[t]] -= value[t] * s[entry[t]]
+    for c in range(6):
+        u[c] = w[c] * dt
+
+
+@inlined
+def middle(q0, q1, q2, q3, x, C):
+    """Fill C (3, 3) with C_lb half way between the quaternion q and that of the state x."""
+    a, b, c, d = q0 + x[0], q1 + x[1], q2 + x[2], q3 + x[3]
+    unit = 1.0 / (a * a + b * b + c * c + d * d)
+    twice = 2.0 * unit
+    C[0, 0] = (a * a + b * b - c * c - d * d) * unit
+    C[1, 1] = (a * a - b * b + c * c - d * d) * unit
+    C[2, 2] = (a * a - b * b - c * c + d * d) * unit
+    C[0, 1] = (b * c - a * d) * twice
+    C[1, 0] = (b * c + a * d) * twice
+    C[0, 2] = (b * d + a * c) * twice
+    C[2, 0] = (b * d - a * c) * twice
+    C[1, 2] = (c * d - a * b) * twice
+    C[2, 1] = (c * d + a * b) * twice
+
+
+@inlined
+def excite(Phi, s, dt, turning, others, place, entry, weight):
+    """Fill rows 9 to 11 of Phi: what the coefficients add to the readings of each axis in dt."""
+    for a in range(9, 12):
+        for j in range(turning):
+            Phi[a * WIDE + j] = 0.0
+        for j in range(others):
+            Phi[a * WIDE + HALF + j] = 0.0
+    for t in range(place.size):
+        Phi[place[t]] += weight[t] * s[entry[t]] * dt
+
+
+@inlined
+def carry(Phi, turning, others, C, dt, mid):
+    """Carry the transition Phi, 9 rows and 3 of `excite`, over one interval.
+
+    The first `turning` columns have a share in psi, the `others` from HALF on have none. All rows
+    are in one array and WIDE apart, a number known when this is compiled: only so does the
+    processor take several columns at once.
+    """
+    i0, i1, i2 = dt * mid[3], dt * mid[4], dt * mid[5]
+    e0, e1 = dt * mid[6], dt * mid[7]
+    w0, w1 = i0 + e0, i1 + e1
+    o0, o1, o2 = i0 + w0, i1 + w1, 2.0 * i2
+    a0, a1, a2 = mid[0], mid[1], mid[2]
+    pull = dt * mid[8] * mid[9]
+    half = 0.5 * dt
+    C00, C01, C02 = C[0, 0], C[0, 1], C[0, 2]
+    C10, C11, C12 = C[1, 0], C[1, 1], C[1, 2]
+    C20, C21, C22 = C[2, 0], C[2, 1], C[2, 2]
+    for j in range(turning):
+        x0, x1, x2 = Phi[9 * WIDE + j], Phi[10 * WIDE + j], Phi[11 * WIDE + j]
+        p0, p1, p2 = Phi[j], Phi[WIDE + j], Phi[2 * WIDE + j]
+        v0, v1, v2 = Phi[3 * WIDE + j], Phi[4 * WIDE + j], Phi[5 * WIDE + j]
+        r0, r1, r2 = Phi[6 * WIDE + j], Phi[7 * WIDE + j], Phi[8 * WIDE + j]
+        d0 = 0.5 * (C00 * x0 + C01 * x1 + C02 * x2 + w1 * p2 - i2 * p1)
+        d1 = 0.5 * (C10 * x0 + C11 * x1 + C12 * x2 + i2 * p0 - w0 * p2)
+        d2 = 0.5 * (C20 * x0 + C21 * x1 + C22 * x2 + w0 * p1 - w1 * p0)
+        m0, m1, m2 = p0 - d0, p1 - d1, p2 - d2  # psi at the middle pulls at the velocity
+        n0 = v0 - o1 * v2 + o2 * v1 - pull * r0 + a1 * m2 - a2 * m1
+        n1 = v1 - o2 * v0 + o0 * v2 - pull * r1 + a2 * m0 - a0 * m2
+        n2 = v2 - o0 * v1 + o1 * v0 + 2.0 * pull * r2 + a0 * m1 - a1 * m0
+        Phi[j] = m0 - d0
+        Phi[WIDE + j] = m1 - d1
+        Phi[2 * WIDE + j] = m2 - d2
+        Phi[3 * WIDE + j] = n0
+        Phi[4 * WIDE + j] = n1
+        Phi[5 * WIDE + j] = n2
+        Phi[6 * WIDE + j] = r0 + half * (v0 + n0) - e1 * r2
+        Phi[7 * WIDE + j] = r1 + half * (v1 + n1) + e0 * r2
+        Phi[8 * WIDE + j] = r2 + half * (v2 + n2) - e0 * r1 + e1 * r0
+    for k in range(others):
+        j = HALF + k
+        x0, x1, x2 = Phi[9 * WIDE + j], Phi[10 * WIDE + j], Phi[11 * WIDE + j]
+        v0, v1, v2 = Phi[3 * WIDE + j], Phi[4 * WIDE + j], Phi[5 * WIDE + j]
+        r0, r1, r2 = Phi[6 * WIDE + j], Phi[7 * WIDE + j], Phi[8 * WIDE + j]
+        n0 = v0 - o1 * v2 + o2 * v1 - pull * r0 + C00 * x0 + C01 * x1 + C02 * x2
+        n1 = v1 - o2 * v0 + o0 * v2 - pull * r1 + C10 * x0 + C11 * x1 + C12 * x2
+        n2 = v2 - o0 * v1 + o1 * v0 + 2.0 * pull * r2 + C20 * x0 + C21 * x1 + C22 * x2
+        Phi[3 * WIDE + j] = n0
+        Phi[4 * WIDE + j] = n1
+        Phi[5 * WIDE + j] = n2
+        Phi[6 * WIDE + j] = r0 + half * (v0 + n0) - e1 * r2
+        Phi[7 * WIDE + j] = r1 + half * (v1 + n1) + e0 * r2
+        Phi[8 * WIDE + j] = r2 + half * (v2 + n2) - e0 * r1 + e1 * r0
+
+
+@inlined
+def places(slot, gyros):
+    """Fill slot (n,) with the column of each state: psi and gyro coefficients, and from HALF on."""
+    for j in range(slot.size):
+        if j < 3:
+            slot[j] = j
+        elif j < 9:
+            slot[j] = HALF + j - 3
+        elif j < 9 + gyros:
+            slot[j] = j - 6
+        else:
+            slot[j] = HALF + j - 3 - gyros
+
+
+@inlined
+def begin(wide, slot):
+    """Make the transition the identity on the nine first states, zero on the others."""
+    for r in range(9):
+        for j in range(slot.size):
+            wide[r * WIDE + slot[j]] = 0.0
+    for j in range(9):
+        wide[j * WIDE + slot[j]] = 1.0
+
+
+@inlined
+def gather(wide, slot, Phi):
+    """Fill Phi (9, n) with the columns in the order of the states."""
+    for j in range(slot.size):
+        for r in range(9):
+            Phi[r, j] = wide[r * WIDE + slot[j]]
+
+
+@inlined
+def axis_of_earth(x):
+    """Return the Earth's axis in l of the state x."""
+    r0, r1, r2, r3 = x[7], x[8], x[9], x[10]
+    return (
+        2.0 * (r1 * r3 - r0 * r2),
+        2.0 * (r2 * r3 + r0 * r1),
+        r0 * r0 - r1 * r1 - r2 * r2 + r3 * r3,
+    )
+
+
+@inlined
+def shift(x, c0, c1, px, py, d):
+    """Move the state x by d (3,) in l: the frame turns with it, the attitude in space stays."""
+    t0, t1 = transport(c0, c1, px, py, d[0], d[1])
+    a, b, c, e = rotation(t0, t1, 0.0)
+    x[7], x[8], x[9], x[10] = product(x[7], x[8], x[9], x[10], a, b, c, e)
+    x[0], x[1], x[2], x[3] = product(a, -b, -c, -e, x[0], x[1], x[2], x[3])
+    v0, v1, v2 = x[4], x[5], x[6]
+    x[4] = v0 - t1 * v2
+    x[5] = v1 + t0 * v2
+    x[6] = v2 - t0 * v1 + t1 * v0
+    x[11] += d[2]
+
+
+@inlined
+def propagate(P, Phi, M, keep, q, T, n):
+    """Carry P (n, n) over T: half the noise before, half after; M (9, n) is scratch.
+
+    keep (n - 9,) is what is left of each coefficient, q (n,) white noise of each error.
+    """
+    for j in range(n):
+        P[j, j] += 0.5 * T * q[j]
+    for r in range(9):
+        for j in range(n):
+            M[r, j] = 0.0
+        for i in range(n):
+            c = Phi[r, i]
+            if c != 0.0:
+                for j in range(n):
+                    M[r, j] += c * P[i, j]
+    for r in range(9):
+        for k in range(r + 1):  # what is not symmetric, no measurement would take away again
+            c = 0.0
+            for j in range(n):
+                c += M[r, j] * Phi[k, j]
+            P[r, k] = P[k, r] = c
+        for j in range(9, n):
+            P[r, j] = M[r, j] * keep[j - 9]
+            P[j, r] = P[r, j]
+    for i in range(9, n):
+        for j in range(9, n):
+            P[i, j] *= keep[i - 9] * keep[j - 9]
+    for j in range(n):
+        P[j, j] += 0.5 * T * q[j]
+
+
+@inlined
+def differences(x, reference, c0, c1, px, py, z):
+    """Fill z (6,): computed minus reference velocity and position, in l.
+
+    reference (7,): velocity east, north, up; the normal of the ellipsoid in e; the height. North
+    is that of the computed position: right to (reference velocity) x (position error) / R.
+    """
+    level = px * px + py * py  # north in l is p / cos L
+    v0, v1 = reference[0], reference[1]
+    if level > 0.0:
+        unit = 1.0 / math.sqrt(level)
+        v0, v1 = unit * (v0 * py + v1 * px), unit * (v1 * py - v0 * px)
+    z[0], z[1], z[2] = x[4] - v0, x[5] - v1, x[6] - reference[2]
+    # C_le n, the normal there seen here: (0, 0, 1) where both are one.
+    a, b, c, d = x[7], -x[8], -x[9], -x[10]
+    n0, n1, n2 = reference[3], reference[4], reference[5]
+    y0 = 2.0 * (c * n2 - d * n1)
+    y1 = 2.0 * (d * n0 - b * n2)
+    y2 = 2.0 * (b * n1 - c * n0)
+    t0 = -(n0 + a * y0 + c * y2 - d * y1)
+    t1 = -(n1 + a * y1 + d * y0 - b * y2)
+    # Arcs along and across the meridian: R = N + h, and M + h along (px, py).
+    big = 1.0 / c0
+    shrink = -c1 / (c0 * (c0 + c1 * level))
+    along = shrink * (t0 * px + t1 * py)
+    z[3] = big * t0 + along * px
+    z[4] = big * t1 + along * py
+    z[5] = x[11] - reference[6]
+
+
+@inlined
+def update(P, X, K, n, row, z, R, gate):
+    """Take in one measurement ``z = X[row]`` of variance R; X (n,) errors so far, K (n,) scratch.
+
+    Returns innovation and its variance; a NaN innovation where it lies beyond the gate, and nothing
+    is changed.
+    """
+    e = z - X[row]
+    S = P[row, row] + R
+    if e * e > gate * gate * S:
+        return math.nan, S
+    for j in range(n):
+        K[j] = P[row, j]
+    share = 1.0 / S
+    for i in range(n):
+        c = K[i] * share
+        X[i] += c * e
+        for j in range(n):
+            P[i, j] -= c * K[j]
+    return e, S
+
+
+@inlined
+def correct(x, X, c0, c1, px, py, d):
+    """Take the errors X (n,) out of the state x; d (3,) is scratch."""
+    a, b, c, e = rotation(X[0], X[1], X[2])
+    x[0], x[1], x[2], x[3] = product(a, b, c, e, x[0], x[1], x[2], x[3])
+    for r in range(3):
+        x[4 + r] -= X[3 + r]
+        d[r] = -X[6 + r]
+    shift(x, c0, c1, px, py, d)
+
+
+@inlined
+def set_to_reference(x, P, X, z, restart_sd, c0, c1, px, py, d):
+    """Set velocity and position to the reference, as known as `restart_sd` says, and no more."""
+    n = P.shape[0]
+    for r in range(3):
+        X[r] = 0.0
+        X[3 + r] = z[r]
+        X[6 + r] = z[3 + r]
+    correct(x, X, c0, c1, px, py, d)
+    for r in range(3, 9):
+        for j in range(n):
+            P[r, j] = P[j, r] = 0.0
+        P[r, r] = restart_sd[0 if r < 6 else 1] ** 2
+
+
+@kernel
+def ins_filter(
+    dtheta, dvel, dt, joined, first, x0, estimate0, P0, q, decay,
+    coefficient, axis, entry, weight, gyros, most,
+    epochs, reference, sd, gate, restart, restart_sd, g_offset, held, keep_Phi, keep_P,
+):  # fmt: skip
+    """Navigate from row first, correcting at the epochs.
+
+    Parameters: dtheta, dvel (n, 3), dt, joined (n,) as `strapdown`; x0 (12,) state, estimate0 (p,)
+    coefficients, P0 (9 + p, 9 + p) their covariance; q (9 + p,) white noise [unit^2/s]; decay (p,)
+    1 / correlation time [1/s]; terms: coefficient, axis, entry (t,), weight (t,), those of the
+    first `gyros` coefficients act on gyros, the others on accelerometers; most: largest entry;
+    epochs (m,) rows that rise; reference (m, 7) of `differences`; sd (m, 6) of velocity and
+    position in l, infinite where nothing is measured; gate: innovations beyond so many sds are
+    left out; restart (m,): there position and velocity are set to the reference first, as known to
+    restart_sd (2,); held: height stays; keep_Phi, keep_P: whether transitions and covariances are
+    kept.
+
+    Returns states (m, 12), coefficients (m, p), sds (m, 9 + p), innovations and their variances
+    (m, 6) (NaN where none), corrections X (m, 9 + p), transitions (m, 9, 9 + p), covariances before
+    and after (m, 9 + p, 9 + p), and the covariance at the end.
+    """
+    p = estimate0.size
+    n = 9 + p
+    m = epochs.size
+    kept = m if keep_P else 0
+    states = np.empty((m, 12))
+    coefficients = np.empty((m, p))
+    spread = np.empty((m, n))
+    innovation = np.full((m, 6), np.nan)
+    variance = np.full((m, 6), np.nan)
+    corrections = np.zeros((m, n))
+    transitions = np.empty((m if keep_Phi else 0, 9, n))
+    before_P = np.empty((kept, n, n))
+    after_P = np.empty((kept, n, n))
+    x = x0.copy()
+    estimate = estimate0.copy()
+    P = P0.copy()
+    Phi = np.empty((9, n))
+    slot = np.empty(n, np.int64)
+    places(slot, gyros)
+    place = np.empty(axis.size, np.int64)
+    for t in range(axis.size):
+        a = 9 + axis[t] if axis[t] < 3 else 6 + axis[t]
+        place[t] = a * WIDE + slot[9 + coefficient[t]]
+    wide = np.zeros(12 * WIDE)
+    M = np.empty((9, n))
+    K = np.empty(n)
+    X = np.empty(n)
+    keep = np.empty(p)
+    value = np.empty(axis.size)
+    C = np.empty((3, 3))
+    w = np.empty(6)
+    s = np.empty(INPUTS)
+    u = np.empty(6)
+    before = np.empty(6)
+    mid = np.empty(10)
+    z = np.empty(6)
+    d = np.empty(3)
+    for t in range(axis.size):
+        value[t] = weight[t] * estimate[coefficient[t]]
+    compensated(dtheta[first], dvel[first], dt[first], axis, entry, value, most, w, s, before)
+    i = first
+    for k in range(m):
+        for t in range(axis.size):
+            value[t] = weight[t] * estimate[coefficient[t]]
+        begin(wide, slot)
+        T = 0.0
+        while i < epochs[k]:
+            i += 1
+            compensated(dtheta[i], dvel[i], dt[i], axis, entry, value, most, w, s, u)
+            share = weight_before(dt[i], dt[i - 1]) if joined[i] else 0.0
+            q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
+            step(x, u, before, dt[i], share, g_offset, held, mid)
+            for c in range(6):
+                before[c] = u[c]
+            middle(q0, q1, q2, q3, x, C)
+            excite(wide, s, dt[i], 3 + gyros, n - 3 - gyros, place, entry, weight)
+            carry(wide, 3 + gyros, n - 3 - gyros, C, dt[i], mid)
+            T += dt[i]
+        gather(wide, slot, Phi)
+        for j in range(p):
+            keep[j] = math.exp(-T * decay[j]) if decay[j] > 0.0 else 1.0
+            estimate[j] *= keep[j]
+        propagate(P, Phi, M, keep, q, T, n)
+        px, py, pz = axis_of_earth(x)
+        c0, c1, _ = curvature(pz, x[11])
+        differences(x, reference[k], c0, c1, px, py, z)
+        if restart[k]:
+            set_to_reference(x, P, X, z, restart_sd, c0, c1, px, py, d)
+            px, py, pz = axis_of_earth(x)
+            differences(x, reference[k], c0, c1, px, py, z)
+        if keep_P:
+            for a in range(n):
+                for b in range(n):
+                    before_P[k, a, b] = P[a, b]
+        if keep_Phi:
+            for a in range(9):
+                for b in range(n):
+                    transitions[k, a, b] = Phi[a, b]
+        for j in range(n):
+            X[j] = 0.0
+        for r in range(6):
+            if sd[k, r] < np.inf:
+                e, S = update(P, X, K, n, 3 + r, z[r], sd[k, r] ** 2, gate)
+                innovation[k, r] = e
+                variance[k, r] = S
+        if keep_P:
+            for a in range(n):
+                for b in range(n):
+                    after_P[k, a, b] = P[a, b]
+        correct(x, X, c0, c1, px, py, d)
+        for j in range(p):
+            estimate[j] += X[9 + j]
+            coefficients[k, j] = estimate[j]
+        for j in range(n):
+            corrections[k, j] = X[j]
+            spread[k, j] = math.sqrt(P[j, j])
+        for c in range(12):
+            states[k, c] = x[c]
+    return (
+        states, coefficients, spread, innovation, variance, corrections, transitions, before_P,
+        after_P, P,
+    )  # fmt: skip

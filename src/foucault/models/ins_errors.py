@@ -1,0 +1,245 @@
+"""How errors of attitude, velocity, position and sensors make one another: the psi-angle equations.
+
+Frame l is the level frame of the *computed* position (East-North-Up turned about up by the wander
+angle). Errors are estimate minus truth; that of the attitude is a rotation of the computed
+attitude against the Earth, ``C_lb_est = (I - [psi x]) C_lb_true``; velocity and position errors are
+resolved in l::
+
+    psi' = -w_il x psi - C_lb u_g
+    dv'  = f_l x psi - (2 w_ie + w_el) x dv + C_lb u_a + (g / R) diag(-1, -1, 2) dr
+    dr'  = dv - w_el x dr
+
+with u_g, u_a the errors of the readings, measured minus true. Nothing in them grows near a pole,
+and psi does not depend on velocity or position. What users see as errors of the attitude, velocity
+and heading at a place is relative to that place; with the tilt of the level frame by a wrong
+position, theta = (-dr_y, dr_x, 0) / R, it is::
+
+    phi = psi + theta,      v_est - v_true = dv - theta x v
+
+A sensor error is a sum of *terms*: coefficient times an input (1, a rate, a specific force, a
+product of them) on one output axis. `Sensors` takes any coefficients of `models.imu` and knows
+their terms as numbers, so that no kernel knows a name.
+
+References
+----------
+.. [1] D. O. Benson, "A comparison of two approaches to pure-inertial and Doppler-inertial error
+   analysis", *IEEE Trans. AES* 11 (1975) 447-455 (psi and phi).
+.. [2] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
+   Systems*, 2nd ed., 2013, section 14.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import Coefficient, Layout
+from foucault.models.earth import EARTH_RATE
+from foucault.models.imu import LAYOUT, coefficient_slot
+from foucault.models.rotation import cross_matrix
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+STATES = Layout(
+    (
+        *(Coefficient(f"attitude_error.{a}", f"psi_{a[0]}", "angle", f"attitude error about {a}")
+          for a in ("east", "north", "up")),
+        *(Coefficient(f"velocity_error.{a}", f"dv_{a[0]}", "velocity", f"velocity error {a}")
+          for a in ("east", "north", "up")),
+        *(Coefficient(f"position_error.{a}", f"dr_{a[0]}", "length", f"position error {a}")
+          for a in ("east", "north", "up")),
+    )
+)  # fmt: skip
+"""The nine errors of navigation; east and north are the axes of frame l."""
+
+# Where the inputs of a term begin in the vector that the kernels make (see `kernels.ins_filter`).
+ONE, RATE, FORCE, PRODUCT, SIZE_OF_RATE, RATE_CUBED = 0, 1, 4, 7, 13, 16
+_INPUTS = {
+    "accel_matrix": FORCE, "accel_quadratic": PRODUCT,
+    "gyro_matrix": RATE, "g_sensitivity": FORCE,
+}  # fmt: skip
+_OWN_AXIS = {"gyro_asymmetry": SIZE_OF_RATE, "gyro_cubic": RATE_CUBED}
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Coefficients of the error model of an IMU, as terms. Gyro coefficients come first.
+
+    Attributes
+    ----------
+    layout : Layout
+        The coefficients.
+    coefficient : ndarray of int, shape (t,)
+        Number of the coefficient of each term [1].
+    axis : ndarray of int, shape (t,)
+        Output: gyro x, y, z 0 to 2, accelerometer x, y, z 3 to 5; it rises [1].
+    entry : ndarray of int, shape (t,)
+        Input, numbered as in `kernels.ins_filter` [1].
+    weight : ndarray, shape (t,)
+        Factor [1].
+    """
+
+    layout: Layout
+    coefficient: IntArray
+    axis: IntArray
+    entry: IntArray
+    weight: FloatArray
+
+    @classmethod
+    def of(cls, names: Iterable[str]) -> Sensors:
+        """Return the terms of coefficients of `models.imu.LAYOUT`.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Names or groups of them ("gyro.bias"); unknown ones raise with a suggestion.
+        """
+        rows = np.unique(np.concatenate([[], *(LAYOUT.group(name) for name in names)]).astype(int))
+        wanted = [LAYOUT.names[i] for i in rows]
+        wanted.sort(key=lambda name: not name.startswith("gyro."))
+        terms = [_term(name) for name in wanted]
+        axis = np.array([t[0] for t in terms], np.int64)
+        entry = np.array([t[1] for t in terms], np.int64)
+        return cls(LAYOUT.subset(wanted), np.arange(len(terms), dtype=np.int64), axis, entry,
+                   np.ones(len(terms)))  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.layout)
+
+    @cached_property
+    def gyro_terms(self) -> int:
+        """Number of terms that act on gyros; they come first."""
+        return int(np.count_nonzero(self.axis < 3))
+
+    @cached_property
+    def gyros(self) -> int:
+        """Number of coefficients that act on gyros; they come first."""
+        acting = self.coefficient[: self.gyro_terms]
+        return int(acting.max()) + 1 if len(acting) else 0
+
+    @cached_property
+    def most(self) -> int:
+        """Largest input that is needed."""
+        return int(self.entry.max(initial=0))
+
+    @cached_property
+    def states(self) -> Layout:
+        """Errors of navigation, then the coefficients."""
+        return Layout((*STATES.coefficients, *self.layout.coefficients))
+
+    def readings(self, w_ib_b: FloatArray, f_b: FloatArray) -> FloatArray:
+        """Return what one unit of each coefficient adds to the readings, shape (6, p) [SI].
+
+        Parameters
+        ----------
+        w_ib_b : ndarray, shape (3,)
+            True rate [rad/s].
+        f_b : ndarray, shape (3,)
+            True specific force [m/s^2].
+        """
+        from foucault.models.imu import products
+
+        s = np.concatenate([
+            [1.0], w_ib_b, f_b, products(f_b), np.abs(w_ib_b), w_ib_b**3, np.abs(f_b),
+            np.outer(f_b, w_ib_b).ravel(),
+        ])  # fmt: skip
+        out = np.zeros((6, len(self)))
+        np.add.at(out, (self.axis, self.coefficient), self.weight * s[self.entry])
+        return out
+
+
+def _term(name: str) -> tuple[int, int]:
+    """Return output axis and input of a coefficient."""
+    block, where = coefficient_slot(name)
+    out, column = where if isinstance(where, tuple) else (where, None)
+    if column is not None:
+        entry = _INPUTS[block] + column
+    else:
+        entry = _OWN_AXIS[block] + out if block in _OWN_AXIS else ONE
+    return (out if name.startswith("gyro.") else 3 + out), entry
+
+
+def dynamics(
+    sensors: Sensors,
+    C_lb: FloatArray,
+    w_ib_b: FloatArray,
+    f_b: FloatArray,
+    w_ie_l: FloatArray,
+    w_el_l: FloatArray,
+    stiffness: float,
+) -> FloatArray:
+    """Return the matrix A of ``x' = A x`` for ``x = (psi, dv, dr, coefficients)``.
+
+    Parameters
+    ----------
+    sensors : Sensors
+        Coefficients beside the nine errors of navigation.
+    C_lb : ndarray, shape (3, 3)
+        Attitude [1].
+    w_ib_b : ndarray, shape (3,)
+        Rate of the body [rad/s].
+    f_b : ndarray, shape (3,)
+        Specific force [m/s^2].
+    w_ie_l : ndarray, shape (3,)
+        Rotation of the Earth, frame l [rad/s].
+    w_el_l : ndarray, shape (3,)
+        Transport rate, frame l [rad/s].
+    stiffness : float, shape ()
+        g / R, the square of the Schuler frequency [1/s^2].
+
+    Returns
+    -------
+    ndarray, shape (9 + p, 9 + p)
+        A, the text of this module written out [SI].
+    """
+    A = np.zeros((9 + len(sensors),) * 2)
+    A[0:3, 0:3] = -cross_matrix(w_ie_l + w_el_l)
+    A[3:6, 0:3] = cross_matrix(C_lb @ f_b)
+    A[3:6, 3:6] = -cross_matrix(2 * w_ie_l + w_el_l)
+    A[3:6, 6:9] = stiffness * np.diag([-1.0, -1.0, 2.0])
+    A[6:9, 3:6] = np.eye(3)
+    A[6:9, 6:9] = -cross_matrix(w_el_l)
+    sensed = sensors.readings(w_ib_b, f_b)
+    A[0:3, 9:] = -C_lb @ sensed[:3]
+    A[3:6, 9:] = C_lb @ sensed[3:]
+    return A
+
+
+def at_place(radius: float, velocity_n: FloatArray) -> FloatArray:
+    """Return the matrix from (psi, dv, dr) to what is seen at a place: (phi, velocity error, dr).
+
+    Parameters
+    ----------
+    radius : float, shape ()
+        Mean radius of curvature plus height [m].
+    velocity_n : ndarray, shape (3,)
+        Velocity [m/s].
+
+    Returns
+    -------
+    ndarray, shape (9, 9)
+        The two equations of the module's text [SI].
+    """
+    tilt = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / radius
+    out = np.eye(9)
+    out[0:3, 6:9] = tilt
+    out[3:6, 6:9] = cross_matrix(velocity_n) @ tilt
+    return out
+
+
+def azimuth_from_gyro_bias(bias_sd: float, latitude: float) -> float:
+    """Return the error of azimuth that a gyro bias along east makes, ``b / (w_ie cos L)`` [rad].
+
+    Parameters
+    ----------
+    bias_sd : float, shape ()
+        Standard deviation of the bias [rad/s].
+    latitude : float, shape ()
+        Where [rad].
+    """
+    return float(bias_sd / (EARTH_RATE * np.cos(latitude)))
