@@ -1,0 +1,345 @@
+"""What a window of alignment says about its own data: units, axes, signs, motion, azimuth.
+
+At rest the mean specific force is gravity and the mean rate the Earth's, so that::
+
+    |f| = g,    |w| = w_ie,    f . w / |f| = w_ie sin L
+
+What contradicts them is tried on the usual mistakes; where one explains it, and the Earth's rate
+stands out of noise and declared bias, it is named. Motion is judged by the alignment in inertial
+space: what turned, and what velocity noise cannot explain.
+
+One rest shows only what lies along up. Of several, `check_turns` asks `diagnose.axes` whether the
+gyros turn up as the accelerometers do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.axes import exchange_words, exchanges, explain_turns, mistake
+from foucault.errors import Finding, error, finding
+from foucault.models import rotation
+from foucault.models.earth import EARTH_RATE, Site, earth_rate_n
+from foucault.navigate.align import Alignment, measured_errors, window
+from foucault.navigate.increments import Increments
+from foucault.navigate.inertial_frame import InertialFit, inertial_frame
+from foucault.navigate.sensor_errors import SensorErrors
+from foucault.navigate.two_vector import latitude_seen
+from foucault.tables import Log
+from foucault.units import STANDARD_GRAVITY, convert
+
+FloatArray = npt.NDArray[np.float64]
+
+SURE = 5.0
+"""A contradiction is one beyond this many standard deviations: one in a million by chance [1]."""
+
+GRAVITY_BAND = 1.25
+"""The mean specific force is gravity within this factor, whatever the calibration [1]."""
+
+RATE_BAND = 0.2
+"""A factor explains a rate that is the Earth's within this part [1]."""
+
+TURNED = np.radians(1.0)
+"""A standing vehicle does not turn by more as people walk about in it [rad]."""
+
+LEFT = 1.0
+"""Nor does it move by more [m]."""
+
+POOR = np.radians(5.0)
+"""An azimuth of a larger standard deviation is no heading to navigate by [rad]."""
+
+NEAR_POLE = 0.1
+"""Cosine of the latitude below which the level part of the Earth's rate is small [1]."""
+
+SHOWN = 3
+"""Exchanges of axes that are named [1]."""
+
+
+@dataclass(frozen=True)
+class _Means:
+    """Means over the window, and what they may be off by."""
+
+    f: FloatArray
+    w: FloatArray
+    f_sd: float  # worst axis
+    w_sd: float
+    site: Site
+    latitude: float
+
+    @property
+    def along_up(self) -> float:
+        return float(self.f @ self.w / np.linalg.norm(self.f))
+
+    @property
+    def along_up_sd(self) -> float:
+        level = float(np.linalg.norm(self.w)) * self.f_sd / self.site.gravity
+        return float(np.hypot(self.w_sd, level))
+
+    @property
+    def wanted(self) -> float:
+        return float(EARTH_RATE * np.sin(self.latitude))
+
+
+def checked(
+    increments: Increments, site: Site, alignment: Alignment, sensors: SensorErrors
+) -> Alignment:
+    """Return an alignment with what its data and its covariance tell, `findings`.
+
+    Parameters
+    ----------
+    increments : Increments
+        The log, or the window that was aligned [rad], [m/s].
+    site : Site
+        Where it stood; the latitude must be known.
+    alignment : Alignment
+        What was found.
+    sensors : SensorErrors
+        What the instrument errs by.
+
+    Raises
+    ------
+    FoucaultError
+        Units, axes or signs are wrong beyond doubt.
+    """
+    found: list[Finding] = []
+    if alignment.rests:
+        check_turns(increments, alignment.rests)
+    rests = alignment.rests or ((alignment.start, alignment.end),)
+    for rest in () if alignment.moving else rests:
+        part = increments[window(increments, *rest)]
+        told = contradictions(part, site, sensors)
+        moved = motion(part, site, sensors)
+        if any(f.code == "alignment.earth_rate" for f in told):  # such gyros turn by themselves
+            moved = tuple(f for f in moved if f.code == "alignment.left_place")
+        found += [*told, *moved]
+    more = (*found, *azimuth(alignment, site))
+    return replace(alignment, findings=(*alignment.findings, *more))
+
+
+def contradictions(
+    increments: Increments, site: Site, sensors: SensorErrors
+) -> tuple[Finding, ...]:
+    """Compare the means of a rest with gravity and the Earth's rate.
+
+    Parameters
+    ----------
+    increments : Increments
+        One rest [rad], [m/s].
+    site : Site
+        Where it stood; the latitude must be known.
+    sensors : SensorErrors
+        What the instrument errs by.
+
+    Raises
+    ------
+    FoucaultError
+        A wrong unit, axis or sign explains what the data contradict.
+    """
+    assert site.latitude is not None
+    f, w, noise = measured_errors(increments, sensors)
+    f_cov, w_cov = noise.mean_cov(float(increments.dt.sum()))
+    sds = [float(np.sqrt(np.diag(cov).max())) for cov in (f_cov, w_cov)]
+    means = _Means(f, w, sds[0], sds[1], site, site.latitude)
+    interval = float(np.median(increments.dt))
+    _check_force(means, interval)
+    if SURE * means.w_sd > EARTH_RATE:
+        return ()  # the Earth's rate does not stand out
+    _check_rate(means, interval)
+    return _vertical(means)
+
+
+def _check_force(means: _Means, interval: float) -> None:
+    ratio = float(np.linalg.norm(means.f)) / means.site.gravity
+    if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
+        return
+    causes = {
+        interval: "increments were declared as rates",
+        1 / interval: "rates were declared as increments",
+        1 / STANDARD_GRAVITY: "the unit is g and was declared as m/s^2",
+        STANDARD_GRAVITY: "the unit is m/s^2 and was declared as g",
+    }
+    near = min(causes, key=lambda r: abs(np.log(max(ratio, 1e-300) / r)))
+    known = 1 / GRAVITY_BAND < ratio / near < GRAVITY_BAND
+    raise error("alignment.force", given=f"{ratio * means.site.gravity:.4g}", ratio=f"{ratio:.4g}",
+                cause=causes[near] if known else "no usual mistake makes this")  # fmt: skip
+
+
+def _check_rate(means: _Means, interval: float) -> None:
+    size = float(np.linalg.norm(means.w))
+    if abs(size - EARTH_RATE) < max(RATE_BAND * EARTH_RATE, SURE * means.w_sd):
+        return
+    causes = {
+        180 / np.pi: "the unit is rad/s and was declared as deg/s",
+        np.pi / 180: "the unit is deg/s and was declared as rad/s",
+        1 / interval: "the gyro columns are increments and were declared as rates",
+        interval: "the gyro columns are rates and were declared as increments",
+    }
+    factor = min(causes, key=lambda x: abs(np.log(x * max(size, 1e-300) / EARTH_RATE)))
+    if abs(factor * size - EARTH_RATE) < RATE_BAND * EARTH_RATE:
+        words = {"factor": f"{factor:.4g}", "then": _dph(factor * size), "cause": causes[factor]}
+        raise error("alignment.gyro_unit", given=_dph(size), earth=_dph(EARTH_RATE), **words)
+
+
+def _vertical(means: _Means) -> tuple[Finding, ...]:
+    """Check f . w against g w_ie sin L."""
+    sd, seen, wanted = means.along_up_sd, means.along_up, means.wanted
+    if abs(seen - wanted) < SURE * sd:
+        return ()
+    words = {"given": _dph(seen), "wanted": _dph(wanted), "sd": _dph(sd)}
+    size = float(np.linalg.norm(means.w))
+    whole = abs(size - EARTH_RATE) < SURE * means.w_sd
+    # Biases that nobody declared are small against the Earth's rate where its sign is turned.
+    clear = min(abs(wanted), size) > RATE_BAND * EARTH_RATE > abs(size - EARTH_RATE)
+    near = SURE * sd if whole else RATE_BAND * abs(wanted) if clear else 0.0
+    if abs(seen + wanted) < near:
+        raise error("alignment.vertical_sign", **words)
+    fits = _fitting(means) if whole else []
+    latitude = latitude_seen(means.f, means.w)
+    if fits:
+        more = [exchange_words(x) for x in fits[1:SHOWN]]
+        raise error("alignment.axes", exchange=exchange_words(fits[0]),
+                    more="".join(f", or {m}" for m in more)
+                    + (f", and {len(fits) - SHOWN} more" if len(fits) > SHOWN else ""),
+                    latitude=f"{abs(np.degrees(latitude)):.2f}", **words)  # fmt: skip
+    if whole:
+        sd_latitude = sd / (EARTH_RATE * max(np.cos(latitude), NEAR_POLE))
+        return (finding("alignment.latitude", seen=f"{np.degrees(latitude):.2f}",
+                        sd=f"{np.degrees(sd_latitude):.2g}",
+                        declared=f"{np.degrees(means.latitude):.2f}"),)  # fmt: skip
+    return (finding("alignment.earth_rate", given=_dph(size), vertical=_dph(seen),
+                    earth=_dph(EARTH_RATE), wanted=_dph(wanted), sd=_dph(sd)),)  # fmt: skip
+
+
+def _fitting(means: _Means) -> list[FloatArray]:
+    """Return the exchanges of gyro axes that would fit, those that change least first."""
+    up = means.f / np.linalg.norm(means.f)
+    tried = exchanges()[1:]
+    fits = [x for x in tried if abs(up @ x @ means.w - means.wanted) < SURE * means.along_up_sd]
+    # A swap of two columns or one sign is likelier than both; what keeps an axis, than what not.
+    return sorted(fits, key=lambda x: 3 - np.trace(np.abs(x)) + 0.6 * np.sum(x < 0))
+
+
+def check_turns(increments: Increments, rests: Sequence[tuple[float, float]]) -> None:
+    """Refuse gyro axes or units that the turns between the rests of an alignment contradict.
+
+    Parameters
+    ----------
+    increments : Increments
+        The log [rad], [m/s].
+    rests : sequence of (float, float)
+        Start and end of each rest, in order [s].
+
+    Raises
+    ------
+    FoucaultError
+        An exchange of axes or another unit explains how up turned from rest to rest.
+    """
+    dt = increments.dt[:, None]
+    log = Log(increments.time, increments.dtheta_b / dt, increments.dvel_b / dt, "increment")
+    rows = [np.flatnonzero((log.time > a) & (log.time <= b)) for a, b in rests]
+    assert log.gyro is not None and log.accel is not None
+    up_b = np.array([log.accel[r].mean(axis=0) for r in rows])
+    up_b /= np.linalg.norm(up_b, axis=1)[:, None]
+    bias = np.mean([log.gyro[r].mean(axis=0) for r in rows], axis=0)
+    first, last = (np.array([r[k] for r in part]) for k, part in ((-1, rows[:-1]), (0, rows[1:])))
+    problem = mistake(log, *explain_turns(log, up_b, bias, first, last))
+    if problem is not None:
+        raise problem
+
+
+def motion(increments: Increments, site: Site, sensors: SensorErrors) -> tuple[Finding, ...]:
+    """Tell harmless sway in a window from a turn and from leaving the place.
+
+    Parameters
+    ----------
+    increments : Increments
+        The window [rad], [m/s].
+    site : Site
+        Where it stood; the latitude must be known.
+    sensors : SensorErrors
+        What the instrument errs by.
+    """
+    fit = inertial_frame(increments, site, sensors)
+    turn, limit = _turned(fit, sensors)
+    found = []
+    if np.linalg.norm(turn) > max(TURNED, limit):
+        found.append(
+            finding("alignment.turned", angle=f"{np.degrees(np.linalg.norm(turn)):.2f}",
+                    about_up=f"{np.degrees(turn[2]):.2f}", limit=f"{np.degrees(limit):.2g}")
+        )  # fmt: skip
+    speed, distance, most = _moved(fit, sensors, site)
+    if distance > LEFT and speed > most:
+        found.append(
+            finding("alignment.left_place", distance=f"{distance:.1f}", speed=f"{speed:.2g}",
+                    limit=f"{most:.2g}")
+        )  # fmt: skip
+    tilt = float(np.linalg.norm(turn[:2]))
+    if not found and tilt > limit:
+        length = float(fit.epochs[-1])
+        azimuth = tilt / (length * float(earth_rate_n(site.latitude or 0.0)[1]))
+        found.append(
+            finding("alignment.sway", speed=f"{1e3 * fit.disturbance_sd.max():.2g}",
+                    angle=f"{convert(tilt, 'angle', 'arcsec'):.3g}",
+                    azimuth=f"{np.degrees(azimuth):.2g}")
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _turned(fit: InertialFit, sensors: SensorErrors) -> tuple[FloatArray, float]:
+    """Return the turn from the first epoch to the last in n, (3,), and what noise explains."""
+    turn = rotation.log(fit.history[-1] @ fit.history[0].T)
+    length = float(fit.epochs[-1])
+    noise = np.sqrt(sensors.gyro_psd.max() * length) + sensors.gyro_bias_sd * length
+    # The level and azimuth of the fit itself turn the Earth's rate: that part is no motion.
+    own = np.sqrt(np.trace(fit.cov)) * EARTH_RATE * length
+    return turn, float(SURE * (noise + own))
+
+
+def _moved(fit: InertialFit, sensors: SensorErrors, site: Site) -> tuple[float, float, float]:
+    """Return largest speed, distance moved, and the speed that noise explains.
+
+    Of noise, the velocity at the end without any fit: a level that walks off by white gyro noise,
+    and white noise of the accelerometers. Sway comes back: its distance is small, however fast.
+    """
+    r = fit.disturbance_n - np.median(fit.disturbance_n, axis=0)
+    step = np.diff(fit.epochs, prepend=0.0)[:, None]
+    place = np.cumsum(r * step, axis=0)
+    length = float(fit.epochs[-1])
+    level = site.gravity * np.sqrt(sensors.gyro_psd.max() * length**3 / 3)
+    noise = np.hypot(level, np.sqrt(sensors.accel_psd.max() * length))
+    distance = float(np.linalg.norm(np.ptp(place, axis=0)))
+    return float(np.linalg.norm(r, axis=1).max()), distance, float(SURE * noise)
+
+
+def azimuth(alignment: Alignment, site: Site) -> tuple[Finding, ...]:
+    """Tell whether an alignment shows north well enough to navigate by.
+
+    Parameters
+    ----------
+    alignment : Alignment
+        What was found.
+    site : Site
+        Where it stood; the latitude must be known.
+    """
+    assert site.latitude is not None
+    found = []
+    sd, level = alignment.heading_sd, float(np.cos(site.latitude))
+    if sd > POOR:
+        found.append(
+            finding("alignment.azimuth", sd=f"{np.degrees(min(sd, np.pi)):.3g}",
+                    bias=f"{np.degrees(min(alignment.azimuth_bias_sd, np.pi)):.3g}")
+        )  # fmt: skip
+    if level < NEAR_POLE:
+        found.append(
+            finding("alignment.near_pole", latitude=f"{np.degrees(site.latitude):.2f}",
+                    share=f"{100 * level:.2g}", times=f"{1 / max(level, 1e-6):.3g}")
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _dph(rate: float) -> str:
+    return f"{convert(rate, 'angular rate', 'deg/h'):.4g}"

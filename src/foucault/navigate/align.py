@@ -1,0 +1,312 @@
+"""Alignment: the attitude of an instrument from gravity and the Earth's rotation.
+
+==============  ==================================================================================
+two_vector      means of specific force and rate; for a body that does not move at all
+inertial_frame  specific force integrated in inertial space; withstands sway and slow turns
+kalman          the navigator corrected by zero or given velocity, biases estimated with it
+two_position    the same over two rests with a turn between them: gyro biases show
+==============  ==================================================================================
+
+Of each the covariance is that of phi (E, N, U), ``C_nb_est = (I - [phi x]) C_nb_true``. No method
+at rest in one position sees a gyro bias to the east: `Alignment.azimuth_bias_sd` says what it is
+worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.errors import Finding, error, suggestion
+from foucault.models.attitude import angles_of
+from foucault.models.earth import Site
+from foucault.models.ins_errors import azimuth_from_gyro_bias
+from foucault.models.noise import ImuNoise
+from foucault.models.rotation import exp, turned
+from foucault.navigate.fine_alignment import FineFit, by_velocity, two_position
+from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.inertial_frame import inertial_frame, known_latitude
+from foucault.navigate.sensor_errors import SensorErrors
+from foucault.navigate.two_vector import two_vector, two_vector_covariance
+from foucault.tables import Log
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+Method = Literal["inertial_frame", "two_vector", "kalman", "two_position"]
+
+PARTS = 10
+"""The means of so many parts of a window tell whether it is as quiet as declared [1]."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Attitude at one instant, and how well it is known.
+
+    Attributes
+    ----------
+    C_nb : ndarray, shape (3, 3)
+        Attitude at `time` [1].
+    cov : ndarray, shape (3, 3)
+        Covariance of phi, E N U: ``C_nb_est = (I - [phi x]) C_nb_true`` [rad^2].
+    method : str
+        How it was found.
+    time : float
+        When it holds [s].
+    start, end : float
+        The window it was found from [s].
+    azimuth_bias_sd : float
+        Azimuth error that the declared gyro bias makes in one position,
+        ``sd(b_E) / (w_ie cos L)`` [rad].
+    findings : tuple of Finding
+        What was noticed.
+    disturbance_sd : ndarray, shape (3,), or None
+        Standard deviation of the velocity of the disturbance, E N U, where measured [m/s].
+    gravity_seen : float
+        Size of gravity as the accelerometers say [m/s^2].
+    biases : CoefficientVector or None
+        Biases of gyros and accelerometers, where estimated [rad/s], [m/s^2].
+    nis : ndarray, shape (m,), or None
+        Normalised innovation squared of each epoch of a filter [1].
+    dof : ndarray of int, shape (m,), or None
+        Measurements in each [1].
+    rests : tuple of (float, float)
+        The rests of two positions [s].
+    moving : bool
+        Whether a velocity was given.
+    """
+
+    C_nb: FloatArray
+    cov: FloatArray
+    method: str
+    time: float
+    start: float
+    end: float
+    azimuth_bias_sd: float
+    findings: tuple[Finding, ...] = ()
+    disturbance_sd: FloatArray | None = None
+    gravity_seen: float = float("nan")
+    biases: CoefficientVector | None = None
+    nis: FloatArray | None = None
+    dof: IntArray | None = None
+    rests: tuple[tuple[float, float], ...] = ()
+    moving: bool = False
+
+    @property
+    def angles(self) -> FloatArray:
+        """Return heading, pitch and roll, shape (3,) [rad]."""
+        return angles_of(self.C_nb)
+
+    @property
+    def angles_sd(self) -> FloatArray:
+        """Return the standard deviations of heading, pitch and roll, shape (3,) [rad]."""
+        small = 1e-6 * np.eye(3)
+        ways = [angles_of(exp(-side * small) @ self.C_nb) for side in (1.0, -1.0)]
+        slopes = turned(ways[0] - ways[1]).T / 2e-6
+        return np.sqrt(np.diag(slopes @ self.cov @ slopes.T))
+
+    @property
+    def heading_sd(self) -> float:
+        """Return the standard deviation of the heading [rad]."""
+        return float(np.sqrt(self.cov[2, 2]))
+
+
+def window(increments: Increments, start: float | None = None, end: float | None = None) -> slice:
+    """Return the rows of the intervals that lie within a window.
+
+    Parameters
+    ----------
+    increments : Increments
+        The whole log [rad], [m/s].
+    start, end : float or None
+        Ends of the window; None is that of the log [s].
+    """
+    first, last = float(increments.time[0] - increments.dt[0]), float(increments.time[-1])
+    start = first if start is None else start
+    end = last if end is None else end
+    usual = float(np.median(increments.dt))
+    # A log of 300 s by its rate may lack a sample.
+    if not (first - 2 * usual <= start < end <= last + 2 * usual):
+        raise error("alignment.window", start=plain(start, 8), end=plain(end, 8),
+                    first=plain(first, 8), last=plain(last, 8))  # fmt: skip
+    return slice(*np.searchsorted(increments.time, [start + usual / 2, end + usual / 2]))
+
+
+def measured_errors(
+    increments: Increments, sensors: SensorErrors
+) -> tuple[FloatArray, FloatArray, SensorErrors]:
+    """Return the means of a rest, with the noise raised to what parts of it scatter by.
+
+    Parameters
+    ----------
+    increments : Increments
+        The window [rad], [m/s].
+    sensors : SensorErrors
+        What the instrument errs by.
+
+    Returns
+    -------
+    f_b, w_ib_b : ndarray, shape (3,)
+        Mean specific force [m/s^2] and mean rate [rad/s].
+    sensors : SensorErrors
+        As given where `PARTS` of the window scatter no more than their noise allows.
+    """
+    from foucault.estimate.chi_square import chi_square_limits
+
+    length = float(increments.dt.sum())
+    each = len(increments) // PARTS
+    if each < 1:
+        raise error("alignment.too_short", given=plain(length),
+                    least=plain(PARTS * float(np.median(increments.dt))))  # fmt: skip
+    rows = np.s_[len(increments) - PARTS * each :]
+    part = increments.dt[rows].reshape(PARTS, each).sum(axis=1)
+    # Noise that no test of six axes at a false alarm of 1 % allows; only the upper limit counts.
+    most = chi_square_limits(PARTS - 1, 0.02, 6)[1] / (PARTS - 1)
+    psd = {}
+    for name, x in (("gyro_psd", increments.dtheta_b), ("accel_psd", increments.dvel_b)):
+        means = x[rows].reshape(PARTS, each, 3).sum(axis=1) / part[:, None]
+        seen, said = means.var(axis=0, ddof=1) * part.mean(), getattr(sensors, name)
+        psd[name] = np.where(seen > most * said, seen, said)
+    f, w = (x.sum(axis=0) / length for x in (increments.dvel_b, increments.dtheta_b))
+    return f, w, replace(sensors, **psd)
+
+
+def align(
+    log: Log | Increments,
+    site: Site,
+    *,
+    method: Method = "inertial_frame",
+    start: float | None = None,
+    end: float | None = None,
+    noise: ImuNoise | None = None,
+    gyro_bias_sd: float = 0.0,
+    accel_bias_sd: float = 0.0,
+    velocity_n: FloatArray | None = None,
+    velocity_sd: float = 0.0,
+    rests: Sequence[tuple[float, float]] = (),
+    gaps: Literal["stop", "bridge"] = "stop",
+) -> Alignment:
+    """Find the attitude at the end of a window.
+
+    Parameters
+    ----------
+    log : Log or Increments
+        Angular rate and specific force, compensated or not [SI].
+    site : Site
+        Where it stands; the latitude must be known.
+    method : {"inertial_frame", "two_vector", "kalman", "two_position"}
+        How.
+    start, end : float or None
+        Ends of the window; None is that of the log, or of the rests [s].
+    noise : ImuNoise or None
+        Noise of the sensors; None for none [SI].
+    gyro_bias_sd, accel_bias_sd : float, shape ()
+        Standard deviation of the bias of each sensor [rad/s], [m/s^2].
+    velocity_n : ndarray, shape (n, 3), or None
+        Velocity at every row of the log, E N U, of a vehicle that moves; not with two_vector and
+        two_position [m/s].
+    velocity_sd : float, shape ()
+        Its standard deviation beside vibration and sway, which are measured; for kalman [m/s].
+    rests : sequence of (float, float)
+        Start and end of each rest, for two_position [s].
+    gaps : {"stop", "bridge"}
+        What is done where samples of a log are missing.
+
+    Notes
+    -----
+    What can be wrong with the data is looked for by `diagnose.alignment_checks.checked`.
+    """
+    check_method(method)
+    latitude = known_latitude(site)
+    whole = log if isinstance(log, Increments) else increments_of(log, gaps=gaps)
+    if method == "two_position" and len(rests):
+        start, end = rests[0][0], rests[-1][1]
+    rows = window(whole, start, end)
+    part = whole[rows]
+    sensors = sensor_errors(part, noise, gyro_bias_sd, accel_bias_sd)
+    velocity = None if velocity_n is None else velocity_n[rows]
+    if method == "two_vector":
+        found = _by_two_vectors(part, site, sensors)
+    elif method == "inertial_frame":
+        found = _in_inertial_space(part, site, sensors, velocity)
+    elif method == "kalman":
+        fine = by_velocity(part, site, sensors, velocity, velocity_sd)
+        found = _fine(part, method, fine)
+    else:
+        found = _fine(part, method, two_position(part, site, sensors, rests))
+    limit = azimuth_from_gyro_bias(sensors.gyro_bias_sd, latitude)
+    return replace(
+        found,
+        azimuth_bias_sd=limit,
+        findings=part.findings,
+        rests=tuple(rests) if method == "two_position" else (),
+        moving=velocity is not None and method != "two_vector",
+    )
+
+
+def check_method(given: str) -> None:
+    """Refuse what is no `Method`, with a suggestion."""
+    allowed = get_args(Method)
+    if given not in allowed:
+        raise error("alignment.method", given=given, hint=suggestion(str(given), allowed),
+                    allowed=", ".join(allowed))  # fmt: skip
+
+
+def sensor_errors(
+    increments: Increments,
+    noise: ImuNoise | None = None,
+    gyro_bias_sd: float = 0.0,
+    accel_bias_sd: float = 0.0,
+) -> SensorErrors:
+    """Return what the instrument errs by during a window.
+
+    Parameters
+    ----------
+    increments : Increments
+        The window [rad], [m/s].
+    noise : ImuNoise or None
+        Noise of the sensors; None for none [SI].
+    gyro_bias_sd, accel_bias_sd : float, shape ()
+        Standard deviation of the bias of each sensor [rad/s], [m/s^2].
+    """
+    interval, length = float(np.median(increments.dt)), float(increments.dt.sum())
+    return SensorErrors.declared(noise or ImuNoise(), interval, length, gyro_bias_sd, accel_bias_sd)
+
+
+def _found(part: Increments, method: str, C_nb: FloatArray, cov: FloatArray) -> Alignment:
+    end = float(part.time[-1])
+    return Alignment(C_nb, cov, method, end, float(part.time[0] - part.dt[0]), end, 0.0)
+
+
+def _by_two_vectors(part: Increments, site: Site, sensors: SensorErrors) -> Alignment:
+    f_b, w_ib_b, noise = measured_errors(part, sensors)
+    C_nb = two_vector(f_b, w_ib_b)
+    covs = noise.mean_cov(float(part.dt.sum()))
+    cov = two_vector_covariance(C_nb, known_latitude(site), site.gravity, *covs)
+    found = _found(part, "two_vector", C_nb, cov)
+    return replace(found, gravity_seen=float(np.linalg.norm(f_b)))
+
+
+def _in_inertial_space(
+    part: Increments, site: Site, sensors: SensorErrors, velocity_n: FloatArray | None
+) -> Alignment:
+    fit = inertial_frame(part, site, sensors, velocity_n)
+    found = _found(part, "inertial_frame", fit.C_nb, fit.cov)
+    return replace(found, disturbance_sd=fit.disturbance_sd, gravity_seen=fit.gravity_seen)
+
+
+def _fine(part: Increments, method: str, fit: FineFit) -> Alignment:
+    return replace(
+        _found(part, method, fit.C_nb, fit.cov),
+        disturbance_sd=fit.start.disturbance_sd,
+        gravity_seen=fit.start.gravity_seen,
+        biases=fit.run.estimate,
+        nis=fit.nis,
+        dof=fit.dof,
+    )

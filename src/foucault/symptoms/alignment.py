@@ -1,0 +1,99 @@
+"""Rows of the table about alignment."""
+
+from __future__ import annotations
+
+# fmt: off
+ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("alignment.method", "error",
+     "An alignment by an unknown method",
+     "'{given}' is no method of alignment.{hint}",
+     "Choose one of: {allowed}."),
+    ("alignment.no_latitude", "error",
+     "An alignment without a latitude",
+     "The latitude of the site is unknown; how the Earth turns is what shows north.",
+     "Give `latitude` in [site]."),
+    ("alignment.window", "error",
+     "A window of alignment outside the log",
+     "The alignment was to last from {start} s to {end} s; the log has {first} s to {last} s.",
+     "Give a start and an end within the log, the start first."),
+    ("alignment.too_short", "error",
+     "A window too short for an alignment",
+     "The window of alignment is {given} s long; at least {least} s are needed.",
+     "Align for longer: minutes for gyros that are to show north."),
+    ("alignment.parallel", "error",
+     "A mean rate along up, or none at all",
+     "A mean rate of {rate:.3g} rad/s and a mean specific force of {force:.3g} m/s^2 are parallel "
+     "or zero: they show no north.",
+     "Check that gyros and accelerometers are read; at a pole of the Earth there is no heading."),
+    ("alignment.rest", "error",
+     "A rest without start and end",
+     "--rest '{given}' does not say when it starts and when it ends.",
+     "Write --rest '0 s to 300 s'; times count from the start of the log."),
+    ("alignment.two_rests", "error",
+     "A two-position alignment without two rests apart in heading",
+     "{what}.",
+     "Give two rests of the log, one after the other, with a turn about up of {least} deg or more "
+     "between them; 180 deg is best."),
+    ("alignment.force", "error",
+     "Increments read as rates or the reverse, seen at alignment",
+     "The mean specific force is {given} m/s^2, {ratio} times local gravity: {cause}.",
+     "Correct `kind`, `unit` or `scale` in [log.accel], and `kind` in [log.gyro] with it."),
+    ("alignment.gyro_unit", "error",
+     "Gyros at rest that read the Earth's rate times a factor",
+     "The gyros at rest read {given} deg/h instead of the Earth's {earth} deg/h; multiplied by "
+     "{factor} it is {then} deg/h: {cause}.",
+     "Correct `unit` and `kind` in [log.gyro]."),
+    ("alignment.vertical_sign", "error",
+     "Latitude of the wrong sign, or gravity read instead of specific force",
+     "Along up the gyros read {given} deg/h where {wanted} deg/h were expected (sd {sd}): the sign "
+     "is reversed.",
+     "One of these is so: `latitude` has the wrong sign; the accelerometers read gravity instead "
+     'of specific force (reads = "gravity" in [log.accel]); all gyros are reversed, or both triads '
+     "mirrored alike (two columns swapped or one sign wrong, in both)."),
+    ("alignment.axes", "error",
+     "Gyro axes not in the order or sense of the accelerometer axes, seen at rest",
+     "Along up the gyros read {given} deg/h where {wanted} deg/h were expected (sd {sd}). With "
+     "{exchange} (body axis = declared gyro column) they would read that{more}.",
+     "Correct `columns` of [log.gyro] or of [log.accel]. A rest shows only what lies along up: "
+     "two rests with a turn between them decide among several exchanges (`foucault inspect`). If "
+     "the axes are right, the latitude is not: the data say {latitude} deg north or south."),
+    ("alignment.latitude", "warning",
+     "A latitude that the Earth's rate contradicts",
+     "Gravity and the Earth's rate show a latitude of {seen} deg (sd {sd}); {declared} deg was "
+     "given.",
+     "Check `latitude` in [site], and the declared bias of the gyros."),
+    ("alignment.earth_rate", "warning",
+     "Gyros at rest that read neither the Earth's rate nor a simple multiple of it",
+     "The gyros at rest read {given} deg/h, {vertical} deg/h of it along up; the Earth turns at "
+     "{earth} deg/h, {wanted} deg/h along up (sd {sd}).",
+     "The bias of the gyros is larger than declared, or the instrument turned: declare the bias, "
+     "calibrate it, or align while nothing moves."),
+    ("alignment.turned", "warning",
+     "An instrument that turned during a declared rest",
+     "Between start and end of the window the instrument turned by {angle} deg, of which "
+     "{about_up} deg about up; noise and bias explain {limit} deg.",
+     "Align while the instrument is not turned; alignment in inertial space and by velocity "
+     "withstand a turn, the mean of two vectors does not."),
+    ("alignment.left_place", "warning",
+     "A vehicle that left its place during a declared rest",
+     "Within the window the instrument moved by about {distance} m, at up to {speed} m/s; noise "
+     "explains {limit} m/s.",
+     "Choose a window in which the vehicle stands, or give its velocity."),
+    ("alignment.sway", "note",
+     "Sway during an alignment",
+     "The instrument swayed: its velocity by {speed} mm/s (sd), its attitude by {angle} arcsec "
+     "between start and end, which is {azimuth} deg of azimuth to the mean of two vectors.",
+     "Alignment in inertial space and the Kalman filter withstand it; for two_vector choose a "
+     "calmer window."),
+    ("alignment.azimuth", "warning",
+     "Gyros too poor to find north",
+     "The azimuth is known to {sd} deg (sd); bias of the gyros alone makes {bias} deg.",
+     "Give a heading from elsewhere (two antennas, a survey, a magnetic compass), rest in two "
+     "positions, or calibrate the gyro bias before."),
+    ("alignment.near_pole", "warning",
+     "An alignment near a pole of the Earth",
+     "At latitude {latitude} deg only {share} % of the Earth's rate is level: every gyro error "
+     "counts {times} times as much in azimuth as at the equator.",
+     "Give a heading from elsewhere, or align for longer with better gyros."),
+)
+# fmt: on
