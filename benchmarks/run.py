@@ -21,6 +21,7 @@ from pathlib import Path
 import north_seeking
 import on_table
 import platform_tumble
+import strapdown
 
 import plans
 
@@ -292,6 +293,7 @@ def rows() -> list[Row]:
     out += north_rows()
     out += tumble_rows()
     out += plan_rows()
+    out += navigation_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
@@ -371,6 +373,23 @@ def plan_rows() -> list[Row]:
         Row("the same in slots of 6 deg, as the search takes them, CPU", cost, None),
         Row(f"search for a tumble plan at 0.2 deg/s, {evaluations:,} plans, two threads, wall: "
             f"{reached:.3f} of the published plan's sd", took, 60.0),
+    ]  # fmt: skip
+
+
+def navigation_rows() -> list[Row]:
+    """Measure what navigating from increments costs, a sample."""
+    free, held, aided, back = measure(strapdown.STRAPDOWN)
+    plain = measure(f"TESTS = {str(ROOT / 'tests')!r}\n" + strapdown.NUMPY)
+    what = "strapdown navigation, all states kept, each sample, CPU"
+    recorded = "recorded, not to be had from the package index"
+    return [
+        Row(f"{what}, height free", free, 1 / 11e6, f"pyins, {recorded}", 1.3e-6),
+        Row(f"{what}, height free", free, 1 / 11e6, "the same steps in NumPy", plain),
+        Row(f"{what}, height held", held, 1 / 11e6),
+        Row(f"{what}, height aided", aided, 1 / 11e6),
+        Row(f"{what}, backward", back, None),
+        Row("zero-velocity filter of 33 states, updates at 1 Hz, each sample at 100 Hz, CPU",
+            measure(strapdown.FILTER), 5e-7, f"pyins, {recorded}", 5.6e-3),
     ]  # fmt: skip
 
 

@@ -491,3 +491,190 @@ def cluster_error_filter(model, g, C_pn, dt, command, reading, w_n, q, r, arms, 
         A = np.eye(45) - K @ H
         P = A @ P @ A.T + r * K @ K.T
     return x, P, C_pn
+
+
+def turning(phi: FloatArray) -> FloatArray:
+    """Rodrigues' formula."""
+    a = np.linalg.norm(phi)
+    if a == 0.0:
+        return np.eye(3)
+    K = cross(phi / a)
+    return np.eye(3) + np.sin(a) * K + 2 * np.sin(a / 2) ** 2 * K @ K
+
+
+def turn_of_level_frame(p: FloatArray, h: float, v: FloatArray) -> FloatArray:
+    """w_el: the velocity split into east and north, which have a radius each."""
+    from foucault.models.earth import radii
+
+    north = np.array([p[0], p[1], 0.0]) if np.hypot(p[0], p[1]) > 0.0 else np.array([0.0, 1.0, 0.0])
+    north = north / np.linalg.norm(north)
+    east = np.array([north[1], -north[0], 0.0])
+    RM, RN = radii(np.arctan2(p[2], np.hypot(p[0], p[1])))
+    return -(v @ north) / (RM + h) * east + (v @ east) / (RN + h) * north
+
+
+def bend_of(i, dtheta, dvel, dt, joined):
+    """What the rows beside row i tell of its bend: the mean of what each of them tells."""
+    told = []
+    for beside, sign, there in (
+        (i - 1, 1, joined[i]),
+        (i + 1, -1, np.append(joined, False)[i + 1]),
+    ):
+        if there and beside >= 0:
+            k = dt[i] ** 2 / (6 * dt[beside] * (dt[i] + dt[beside]))
+            told.append(sign * k * np.array([dtheta[beside], dvel[beside]]))
+    return np.mean(told, axis=0) if told else np.zeros((2, 3))
+
+
+def strapdown_step(
+    state, theta, dv, bend=((0, 0, 0), (0, 0, 0)), dt=0.0, offset=0.0, held=False, third=True
+):
+    """One step from (C_lb, v, C_el, h); bend: what the intervals beside this one say of it.
+
+    `third` False leaves out what is of the third order in the increments: what is left of the
+    rotation during the interval is half of theta x dv.
+    """
+    from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS, gravity
+
+    C_lb, v, C_el, h = state
+    phi, u = theta.copy(), dv + np.cross(theta, dv) / 2
+    a = np.linalg.norm(theta)
+    if third and a > 1e-3:
+        u = dv + (1 - np.cos(a)) / a**2 * np.cross(theta, dv)
+        u += (a - np.sin(a)) / a**3 * np.cross(theta, np.cross(theta, dv))
+    elif third:
+        u += np.cross(theta, np.cross(theta, dv)) / 6 - a**2 / 24 * np.cross(theta, dv)
+    phi += np.cross(bend[0], theta)
+    u += np.cross(bend[0], dv) + np.cross(bend[1], theta)
+    push = C_lb @ u
+    shift = dt / 2 / SEMI_MAJOR_AXIS * np.array([-v[1], v[0], 0.0])
+    p = C_el[2] - np.cross(shift, C_el[2])
+    h_middle = h + dt / 2 * v[2]
+    g = np.array([0.0, 0.0, -gravity(np.arcsin(min(1.0, p[2])), h_middle) - offset])
+    w_ie = EARTH_RATE * p
+    level = np.array([1.0, 1.0, 0.0 if held else 1.0])
+
+    def slope(v):
+        return g - np.cross(2 * w_ie + turn_of_level_frame(p, h_middle, v), v)
+
+    # Coriolis of the first half: on the sphere of the shift, which is w_el dt / 2 there.
+    half = np.cross(dt * w_ie + shift, v + push / 4)
+    middle = level * (v + (push + dt * g) / 2 - half)
+    zeta = dt * (w_ie + turn_of_level_frame(p, h_middle, middle))
+    end = level * (v + push - np.cross(zeta, push) / 2 + dt * slope(middle))
+    w_el = turn_of_level_frame(p, h_middle, (v + end) / 2)
+    C_lb = turning(-zeta) @ C_lb @ turning(phi)
+    return C_lb, end, C_el @ turning(dt * w_el), h + dt * (v[2] + end[2]) / 2
+
+
+def strapdown_step_back(state, *increments, **more):
+    """The state that a step carries into `state`, found by trying."""
+    C_lb, v, C_el, h = state
+    tried = state
+    for _ in range(12):
+        C, w, E, top = strapdown_step(tried, *increments, **more)
+        tried = (
+            C_lb @ np.linalg.inv(C) @ tried[0],
+            tried[1] + v - w,
+            C_el @ np.linalg.inv(E) @ tried[2],
+            tried[3] + h - top,
+        )
+    return tried
+
+
+def strapdown_run(
+    state, dtheta, dvel, dt, joined, first, last, offset=0.0, vertical="free", heights=None,
+    gains=(),
+):  # fmt: skip
+    """All states (C_lb, v, C_el, h) from the end of row first to that of row last."""
+    out, lift, since, ahead = [state], 0.0, 0.0, last > first
+    for i in range(first + 1, last + 1) if ahead else range(first, last, -1):
+        step = strapdown_step if ahead else strapdown_step_back
+        C_lb, v, C_el, h = step(
+            out[-1], dtheta[i], dvel[i], bend=bend_of(i, dtheta, dvel, dt, joined), dt=dt[i],
+            offset=offset + lift, held=vertical == "held",
+        )  # fmt: skip
+        since += dt[i]
+        if vertical == "aided" and np.isfinite(heights[i if ahead else i - 1]):
+            e = heights[i if ahead else i - 1] - h
+            for_time = min(since, 1 / gains[0])  # after a long time without heights
+            h += gains[0] * e * for_time
+            v = v + np.array([0.0, 0.0, gains[1] * e * for_time * (1 if ahead else -1)])
+            lift -= gains[2] * e * for_time
+            since = 0.0
+        out.append((C_lb, v, C_el, h))
+    return out
+
+
+def from_start(
+    dtheta: FloatArray, dvel: FloatArray, dt: FloatArray, joined: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    C, v = np.eye(3), np.zeros(3)
+    attitude, velocity = [], []
+    for i, (theta, dv) in enumerate(zip(dtheta, dvel, strict=True)):
+        b, c = bend_of(i, dtheta, dvel, dt, joined)
+        turned = dv + cross(theta) @ dv / 2 + cross(theta) @ cross(theta) @ dv / 6
+        v = v + C @ (turned + cross(b) @ dv + cross(c) @ theta)
+        C = multiply_exp(C, theta + cross(b) @ theta)
+        attitude.append(C)
+        velocity.append(v)
+    return np.array(attitude), np.array(velocity)
+
+
+def ins_filter(increments, state, sensors, epochs, P, q, estimate, offset=0.0):
+    """The error-state filter, dense: every transition a matrix exponential, an epoch at once.
+
+    state: (C_lb, v, C_el, h); epochs: (row, velocity, (latitude, longitude, height), sd (6,)).
+    Returns the state, the coefficients, P, and the NIS of each epoch.
+    """
+    from foucault.coefficients import CoefficientVector
+    from foucault.models.earth import EARTH_RATE, gravity, radii
+    from foucault.models.geodesy import east_north_up, ecef, geodetic
+    from foucault.models.imu import ImuModel
+    from foucault.models.ins_errors import dynamics
+    from foucault.models.rotation import aligning, log
+
+    i, nis, n, used = 0, [], len(P), None
+    for row, v_n, place, sd in epochs:
+        model = ImuModel.from_coefficients(CoefficientVector(sensors.layout, estimate))
+        F, T = np.eye(n), 0.0
+        while i < row:
+            i += 1
+            dt = increments.dt[i]
+            f, w = model.compensate(
+                increments.dvel_b / increments.dt[:, None],
+                increments.dtheta_b / increments.dt[:, None],
+            )
+            theta, dv = w * increments.dt[:, None], f * increments.dt[:, None]
+            theta[i - 1], dv[i - 1] = used or (theta[i - 1], dv[i - 1])
+            used = theta[i], dv[i]
+            f, w = f[i], w[i]
+            C, v, E, h = state
+            bend = bend_of(i, theta, dv, increments.dt, increments.joined)
+            state = strapdown_step(state, *used, bend=bend, dt=dt, offset=offset)
+            middle = C @ turning(log(C.T @ state[0]) / 2)
+            p = (E[2] + state[2][2]) / 2
+            w_el = turn_of_level_frame(p, h, (v + state[1]) / 2)
+            L = np.arcsin(p[2] / np.linalg.norm(p))
+            pull = (gravity(L, h) + offset) / (radii(L)[1] + h)
+            F = expm(dynamics(sensors, middle, w, f, EARTH_RATE * p, w_el, pull) * dt) @ F
+            T += dt
+        half = np.diag(q) * T / 2
+        P = F @ (P + half) @ F.T + half
+        C, v, E, h = state
+        L, lon = np.arcsin(E[2, 2]), np.arctan2(E[1, 2], E[0, 2])
+        r = ecef(L, lon, h)
+        axes = east_north_up(*(place[:2] if np.isfinite(sd[3:5]).all() else (L, lon)))
+        z = np.append(v - E.T @ axes @ v_n, E.T @ (r - ecef(*place)))
+        seen = np.flatnonzero(np.isfinite(sd))
+        H, R = np.eye(n)[3 + seen], np.diag(sd[seen] ** 2)
+        S = H @ P @ H.T + R
+        K = P @ H.T @ np.linalg.inv(S)
+        x, A = K @ z[seen], np.eye(n) - K @ H
+        P = A @ P @ A.T + K @ R @ K.T
+        nis.append(z[seen] @ np.linalg.solve(S, z[seen]))
+        C_eb, v_e = E @ turning(x[:3]) @ C, E @ (v - x[3:6])
+        L, lon, h = geodetic(r - E @ x[6:9])
+        E = aligning(E[:, 2], east_north_up(L, lon)[:, 2]) @ E
+        state, estimate = (E.T @ C_eb, E.T @ v_e, E, h), estimate + x[9:]
+    return state, estimate, P, np.array(nis)

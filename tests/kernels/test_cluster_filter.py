@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from types import FunctionType
-
 import numpy as np
 import pytest
 
@@ -14,6 +11,7 @@ from foucault.kernels import cluster_transition as parts
 from foucault.models.cluster import angle_rates, angles_of, attitude_of
 from foucault.models.earth import earth_rate_n
 from make_cluster import G, make_cluster
+from plain_kernels import kernel
 
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 W_N = earth_rate_n(0.7)
@@ -21,22 +19,6 @@ Q = 1.2e-16
 ARMS = np.array([[0.05, 0.01, 0.0], [0.0, 0.05, -0.02], [0.03, 0.0, 0.05]])
 START = np.array([0.3, -0.2, 1.1])
 SIZE = np.abs(make_cluster(5).packed(G)) + 1e-7
-
-
-def _plain(name, known):
-    """Return the names of a module with every kernel in plain Python, those that it calls too."""
-    if name in known:
-        return known[name]
-    out = known[name] = dict(vars(sys.modules[name]))
-    for key, thing in list(out.items()):
-        if hasattr(thing, "py_func"):
-            f = thing.py_func
-            out[key] = FunctionType(f.__code__, _plain(f.__module__, known), key)
-    return out
-
-
-def _kernel(form, name):
-    return getattr(module, name) if form == "compiled" else _plain(module.__name__, {})[name]
 
 
 def recorded(n, seed=1, noise=1e-6, dt=0.2):
@@ -58,7 +40,7 @@ def filtered(form, command, z, x, P, kind=parts.FREE_ANGLES, full=True, iteratio
     after = np.linspace(n / m, n, m).astype(np.int64)
     estimate, sd, nis = np.zeros((m, 45)), np.zeros((m, 45)), np.zeros(m)
     count = np.zeros(m, np.int64)
-    out = _kernel(form, "run")(
+    out = kernel(form, module, "run")(
         more.get("dt", np.full(n, 0.2)), command, z, used, R, mean, x, P, W_N, np.full(3, Q), ARMS,
         G, kind, full, iterations, after, estimate, sd, nis, count,
     )  # fmt: skip

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from types import FunctionType
-
 import numpy as np
 import pytest
 
@@ -13,26 +10,11 @@ from foucault.kernels import cluster_motion as module
 from foucault.models.cluster import angles_of, attitude_of
 from foucault.models.earth import earth_rate_n
 from make_cluster import G, make_cluster
+from plain_kernels import kernel
 
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 W_N = earth_rate_n(0.7)
 START = np.array([0.3, -0.2, 1.1])
-
-
-def _plain(name, known):
-    """Return the names of a module with every kernel in plain Python, those that it calls too."""
-    if name in known:
-        return known[name]
-    out = known[name] = dict(vars(sys.modules[name]))
-    for key, thing in list(out.items()):
-        if hasattr(thing, "py_func"):
-            f = thing.py_func
-            out[key] = FunctionType(f.__code__, _plain(f.__module__, known), key)
-    return out
-
-
-def _kernel(form, name):
-    return getattr(module, name) if form == "compiled" else _plain(module.__name__, {})[name]
 
 
 def driven(n=40, rate=1e-3, noise=1e-4, seed=1):
@@ -45,7 +27,7 @@ def driven(n=40, rate=1e-3, noise=1e-4, seed=1):
 def exponential(form, model, command, noise, dt=0.2, C=None):
     C_pn = np.empty((len(command) + 1, 3, 3))
     C_pn[0] = attitude_of(START) if C is None else C
-    _kernel(form, "integrate_exponential")(model.packed(G), C_pn, command, noise, W_N, dt)
+    kernel(form, module, "integrate_exponential")(model.packed(G), C_pn, command, noise, W_N, dt)
     return C_pn
 
 
@@ -98,7 +80,7 @@ def test_angles_are_integrated_by_classical_runge_kutta(form):
     noise = 1e-3 * np.random.default_rng(3).standard_normal((5, 4, 3))
     C_pn, angles = np.empty((6, 3, 3)), START.copy()
     C_pn[0] = attitude_of(START)
-    lost = _kernel(form, "integrate_angles")(
+    lost = kernel(form, module, "integrate_angles")(
         model.packed(G), angles, command, noise, W_N, 0.02, C_pn
     )
     end, want = reference.cluster_angles(model, G, START, command, noise, W_N, 0.02)
@@ -116,7 +98,7 @@ def test_angles_say_where_they_are_lost(form):
     command = np.tile([0.0, -0.05, 0.0], (n, 1))  # turns middle upwards
     start = np.array([0.0, np.pi / 2 - 0.05, 0.0])
     C_pn, angles = np.empty((n + 1, 3, 3)), start.copy()
-    lost = _kernel(form, "integrate_angles")(
+    lost = kernel(form, module, "integrate_angles")(
         model.packed(G), angles, command, np.zeros((n, 100, 3)), W_N, 0.2, C_pn
     )
     # 0.05 rad at 0.05 rad/s take 1 s, 5 intervals; a step is a fiftieth of 5 mrad.
@@ -131,7 +113,7 @@ def test_readings_part_of_the_way(form, phase, arm):
     C_pn = exponential("compiled", model, command, noise)
     rng = np.random.default_rng(4)
     arms, turn = arm * rng.standard_normal((3, 3)), 1e-2 * rng.standard_normal((30, 3))
-    got = _kernel(form, "readings_at")(model.packed(G), C_pn, command, turn, arms, G, phase)
+    got = kernel(form, module, "readings_at")(model.packed(G), C_pn, command, turn, arms, G, phase)
     want = reference.cluster_readings(model, G, C_pn, command, turn, arms, phase)
     np.testing.assert_allclose(G * got, want, atol=2e-14)
 
@@ -140,5 +122,5 @@ def test_readings_part_of_the_way(form, phase, arm):
 def test_readings_of_a_cluster_that_stands_still(form):
     model, C_pn = make_cluster(5), np.tile(attitude_of(START), (4, 1, 1))
     zeros = np.zeros((3, 3))
-    got = _kernel(form, "readings_at")(model.packed(G), C_pn, zeros, zeros, zeros, G, 0.5)
+    got = kernel(form, module, "readings_at")(model.packed(G), C_pn, zeros, zeros, zeros, G, 0.5)
     np.testing.assert_allclose(G * got, np.tile(model.read(G * C_pn[0, :, 2]), (3, 1)), atol=1e-14)

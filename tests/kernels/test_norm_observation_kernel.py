@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from types import FunctionType
-
 import numpy as np
 import pytest
 
@@ -18,27 +15,14 @@ from foucault.models.noise import grade
 from foucault.models.turntable import mean_rate
 from foucault.plans.turntable import table_plan
 from foucault.simulate.turntable import Fleet, Rig, simulate_readings
+from plain_kernels import kernel
 
 SITE = Site.at(np.radians(48.8), 60.0)
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 
 
 def _batch(form):
-    if form == "compiled":
-        return module.calibrate_batch
-    return _plain(module.__name__, {})["calibrate_batch"]
-
-
-def _plain(name, known):
-    """Return the names of a module with every kernel in plain Python, those that it calls too."""
-    if name in known:
-        return known[name]
-    out = known[name] = dict(vars(sys.modules[name]))
-    for key, thing in list(out.items()):
-        if hasattr(thing, "py_func"):
-            f = thing.py_func
-            out[key] = FunctionType(f.__code__, _plain(f.__module__, known), key)
-    return out
+    return kernel(form, module, "calibrate_batch")
 
 
 def _simulated(grade_name, n, *, both=False, plan="icosahedron 12", seed=1, draws=None):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from types import FunctionType
-
 import numpy as np
 import pytest
 
@@ -24,25 +21,10 @@ from make_dwells import (
     make_dwells,
     turn,
 )
+from plain_kernels import kernel
 
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 NAN = float("nan")
-
-
-def _plain(name, known):
-    """Return the names of a module with every kernel in plain Python, those that it calls too."""
-    if name in known:
-        return known[name]
-    out = known[name] = dict(vars(sys.modules[name]))
-    for key, thing in list(out.items()):
-        if hasattr(thing, "py_func"):
-            f = thing.py_func
-            out[key] = FunctionType(f.__code__, _plain(f.__module__, known), key)
-    return out
-
-
-def _kernel(form, name):
-    return getattr(module, name) if form == "compiled" else _plain(module.__name__, {})[name]
 
 
 # -- the closed form ---------------------------------------------------------------------------
@@ -51,7 +33,7 @@ def _kernel(form, name):
 def closed(form, rate, up, latitude, sign=1.0, rate_var=1e-14, tilt_var=1e-10, latitude_var=0.0):
     n = len(rate)
     angles, sd, status = np.empty((n, 4)), np.empty((n, 4)), np.empty(n, np.int8)
-    _kernel(form, "closed_form_batch")(
+    kernel(form, module, "closed_form_batch")(
         np.ascontiguousarray(rate), np.ascontiguousarray(up), latitude, sign, EARTH_RATE,
         rate_var, tilt_var, latitude_var, angles, sd, status,
     )  # fmt: skip
@@ -147,7 +129,7 @@ def problem(n=3, latitude=0.8, tilt=30.0, seed=4, instrument=None):
 
 def likely(form, y, cov, start, A, b, g, latitude, sd, rounds=60):
     n = len(y)
-    return _kernel(form, "likelihood_batch")(
+    return kernel(form, module, "likelihood_batch")(
         y, cov, start, A, b, g, EARTH_RATE, np.full(n, latitude), np.full(n, sd), rounds
     )
 

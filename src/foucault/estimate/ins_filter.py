@@ -27,11 +27,15 @@ from foucault.models.geodesy import east_north_up
 from foucault.models.ins_errors import Sensors, at_place
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import Increments
-from foucault.navigate.state import State
+from foucault.navigate.state import State, states_of
 from foucault.navigate.strapdown import Trajectory, require_finite
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+
+LONGEST = 30.0
+"""White noise is right to 1e-3 of a variance where no epoch of a long run is longer [s]."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +45,11 @@ class Updates:
     Attributes
     ----------
     rows : ndarray of int, shape (m,)
-        Rows of the increments at whose ends something is measured, rising [1].
+        Rows of the increments at whose ends something is measured, rising. White noise is taken
+        in where epochs begin and end: add rows with nothing measured to cut long ones [1].
     velocity_n : ndarray, shape (m, 3)
-        Measured velocity: east, north, up [m/s].
+        Measured velocity: east, north, up of the position that is measured with it, else of the
+        computed one, which leaves out (velocity) x (position error) tan L / R [m/s].
     position : ndarray, shape (m, 3)
         Measured latitude [rad], longitude [rad] and height [m].
     sd : ndarray, shape (m, 6)
@@ -51,8 +57,8 @@ class Updates:
         nothing is measured. Those of east and north should be equal: they are taken along the
         axes of frame l.
     restart : ndarray of bool, shape (m,)
-        There the filter first sets velocity and position to what is measured, with `sd` for
-        their uncertainty, and forgets how they went with the rest.
+        There velocity and position are set to what is measured, as uncertain as `sd` says, and
+        forget how they went with the rest, which learns nothing from them.
     """
 
     rows: IntArray
@@ -107,9 +113,10 @@ class Updates:
         return len(self.rows)
 
     def reference(self) -> FloatArray:
-        """Return what the kernel compares with, shape (m, 7) [SI]."""
+        """Return what the kernel compares with, shape (m, 8) [SI]."""
         normal = east_north_up(self.position[:, 0], self.position[:, 1])[:, :, 2]
-        return np.concatenate([self.velocity_n, normal, self.position[:, 2:]], axis=1)
+        known = np.isfinite(self.sd[:, 3:5]).all(axis=1)
+        return np.column_stack([self.velocity_n, normal, self.position[:, 2], known])
 
 
 @dataclass(frozen=True)
@@ -127,7 +134,8 @@ class FilterRun:
     sd : ndarray, shape (m, 9 + p)
         Standard deviations in the order of `layout` [SI].
     innovation : ndarray, shape (m, 6)
-        Measured minus expected; NaN where nothing was measured or it lay beyond the gate [SI].
+        Computed minus measured velocity and position, less what was known of that error; NaN
+        where nothing was measured or it lay beyond the gate [SI].
     variance : ndarray, shape (m, 6)
         Variances of the innovations; finite for those beyond the gate too [SI].
     corrections : ndarray, shape (m, 9 + p)
@@ -172,12 +180,12 @@ class FilterRun:
 
     @property
     def attitude_cov(self) -> FloatArray:
-        """Covariance of the attitude error phi at the end, frame l, shape (3, 3) [rad^2]."""
+        """Covariance of the attitude error phi at the end, frame n, shape (3, 3) [rad^2]."""
         return self.cov_at_place()[:3, :3]
 
     def cov_at_place(self) -> FloatArray:
-        """Return the covariance of (phi, velocity, position) at the end, shape (9, 9) [SI]."""
-        A = at_place(SEMI_MAJOR_AXIS, self.trajectory.velocity_n[-1])
+        """Return the covariance of (phi, velocity, position) at the end, frame n, (9, 9) [SI]."""
+        A = seen_at_place(self.trajectory.history[-1:])[0]
         return np.asarray(A @ self.cov[:9, :9] @ A.T)
 
     @cached_property
@@ -196,13 +204,34 @@ class FilterRun:
         return int(np.count_nonzero(np.isnan(self.innovation) & np.isfinite(self.variance)))
 
 
+def seen_at_place(history: FloatArray) -> FloatArray:
+    """Return the matrices from (psi, dv, dr) in l to (phi, velocity, position) in n.
+
+    Parameters
+    ----------
+    history : ndarray, shape (m, 12)
+        States of `kernels.strapdown` [SI].
+
+    Returns
+    -------
+    ndarray, shape (m, 9, 9)
+        Axes are those of the computed place; that its meridian points elsewhere than that of the
+        true place, by dr_E tan L / R, is left out: it has no bound near a pole [SI].
+    """
+    C_nl = states_of(history)["C_nl"]
+    out = np.empty((len(history), 9, 9))
+    for k, x in enumerate(history):
+        out[k] = np.kron(np.eye(3), C_nl[k]) @ at_place(SEMI_MAJOR_AXIS + x[11], x[4:7])
+    return out
+
+
 def start_cov(
     phi_cov: FloatArray,
     velocity_sd: float,
     position_sd: float,
     coefficients: FloatArray,
 ) -> FloatArray:
-    """Return the covariance of a start, shape (9 + p, 9 + p) [SI].
+    """Return the covariance of a start at rest, shape (9 + p, 9 + p) [SI].
 
     Parameters
     ----------
@@ -278,29 +307,30 @@ def run(
     Raises
     ------
     FoucaultError
-        Rows outside the log or an impossible start, or numbers that are not finite.
+        Rows outside the log, an impossible start, measurements that cannot be, or numbers that
+        are not finite.
     """
-    rows = updates.rows
-    n = len(increments)
-    for row in (first, int(rows[-1]) if len(rows) else n):
+    rows = np.asarray(updates.rows, np.int64)
+    n, p = len(increments), len(sensors)
+    for row in (first, *rows[-1:]):
         if not 0 <= row < n:
-            raise error("strapdown.rows", row=row, last=n - 1)
-    p = len(sensors)
+            raise error("strapdown.rows", row=int(row), last=n - 1)
+    P0 = np.array(P0, float)
+    _require(updates, P0, first, 9 + p)
     q, decay = _process(sensors, noise, wander or {}, correlation_time or {})
+    if held:  # the vertical velocity is known
+        q[5], P0[5], P0[:, 5] = 0.0, 0.0, 0.0
     values = np.zeros(p) if estimate is None else np.asarray(estimate, float)
-    restart_sd = np.array([0.0, 0.0])
-    if updates.restart.any():
-        restart_sd = updates.sd[np.flatnonzero(updates.restart)[0]][[0, 3]]
     found = ins_filter(
-        increments.dtheta_b, increments.dvel_b, increments.dt, increments.joined, first,
-        state.packed(), values, np.ascontiguousarray(P0, float), q, decay,
+        increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, first,
+        state.packed(), values, P0, q, decay,
         sensors.coefficient, sensors.axis, sensors.entry, sensors.weight, sensors.gyros,
         sensors.most, rows, updates.reference(), updates.sd, float(gate),
-        updates.restart, restart_sd, gravity_offset, held, keep, keep,
+        updates.restart, gravity_offset, held, keep, keep,
     )  # fmt: skip
     states, coefficients, sd, innovation, variance, X, Phi, before, after, P = found
     time = increments.time[rows]
-    require_finite(states, time, rows)
+    require_finite(states, increments, rows)
     return FilterRun(sensors, Trajectory(time, states), coefficients, sd, innovation, variance, X,
                      Phi, before, after, P, decay)  # fmt: skip
 
@@ -337,8 +367,8 @@ def sensitivity(
     Returns
     -------
     ndarray, shape (m, 9, 9 + p)
-        Errors at each row (phi, velocity, position as seen at the place) per unit of the errors
-        at the start (psi, dv, dr) and of each coefficient [SI].
+        Errors at each row (phi, velocity, position as seen at the place, frame n) per unit of the
+        errors at the start (psi, dv, dr) and of each coefficient [SI].
     """
     found = run(
         increments, state, sensors, Updates.none(rows), np.zeros((9 + len(sensors),) * 2),
@@ -346,10 +376,11 @@ def sensitivity(
     )  # fmt: skip
     out = np.empty_like(found.transitions)
     total = np.eye(9, 9 + len(sensors))
+    seen = seen_at_place(found.trajectory.history)
     for k, Phi in enumerate(found.transitions):
         total = Phi[:, :9] @ total
         total[:, 9:] += Phi[:, 9:]
-        out[k] = at_place(SEMI_MAJOR_AXIS, found.trajectory.velocity_n[k]) @ total
+        out[k] = seen[k] @ total
     return out
 
 
@@ -391,17 +422,40 @@ def spread(
     Returns
     -------
     ndarray, shape (m, 9, 9)
-        Covariance of phi [rad], velocity [m/s] and position [m] errors.
+        Covariance of phi [rad], velocity [m/s] and position [m] errors, frame n.
     """
+    # Noise is put in where epochs begin and end: they must be short against what it does.
+    time = increments.time[first : int(rows[-1]) + 1]
+    marks = np.arange(time[0] + LONGEST, time[-1], LONGEST)
+    epochs = np.union1d(rows, first + np.searchsorted(time, marks))
     found = run(
-        increments, state, sensors, Updates.none(rows), P0, noise, first=first,
+        increments, state, sensors, Updates.none(epochs), P0, noise, first=first,
         gravity_offset=gravity_offset, held=held, keep=True,
     )  # fmt: skip
-    out = np.empty((len(rows), 9, 9))
-    for k, P in enumerate(found.after):
-        A = at_place(SEMI_MAJOR_AXIS, found.trajectory.velocity_n[k])
-        out[k] = A @ P[:9, :9] @ A.T
-    return out
+    wanted = np.searchsorted(epochs, rows)
+    A = seen_at_place(found.trajectory.history[wanted])
+    return np.asarray(A @ found.after[wanted, :9, :9] @ np.swapaxes(A, 1, 2))
+
+
+def _require(updates: Updates, P0: FloatArray, first: int, states: int) -> None:
+    """Refuse what the kernel would read beyond, or make states of that are no numbers."""
+    m = len(updates)
+    shapes = {"velocity_n": (m, 3), "position": (m, 3), "sd": (m, 6), "restart": (m,)}
+    wrong = [k for k, shape in shapes.items() if getattr(updates, k).shape != shape]
+    given = np.concatenate([updates.velocity_n, updates.position], axis=1) if not wrong else P0
+    what = ""
+    if m == 0 or wrong:
+        what = f"there are {m} rows, and {', '.join(wrong) or 'nothing'} does not fit them"
+    elif updates.rows[0] < first or np.any(np.diff(updates.rows) <= 0):
+        what = f"the rows do not rise from row {first} on"
+    elif np.isnan(updates.sd).any() or not np.isfinite(given[np.isfinite(updates.sd)]).all():
+        what = "a value that is measured, or its standard deviation, is not a number"
+    elif P0.shape != (states, states):
+        what = f"the covariance at the start has shape {P0.shape} for {states} states"
+    elif not np.isfinite(P0).all() or np.any(np.diag(P0) < 0):
+        what = "the covariance at the start is not finite, or a variance in it is negative"
+    if what:
+        raise error("strapdown.measurements", what=what)
 
 
 def _process(
@@ -420,5 +474,8 @@ def _process(
         q[9 + layout.group(name)] = value**2
     decay = np.zeros(len(sensors))
     for name, value in correlation_time.items():
+        if not value > 0:
+            what = f"the correlation time of {name} is {value} s"
+            raise error("strapdown.measurements", what=what)
         decay[layout.group(name)] = 1.0 / value
     return q, decay

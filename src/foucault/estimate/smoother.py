@@ -23,9 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.estimate.ins_filter import FilterRun
-from foucault.models.earth import SEMI_MAJOR_AXIS
-from foucault.models.rotation import exp
-from foucault.navigate.state import matrix_of, quaternion_of
+from foucault.kernels.ins_filter import corrected
 from foucault.navigate.strapdown import Trajectory
 
 FloatArray = npt.NDArray[np.float64]
@@ -56,7 +54,7 @@ class Smoothed:
 
 
 def smooth(found: FilterRun) -> Smoothed:
-    """Smooth a run of `estimate.ins_filter.run` made with ``keep=True`` and without restarts.
+    """Smooth a run of `estimate.ins_filter.run` made with ``keep=True``.
 
     Parameters
     ----------
@@ -77,7 +75,7 @@ def smooth(found: FilterRun) -> Smoothed:
         G = _divided(found.after[k] @ F.T, before)
         c[k] = G @ (c[k + 1] + found.corrections[k + 1])
         cov[k] += G @ (cov[k + 1] - before) @ G.T
-    states = _corrected(found.trajectory.history, c[:, :9])
+    states = corrected(found.trajectory.history, c)
     return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
 
 
@@ -91,21 +89,4 @@ def _divided(A: FloatArray, P: FloatArray) -> FloatArray:
     unit = size[seen]
     factor = cho_factor(P[np.ix_(seen, seen)] / np.outer(unit, unit), lower=True)
     out[:, seen] = cho_solve(factor, (A[:, seen] / unit).T).T / unit
-    return out
-
-
-def _corrected(x: FloatArray, c: FloatArray) -> FloatArray:
-    """Take errors (m, 9) out of states (m, 12), as `kernels.ins_filter.correct` does."""
-    C_el = matrix_of(x[:, 7:11])
-    radius = SEMI_MAJOR_AXIS + x[:, 11]
-    turn = np.stack([c[:, 7], -c[:, 6], np.zeros(len(c))], axis=1) / radius[:, None]
-    back = np.swapaxes(exp(turn), 1, 2)
-    C_lb = back @ exp(c[:, 0:3]) @ matrix_of(x[:, :4])
-    C_el = C_el @ exp(turn)
-    out = x.copy()
-    out[:, 4:7] = np.einsum("kij,kj->ki", back, x[:, 4:7] - c[:, 3:6])
-    out[:, 11] -= c[:, 8]
-    for k in range(len(x)):
-        out[k, :4] = quaternion_of(C_lb[k])
-        out[k, 7:11] = quaternion_of(C_el[k])
     return out

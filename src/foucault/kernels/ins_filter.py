@@ -27,7 +27,6 @@ from foucault.kernels.strapdown import (
     rotation,
     step,
     transport,
-    weight_before,
 )
 
 HALF, WIDE = 64, 128
@@ -194,6 +193,15 @@ def begin(wide, slot):
 
 
 @inlined
+def hold(wide, slot, c0, v0, v1):
+    """Let an error of height stay; the vertical velocity errs only as the tilt of l makes it."""
+    for j in range(WIDE):
+        wide[5 * WIDE + j] = -c0 * (v0 * wide[6 * WIDE + j] + v1 * wide[7 * WIDE + j])
+        wide[8 * WIDE + j] = 0.0
+    wide[8 * WIDE + slot[8]] = 1.0
+
+
+@inlined
 def gather(wide, slot, Phi):
     """Fill Phi (9, n) with the columns in the order of the states."""
     for j in range(slot.size):
@@ -259,33 +267,41 @@ def propagate(P, Phi, M, keep, q, T, n):
 
 
 @inlined
-def differences(x, reference, c0, c1, px, py, z):
+def differences(x, reference, c0, c1, px, py, pz, z):
     """Fill z (6,): computed minus reference velocity and position, in l.
 
-    reference (7,): velocity east, north, up; the normal of the ellipsoid in e; the height. North
-    is that of the computed position: right to (reference velocity) x (position error) / R.
+    reference (8,): velocity east, north, up; the normal of the ellipsoid in e; the height; above 0
+    where the place is known. Else the axes of the velocity are those of the computed place: right
+    to (reference velocity) x (position error) tan L / R.
     """
-    level = px * px + py * py  # north in l is p / cos L
-    v0, v1 = reference[0], reference[1]
-    if level > 0.0:
-        unit = 1.0 / math.sqrt(level)
-        v0, v1 = unit * (v0 * py + v1 * px), unit * (v1 * py - v0 * px)
-    z[0], z[1], z[2] = x[4] - v0, x[5] - v1, x[6] - reference[2]
     # C_le n, the normal there seen here: (0, 0, 1) where both are one.
     a, b, c, d = x[7], -x[8], -x[9], -x[10]
     n0, n1, n2 = reference[3], reference[4], reference[5]
     y0 = 2.0 * (c * n2 - d * n1)
     y1 = 2.0 * (d * n0 - b * n2)
     y2 = 2.0 * (b * n1 - c * n0)
-    t0 = -(n0 + a * y0 + c * y2 - d * y1)
-    t1 = -(n1 + a * y1 + d * y0 - b * y2)
+    n0 += a * y0 + c * y2 - d * y1
+    n1 += a * y1 + d * y0 - b * y2
+    n2 += a * y2 + b * y1 - c * y0
     # Arcs along and across the meridian: R = N + h, and M + h along (px, py).
     big = 1.0 / c0
-    shrink = -c1 / (c0 * (c0 + c1 * level))
-    along = shrink * (t0 * px + t1 * py)
-    z[3] = big * t0 + along * px
-    z[4] = big * t1 + along * py
+    shrink = -c1 / (c0 * (c0 + c1 * (px * px + py * py)))
+    along = shrink * (n0 * px + n1 * py)
+    z[3] = -big * n0 - along * px
+    z[4] = -big * n1 - along * py
     z[5] = x[11] - reference[6]
+    if not reference[7] > 0.0:
+        n0, n1, n2 = 0.0, 0.0, 1.0
+    # North is what of the Earth's axis is level, over cos L.
+    up = px * n0 + py * n1 + pz * n2
+    p0, p1, p2 = px - up * n0, py - up * n1, pz - up * n2
+    level = p0 * p0 + p1 * p1 + p2 * p2
+    v0, v1, v2 = reference[0], reference[1], reference[2]
+    unit = 1.0 / math.sqrt(level) if level > 0.0 else 0.0
+    v0, v1 = v0 * unit, v1 * unit
+    z[0] = x[4] - v0 * (p1 * n2 - p2 * n1) - v1 * p0 - v2 * n0
+    z[1] = x[5] - v0 * (p2 * n0 - p0 * n2) - v1 * p1 - v2 * n1
+    z[2] = x[6] - v0 * (p0 * n1 - p1 * n0) - v1 * p2 - v2 * n2
 
 
 @inlined
@@ -321,38 +337,53 @@ def correct(x, X, c0, c1, px, py, d):
     shift(x, c0, c1, px, py, d)
 
 
+@kernel
+def corrected(states, errors):
+    """Return states (m, 12) with errors (m, 9 or more) taken out of each."""
+    out = states.copy()
+    d = np.empty(3)
+    for k in range(out.shape[0]):
+        px, py, pz = axis_of_earth(out[k])
+        c0, c1, _ = curvature(pz, out[k, 11])
+        correct(out[k], errors[k], c0, c1, px, py, d)
+    return out
+
+
 @inlined
-def set_to_reference(x, P, X, z, restart_sd, c0, c1, px, py, d):
-    """Set velocity and position to the reference, as known as `restart_sd` says, and no more."""
+def set_to_reference(x, P, Phi, X, z, sd, c0, c1, px, py, d):
+    """Set velocity and position to the reference, where it has an sd, as known as that says.
+
+    They forget how they went with the rest: nothing of it is left in the transition Phi either.
+    """
     n = P.shape[0]
-    for r in range(3):
+    for r in range(9):
         X[r] = 0.0
-        X[3 + r] = z[r]
-        X[6 + r] = z[3 + r]
+    for r in range(6):
+        if sd[r] < np.inf:
+            X[3 + r] = z[r]
+            for j in range(n):
+                Phi[3 + r, j] = P[3 + r, j] = P[j, 3 + r] = 0.0
+            P[3 + r, 3 + r] = sd[r] ** 2
     correct(x, X, c0, c1, px, py, d)
-    for r in range(3, 9):
-        for j in range(n):
-            P[r, j] = P[j, r] = 0.0
-        P[r, r] = restart_sd[0 if r < 6 else 1] ** 2
 
 
 @kernel
 def ins_filter(
-    dtheta, dvel, dt, joined, first, x0, estimate0, P0, q, decay,
+    dtheta, dvel, dt, left, right, first, x0, estimate0, P0, q, decay,
     coefficient, axis, entry, weight, gyros, most,
-    epochs, reference, sd, gate, restart, restart_sd, g_offset, held, keep_Phi, keep_P,
+    epochs, reference, sd, gate, restart, g_offset, held, keep_Phi, keep_P,
 ):  # fmt: skip
     """Navigate from row first, correcting at the epochs.
 
-    Parameters: dtheta, dvel (n, 3), dt, joined (n,) as `strapdown`; x0 (12,) state, estimate0 (p,)
+    Parameters: dtheta, dvel (n, 3), dt, left, right (n,) as `strapdown`; x0 (12,) state, estimate0 (p,)
     coefficients, P0 (9 + p, 9 + p) their covariance; q (9 + p,) white noise [unit^2/s]; decay (p,)
     1 / correlation time [1/s]; terms: coefficient, axis, entry (t,), weight (t,), those of the
     first `gyros` coefficients act on gyros, the others on accelerometers; most: largest entry;
-    epochs (m,) rows that rise; reference (m, 7) of `differences`; sd (m, 6) of velocity and
+    epochs (m,) rows that rise; reference (m, 8) of `differences`; sd (m, 6) of velocity and
     position in l, infinite where nothing is measured; gate: innovations beyond so many sds are
-    left out; restart (m,): there position and velocity are set to the reference first, as known to
-    restart_sd (2,); held: height stays; keep_Phi, keep_P: whether transitions and covariances are
-    kept.
+    left out; restart (m,): there velocity and position are set to the reference, as known as sd
+    says, and that is all that is taken in; held: height stays; keep_Phi, keep_P: whether
+    transitions and covariances are kept.
 
     Returns states (m, 12), coefficients (m, p), sds (m, 9 + p), innovations and their variances
     (m, 6) (NaN where none), corrections X (m, 9 + p), transitions (m, 9, 9 + p), covariances before
@@ -392,6 +423,9 @@ def ins_filter(
     s = np.empty(INPUTS)
     u = np.empty(6)
     before = np.empty(6)
+    after = np.zeros(6)
+    later = np.empty(INPUTS)
+    bend = np.empty(6)
     mid = np.empty(10)
     z = np.empty(6)
     d = np.empty(3)
@@ -404,18 +438,27 @@ def ins_filter(
             value[t] = weight[t] * estimate[coefficient[t]]
         begin(wide, slot)
         T = 0.0
+        if i < epochs[k]:  # with the coefficients as they are now
+            compensated(dtheta[i + 1], dvel[i + 1], dt[i + 1], axis, entry, value, most, w, s, u)
         while i < epochs[k]:
             i += 1
-            compensated(dtheta[i], dvel[i], dt[i], axis, entry, value, most, w, s, u)
-            share = weight_before(dt[i], dt[i - 1]) if joined[i] else 0.0
-            q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
-            step(x, u, before, dt[i], share, g_offset, held, mid)
+            if i + 1 < dt.size:
+                compensated(
+                    dtheta[i + 1], dvel[i + 1], dt[i + 1], axis, entry, value, most, w, later, after
+                )
             for c in range(6):
-                before[c] = u[c]
+                bend[c] = left[i] * before[c] if left[i] != 0.0 else 0.0
+                bend[c] += right[i] * after[c] if right[i] != 0.0 else 0.0
+            q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
+            step(x, u, bend, dt[i], g_offset, held, mid)
             middle(q0, q1, q2, q3, x, C)
             excite(wide, s, dt[i], 3 + gyros, n - 3 - gyros, place, entry, weight)
             carry(wide, 3 + gyros, n - 3 - gyros, C, dt[i], mid)
+            if held:
+                hold(wide, slot, mid[9], x[4], x[5])
             T += dt[i]
+            before, u, after = u, after, before
+            s, later = later, s
         gather(wide, slot, Phi)
         for j in range(p):
             keep[j] = math.exp(-T * decay[j]) if decay[j] > 0.0 else 1.0
@@ -423,11 +466,9 @@ def ins_filter(
         propagate(P, Phi, M, keep, q, T, n)
         px, py, pz = axis_of_earth(x)
         c0, c1, _ = curvature(pz, x[11])
-        differences(x, reference[k], c0, c1, px, py, z)
+        differences(x, reference[k], c0, c1, px, py, pz, z)
         if restart[k]:
-            set_to_reference(x, P, X, z, restart_sd, c0, c1, px, py, d)
-            px, py, pz = axis_of_earth(x)
-            differences(x, reference[k], c0, c1, px, py, z)
+            set_to_reference(x, P, Phi, X, z, sd[k], c0, c1, px, py, d)
         if keep_P:
             for a in range(n):
                 for b in range(n):
@@ -439,7 +480,7 @@ def ins_filter(
         for j in range(n):
             X[j] = 0.0
         for r in range(6):
-            if sd[k, r] < np.inf:
+            if sd[k, r] < np.inf and not restart[k]:
                 e, S = update(P, X, K, n, 3 + r, z[r], sd[k, r] ** 2, gate)
                 innovation[k, r] = e
                 variance[k, r] = S

@@ -8,11 +8,12 @@ the position. A state x (12,) is::
     x[7:11] quaternion of C_el        x[11]   height [m]
 
 The third row of C_el is the Earth's axis p in l; all the Earth does to the motion depends on p and
-the height. With theta, dv the increments of one interval and ' those of the one before (linear
-rates over both), k = dt^2 / (6 dt' (dt + dt'))::
+the height. With theta, dv the increments of one interval, ' and '' those of the ones before and
+after it, k' = dt^2 / (6 dt' (dt + dt')) and k'' likewise (1/12 where all are equal)::
 
-    phi = theta + k theta' x theta                                                 (coning)
-    u   = dv + c1 theta x dv + c2 theta x (theta x dv) + k (theta' x dv + dv' x theta)  (sculling)
+    b   = (k' theta' - k'' theta'') / 2,   c likewise of dv      (k' theta' or -k'' theta'' at an end)
+    phi = theta + b x theta                                                        (coning)
+    u   = dv + c1 theta x dv + c2 theta x (theta x dv) + b x dv + c x theta        (sculling)
     c1  = (1 - cos a) / a^2, c2 = (a - sin a) / a^3, a = |theta|:  1/2 and 1/6 for small angles
     v  += (I - zeta x / 2) C_lb u + dt (g - (2 w_ie + w_el) x v)      zeta = dt (w_ie + w_el)
     C_lb = Exp(-zeta) C_lb Exp(phi),    C_el = C_el Exp(dt w_el)
@@ -112,18 +113,17 @@ def transport(c0, c1, px, py, vx, vy):
 
 
 @inlined
-def step(x, u, before, dt, k, g_offset, held, mid):
+def step(x, u, bend, dt, g_offset, held, mid):
     """Carry the state x over one interval, in place.
 
-    Parameters: u (6,) increments of angle and velocity; before (6,) those of the interval before,
-    k the factor of the module's text (0: none); g_offset real minus normal gravity; held: height
-    and vertical velocity stay. Fills mid (12,): velocity increment of the specific force in l (3),
-    w_ie (3), w_el (2), gravity, c0, and sin and cos of half the latitude's complement left out.
+    Parameters: u (6,) increments of angle and velocity; bend (6,) b and c of the module's text;
+    g_offset real minus normal gravity; held: height and vertical velocity stay. Fills mid (10,):
+    velocity increment of the specific force in l (3), w_ie (3), w_el (2), gravity, c0.
     """
     t0, t1, t2 = u[0], u[1], u[2]
     d0, d1, d2 = u[3], u[4], u[5]
-    b0, b1, b2 = before[0], before[1], before[2]
-    e0, e1, e2 = before[3], before[4], before[5]
+    b0, b1, b2 = bend[0], bend[1], bend[2]
+    e0, e1, e2 = bend[3], bend[4], bend[5]
     a2 = t0 * t0 + t1 * t1 + t2 * t2
     if a2 < 0.05:
         c1 = 0.5 - a2 * (1 / 24 - a2 * (1 / 720 - a2 * (1 / 40320)))
@@ -135,9 +135,9 @@ def step(x, u, before, dt, k, g_offset, held, mid):
     x0 = t1 * d2 - t2 * d1
     x1 = t2 * d0 - t0 * d2
     x2 = t0 * d1 - t1 * d0
-    u0 = d0 + c1 * x0 + c2 * (t1 * x2 - t2 * x1) + k * (b1 * d2 - b2 * d1 + e1 * t2 - e2 * t1)
-    u1 = d1 + c1 * x1 + c2 * (t2 * x0 - t0 * x2) + k * (b2 * d0 - b0 * d2 + e2 * t0 - e0 * t2)
-    u2 = d2 + c1 * x2 + c2 * (t0 * x1 - t1 * x0) + k * (b0 * d1 - b1 * d0 + e0 * t1 - e1 * t0)
+    u0 = d0 + c1 * x0 + c2 * (t1 * x2 - t2 * x1) + b1 * d2 - b2 * d1 + e1 * t2 - e2 * t1
+    u1 = d1 + c1 * x1 + c2 * (t2 * x0 - t0 * x2) + b2 * d0 - b0 * d2 + e2 * t0 - e0 * t2
+    u2 = d2 + c1 * x2 + c2 * (t0 * x1 - t1 * x0) + b0 * d1 - b1 * d0 + e0 * t1 - e1 * t0
     # The specific force in l, attitude of the beginning.
     q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
     y0 = 2.0 * (q2 * u2 - q3 * u1)
@@ -159,18 +159,18 @@ def step(x, u, before, dt, k, g_offset, held, mid):
     c0, c1, g = curvature(pz, h + 0.5 * dt * v2)
     g += g_offset
     i0, i1, i2 = W_IE * px, W_IE * py, W_IE * pz
-    # Velocity at the middle, from that of the beginning.
-    w0, w1 = transport(c0, c1, px, py, v0, v1)
-    o0, o1, o2 = 2.0 * i0 + w0, 2.0 * i1 + w1, 2.0 * i2
-    n0 = v0 + 0.5 * (f0 - dt * (o1 * v2 - o2 * v1))
-    n1 = v1 + 0.5 * (f1 - dt * (o2 * v0 - o0 * v2))
-    n2 = v2 + 0.5 * (f2 - dt * (g + o0 * v1 - o1 * v0))
+    # Velocity at the middle. On the same sphere o turns it, and the force that grows with it.
+    o0, o1, o2 = dt * i0 + m0, dt * i1 + m1, dt * i2
+    s0, s1, s2 = v0 + 0.25 * f0, v1 + 0.25 * f1, v2 + 0.25 * f2
+    n0 = v0 + 0.5 * f0 - (o1 * s2 - o2 * s1)
+    n1 = v1 + 0.5 * f1 - (o2 * s0 - o0 * s2)
+    n2 = v2 + 0.5 * (f2 - dt * g) - (o0 * s1 - o1 * s0)
     if held:
         n2 = 0.0
     w0, w1 = transport(c0, c1, px, py, n0, n1)
     z0, z1, z2 = 0.5 * dt * (i0 + w0), 0.5 * dt * (i1 + w1), 0.5 * dt * i2
     f0, f1, f2 = f0 - z1 * f2 + z2 * f1, f1 - z2 * f0 + z0 * f2, f2 - z0 * f1 + z1 * f0
-    o0, o1 = 2.0 * i0 + w0, 2.0 * i1 + w1
+    o0, o1, o2 = 2.0 * i0 + w0, 2.0 * i1 + w1, 2.0 * i2
     n0, n1, n2 = (
         v0 + f0 - dt * (o1 * n2 - o2 * n1),
         v1 + f1 - dt * (o2 * n0 - o0 * n2),
@@ -180,7 +180,7 @@ def step(x, u, before, dt, k, g_offset, held, mid):
         n2 = 0.0
     # Frame l turns little: the series of its rotation needs no more terms.
     p0, p1, p2, p3 = rotation(
-        t0 + k * (b1 * t2 - b2 * t1), t1 + k * (b2 * t0 - b0 * t2), t2 + k * (b0 * t1 - b1 * t0)
+        t0 + b1 * t2 - b2 * t1, t1 + b2 * t0 - b0 * t2, t2 + b0 * t1 - b1 * t0
     )
     a0, a1, a2, a3 = (
         q0 + z0 * q1 + z1 * q2 + z2 * q3,
@@ -203,20 +203,14 @@ def step(x, u, before, dt, k, g_offset, held, mid):
     mid[6], mid[7], mid[8], mid[9] = w0, w1, g, c0
 
 
-@inlined
-def weight_before(dt, before):
-    """Return the factor k of the interval before, 0 where there is none to go by."""
-    if dt == before:  # saves a division
-        return 1 / 12
-    return dt * dt / (6.0 * before * (dt + before)) if before > 0.0 else 0.0
-
-
 @kernel
-def strapdown(dtheta, dvel, dt, joined, first, last, x0, g_offset, vertical, heights, gains):
+def strapdown(
+    dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical, heights, gains
+):
     """Navigate over the rows first + 1 .. last, or from first back to last.
 
-    Parameters: dtheta, dvel (n, 3) increments [rad], [m/s] over dt (n,) [s]; joined (n,): whether
-    the row before is what went before it, so that coning and sculling may be taken from both;
+    Parameters: dtheta, dvel (n, 3) increments [rad], [m/s] over dt (n,) [s]; left, right (n,):
+    what the rows before and after count for in b and c of the module's text;
     x0 (12,) the state at the end of row first; g_offset [m/s^2]; vertical FREE, HELD or AIDED;
     heights (n,) at the ends of the rows [m], NaN where unknown, (0,) unless AIDED; gains (3,) of
     the height loop [1/s, 1/s^2, 1/s^3].
@@ -232,46 +226,46 @@ def strapdown(dtheta, dvel, dt, joined, first, last, x0, g_offset, vertical, hei
         x[6] = 0.0
     y = np.empty(12)
     u = np.empty(6)
-    before = np.empty(6)
+    bend = np.empty(6)
     mid = np.empty(10)
     out[0] = x
     lift = 0.0  # what the height loop has found the vertical specific force to be wrong by
+    since = 0.0  # how long ago a height was known, as far as the loop would not overshoot
     for j in range(steps):
         i = first + 1 + j if last > first else first - j
         for c in range(3):
             u[c] = dtheta[i, c]
             u[3 + c] = dvel[i, c]
-        k = 0.0
-        if i > 0 and joined[i]:
-            k = weight_before(dt[i], dt[i - 1])
-            for c in range(3):
-                before[c] = dtheta[i - 1, c]
-                before[3 + c] = dvel[i - 1, c]
-        else:
-            before[:] = 0.0
+        k0, k1 = left[i], right[i]
+        # Zero times a bad row would be bad too.
+        before, after = i - (k0 != 0.0), i + (k1 != 0.0)
+        for c in range(3):
+            bend[c] = k0 * dtheta[before, c] + k1 * dtheta[after, c]
+            bend[3 + c] = k0 * dvel[before, c] + k1 * dvel[after, c]
         if last > first:
-            step(x, u, before, dt[i], k, g_offset + lift, held, mid)
+            step(x, u, bend, dt[i], g_offset + lift, held, mid)
         else:
-            step_back(x, y, u, before, dt[i], k, g_offset + lift, held, mid)
+            step_back(x, y, u, bend, dt[i], g_offset + lift, held, mid)
         if vertical == AIDED:
             e = heights[i if last > first else i - 1] - x[11]
+            since = min(since + dt[i], 1.0 / gains[0])
             if e == e:
-                sense = dt[i] if last > first else -dt[i]
-                x[11] += gains[0] * e * dt[i]
-                x[6] += gains[1] * e * sense
-                lift -= gains[2] * e * dt[i]
+                x[11] += gains[0] * e * since
+                x[6] += gains[1] * e * (since if last > first else -since)
+                lift -= gains[2] * e * since
+                since = 0.0
         for c in range(12):  # faster than a slice
             out[j + 1, c] = x[c]
     return out
 
 
 @inlined
-def step_back(x, y, u, before, dt, k, g_offset, held, mid):
+def step_back(x, y, u, bend, dt, g_offset, held, mid):
     """Replace x by the state that `step` carries into x; y (12,) is scratch."""
     target = x.copy()
     for _ in range(5):
         y[:] = x
-        step(y, u, before, dt, k, g_offset, held, mid)
+        step(y, u, bend, dt, g_offset, held, mid)
         for at in (0, 7):  # q <- (target y^-1) q
             c0, c1, c2, c3 = product(
                 target[at], target[at + 1], target[at + 2], target[at + 3],

@@ -9,6 +9,7 @@ values the integral of the cubic through four samples is taken::
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -79,6 +80,11 @@ class Increments:
             self.joined[rows], self.findings,
         )  # fmt: skip
 
+    @cached_property
+    def bends(self) -> tuple[FloatArray, FloatArray]:
+        """What the rows before and after count for in coning and sculling, see `bend_weights`."""
+        return bend_weights(self.dt, self.joined)
+
     def row_at(self, time: float) -> int:
         """Return the row whose interval ends nearest to a time.
 
@@ -135,6 +141,32 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     joined = ~(gap | np.roll(gap, 1))
     joined[0] = False
     return Increments(log.time, dt, total[:, :3].copy(), total[:, 3:].copy(), joined, found)
+
+
+def bend_weights(
+    dt: FloatArray, joined: npt.NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the weights k'/2 and -k''/2 of the rows before and after, shape (n,) each [1].
+
+    With a rate that changes linearly over an interval and one beside it, ``dt^3 / 12 w x w'`` is
+    ``k theta' x theta``, ``k = dt^2 / (6 dt' (dt + dt'))``. The mean of both sides is free of the
+    error that one side has where the rate is not linear; where one is missing the other counts.
+
+    Parameters
+    ----------
+    dt : ndarray, shape (n,)
+        Lengths of the intervals [s].
+    joined : ndarray of bool, shape (n,)
+        Whether each goes on where the one before ended.
+    """
+    left, right = np.zeros(len(dt)), np.zeros(len(dt))
+    both = joined[1:]
+    left[1:] = np.where(both, dt[1:] ** 2 / (6 * dt[:-1] * (dt[:-1] + dt[1:])), 0.0)
+    right[:-1] = np.where(both, -(dt[:-1] ** 2) / (6 * dt[1:] * (dt[:-1] + dt[1:])), 0.0)
+    inner = (left != 0) & (right != 0)
+    left[inner] *= 0.5
+    right[inner] *= 0.5
+    return left, right
 
 
 def _lengths(time: FloatArray) -> FloatArray:

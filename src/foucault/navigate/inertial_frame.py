@@ -183,7 +183,7 @@ def _epochs(
         raise error("alignment.too_short", given=f"{dt.sum():.4g}", least=f"{FEWEST * EPOCH:g}")
     rows = slice(len(dt) - m * per, len(dt))  # the window ends where it was asked to
     part, dt = increments[rows], dt[rows]
-    C, v = from_start(part.dtheta_b, part.dvel_b, dt, part.joined)
+    C, v = from_start(part.dtheta_b, part.dvel_b, *part.bends)
     end = np.cumsum(dt)
     if velocity_n is None:
         V = gravity_velocity(end, latitude, site.gravity)

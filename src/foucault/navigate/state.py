@@ -84,6 +84,10 @@ class State:
         ])  # fmt: skip
 
     def _check(self) -> None:
+        shapes = np.shape(self.velocity_n), np.shape(self.C_nb)
+        if shapes != ((3,), (3, 3)):
+            raise error("strapdown.state", what="velocity_n and C_nb", given=f"of shapes {shapes}",
+                        allowed="of shapes ((3,), (3, 3))")  # fmt: skip
         numbers = np.concatenate([
             [self.latitude, self.longitude, self.height], self.velocity_n, np.ravel(self.C_nb)
         ])  # fmt: skip

@@ -168,30 +168,35 @@ def navigate(
     rate = 1.0 / HEIGHT_LOOP
     gains = np.array([3 * rate, 3 * rate**2 + 2 * 9.8 / 6.4e6, rate**3])
     history = strapdown(
-        increments.dtheta_b, increments.dvel_b, increments.dt, increments.joined, first, end,
+        increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, first, end,
         state.packed(), gravity_offset, VERTICAL[vertical], aid, gains,
     )  # fmt: skip
     rows = np.arange(first, end + 1) if end >= first else np.arange(first, end - 1, -1)
-    require_finite(history, increments.time[rows], rows)
+    require_finite(history, increments, rows)
     return Trajectory(increments.time[rows], history)
 
 
-def require_finite(history: FloatArray, time: FloatArray, rows: npt.NDArray[np.int64]) -> None:
-    """Refuse states that are not finite.
+def require_finite(
+    history: FloatArray, increments: Increments, rows: npt.NDArray[np.int64]
+) -> None:
+    """Refuse states that are not finite; the sample that made them so is named.
 
     Parameters
     ----------
     history : ndarray, shape (m, 12)
         States [SI].
-    time : ndarray, shape (m,)
-        When they hold [s].
+    increments : Increments
+        What they were made of.
     rows : ndarray of int, shape (m,)
-        Their rows in the log [1].
+        The rows at whose ends they hold [1].
     """
     if np.isfinite(history[-1]).all():  # what is not finite stays so
         return
-    bad = int(np.argmin(np.isfinite(history).all(axis=1)))
-    raise error("strapdown.not_finite", row=int(rows[bad]), time=plain(float(time[bad]), 9))
+    state = int(rows[np.argmin(np.isfinite(history).all(axis=1))])
+    both = np.isfinite(increments.dtheta_b).all(axis=1) & np.isfinite(increments.dvel_b).all(axis=1)
+    bad = np.flatnonzero(~both)  # a row shows in the ones beside it too
+    row = int(bad[np.argmin(np.abs(bad - state))]) if len(bad) else state
+    raise error("strapdown.not_finite", row=row, time=plain(float(increments.time[row]), 9))
 
 
 def _heights(heights: FloatArray | None, n: int) -> FloatArray:

@@ -40,6 +40,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "An unknown word for the vertical channel",
      "vertical = '{given}' is not known.{hint}",
      "Use one of: {allowed}."),
+    ("strapdown.measurements", "error",
+     "Measurements, or a start, that a filter cannot take in",
+     "The filter cannot run: {what}.",
+     "Give rows that rise, one velocity, position and standard deviation for each (infinite where "
+     "nothing is measured), finite variances for all states and positive times."),
     ("strapdown.not_finite", "error",
      "Navigation that runs into numbers that are not finite",
      "The state is not finite from row {row} on, {time} s.",

@@ -1,0 +1,108 @@
+"""The error-state filter, compiled and as plain Python, against its dense twin."""
+
+from __future__ import annotations
+
+import sys
+from types import FunctionType
+
+import numpy as np
+import pytest
+
+import reference
+from foucault.estimate import ins_filter
+from foucault.kernels import ins_filter as module
+from foucault.models.geodesy import displaced
+from foucault.models.ins_errors import Sensors
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate.state import matrix_of, quaternion_of
+from foucault.plans.manoeuvres import Start
+from make_ins import DEG, FLIGHT, errors, increments, made, off, unit
+
+NOISE = ImuNoise(accel=TriadNoise(white=1e-4), gyro=TriadNoise(white=1e-6))
+
+
+def _plain(name, known):
+    """Return the names of a module with every kernel in plain Python, those that it calls too."""
+    if name in known:
+        return known[name]
+    out = known[name] = dict(vars(sys.modules[name]))
+    for key, thing in list(out.items()):
+        if hasattr(thing, "py_func"):
+            f = thing.py_func
+            out[key] = FunctionType(f.__code__, _plain(f.__module__, known), key)
+    return out
+
+
+def unpacked(x):
+    return matrix_of(x[:4]), x[4:7], matrix_of(x[7:11]), x[11]
+
+
+def packed(state):
+    C, v, E, h = state
+    return np.concatenate([quaternion_of(C), v, quaternion_of(E), [h]])
+
+
+def case(names, samples, every, latitude=48.0, speed=250.0, seed=3, scale=1.0):
+    """A flight with wrong start and sensors, measured by velocity, position, height, or nothing."""
+    rng = np.random.default_rng(seed)
+    motion, time, state = made(
+        FLIGHT, Start(latitude * DEG, 0.3, 900.0, 0.7, 0.05, -0.1, speed), headings="start"
+    )
+    first = 600
+    time = time[first : first + samples]
+    truth = motion.trajectory(time)
+    log = increments(motion, time)
+    sensors = Sensors.of(names)
+    sd = scale * np.concatenate([
+        [1e-5] * 2, [1e-4], [1e-3] * 3, [0.1] * 3, [unit(n) for n in sensors.layout.names]
+    ])  # fmt: skip
+    root = np.eye(len(sd)) + 0.3 * rng.standard_normal((len(sd), len(sd))) / np.sqrt(len(sd))
+    P0 = sd[:, None] * root @ root.T * sd
+    state = off(truth.state(0), sd[:9] * rng.standard_normal(9))
+    rows = np.arange(every, samples, every)
+    updates = ins_filter.Updates.none(rows)
+    shaken = 1e-3 * scale * rng.standard_normal((len(rows), 3))
+    updates.velocity_n[:] = truth.velocity_n[rows] + shaken
+    d = 0.1 * scale * rng.standard_normal((len(rows), 3))
+    place = displaced(truth.latitude[rows], truth.longitude[rows], truth.height[rows], d)
+    updates.position[:] = np.stack(place, axis=-1)
+    updates.sd[0::4, :3] = 1e-3 * scale
+    updates.sd[1::4, 3:] = 0.1 * scale
+    updates.sd[2::4, 5] = 0.1 * scale
+    updates.sd[0::8, 3:] = 0.1 * scale
+    return log, state, sensors, updates, P0
+
+
+@pytest.mark.parametrize("form", ["compiled", "python"])
+@pytest.mark.parametrize(
+    ("names", "latitude"),
+    [(("gyro", "accel"), 48.0), (("accel.bias.y", "gyro.scale"), 89.0), ((), -30.0),
+     (("accel",), -30.0), (("gyro.bias",), 10.0)],
+)  # fmt: skip
+def test_it_is_the_dense_filter(monkeypatch, form, names, latitude):
+    n, every = (400, 25) if form == "compiled" else (24, 4)
+    log, state, sensors, updates, P0 = case(names, n, every, latitude)
+    if form == "python":
+        monkeypatch.setattr(ins_filter, "ins_filter", _plain(module.__name__, {})["ins_filter"])
+    estimate = 0.3 * np.array([unit(name) for name in sensors.layout.names])
+    walk = {"gyro.bias": 1e-9} if "gyro.bias.x" in sensors.layout else {}
+    found = ins_filter.run(
+        log, state, sensors, updates, P0, NOISE, estimate=estimate, wander=walk,
+        gravity_offset=3e-4,
+    )  # fmt: skip
+    q = np.zeros(len(P0))
+    q[:3], q[3:6] = NOISE.gyro.white**2, NOISE.accel.white**2
+    for name, value in walk.items():
+        q[9 + sensors.layout.group(name)] = value**2
+    epochs = list(zip(updates.rows, updates.velocity_n, updates.position, updates.sd, strict=True))
+    end, twin, P, nis = reference.ins_filter(
+        log, unpacked(state.packed()), sensors, epochs, P0, q, estimate, 3e-4
+    )
+    # The kernel adds its transition up to second order in the turn of an interval, 1e-3 rad here.
+    sd = np.sqrt(np.diag(P))
+    assert np.max(np.abs(found.cov - P) / np.outer(sd, sd)) < 1e-5
+    e = errors(found.trajectory.history[-1:], packed(end)[None])[0]
+    assert np.max(np.abs(e) / sd[:9]) < 1e-3
+    assert np.max(np.abs(found.coefficients[-1] - twin) / sd[9:], initial=0.0) < 1e-3
+    np.testing.assert_allclose(found.nis, nis, rtol=0, atol=2e-3)
+    assert np.ptp(found.measured) == 6 and not found.measured[3]
