@@ -163,6 +163,21 @@ DETECTION = (
 """How the rests were found, thinned out for a figure."""
 
 
+TRAJECTORY = (
+    Column("time", "s", "time, of the log's clock"),
+    Column("latitude", "rad", "geodetic latitude, positive north"),
+    Column("longitude", "rad", "longitude, positive east"),
+    Column("height", "m", "height above the ellipsoid"),
+    *(Column(f"velocity_{a}", "m/s", f"velocity {a} relative to the Earth")
+      for a in ("east", "north", "up")),
+    Column("heading", "rad", "heading, clockwise from north, 0 to 2 pi"),
+    Column("pitch", "rad", "pitch, nose up"),
+    Column("roll", "rad", "roll, right side down"),
+    *(Column(a, "m", f"straight line from the start, {a}") for a in ("east", "north", "up")),
+)  # fmt: skip
+"""A navigated trajectory."""
+
+
 @dataclass(frozen=True)
 class TableColumns:
     """What a log says about the table that the instrument stood on.

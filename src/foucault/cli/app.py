@@ -12,10 +12,12 @@ import typer
 from typer.core import TyperGroup
 
 from foucault.cli import (
+    align,
     allan,
     campaigns,
     export,
     fleet,
+    navigate,
     north,
     optimise,
     plans,
@@ -109,8 +111,8 @@ def _program(
 
 
 for _module in (
-    campaigns, plans, preflight, optimise, sessions, results, fleet, north, allan, study, export,
-    watch,
+    campaigns, plans, preflight, optimise, sessions, results, fleet, north, align, navigate,
+    allan, study, export, watch,
 ):  # fmt: skip
     _module.add_to(app)
 

@@ -76,18 +76,22 @@ def _conclude(screen: Screen, result: Result, folder: Path, **more: Any) -> None
 
 def report(
     ctx: typer.Context,
-    folder: Annotated[Path, typer.Argument(help="A run folder, or that of `north` or `optimise`.")],
+    folder: Annotated[
+        Path, typer.Argument(help="A run folder, or that of `north`, `navigate` or `optimise`.")
+    ],
 ) -> None:
     """Write the report again from what the run folder holds."""
     from foucault import report as reports
-    from foucault.campaign import found, north_folder, optimisation
-    from foucault.report import north
+    from foucault.campaign import found, navigation_folder, north_folder, optimisation
+    from foucault.report import navigation, north
     from foucault.report import optimisation as search
     from foucault.run_folder import REPORT_FILE
 
     screen: Screen = ctx.obj
     if (folder / north_folder.NORTH_FILE).is_file():
         file = north.write(north_folder.load(folder), folder / REPORT_FILE)
+    elif (folder / navigation_folder.NAVIGATION_FILE).is_file():
+        file = navigation.write(navigation_folder.load(folder), folder / REPORT_FILE)
     elif (folder / optimisation.ASKED_FILE).is_file():
         file = search.write(found.load(folder), folder / REPORT_FILE)
     else:

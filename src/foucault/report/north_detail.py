@@ -343,13 +343,14 @@ def twice(setup: Setup) -> str:
 
 def checks(setup: Setup) -> Section | None:
     """Every test that the verdict rests on."""
-    rows = [_check(c) for c in setup.said["checks"]]
+    rows = [check_of(c) for c in setup.said["checks"]]
     if not rows:
         return None
     return Section("Checks", "Every test that the verdict rests on.", [check_table(tuple(rows))])
 
 
-def _check(said: Mapping[str, Any]) -> Check:
+def check_of(said: Mapping[str, Any]) -> Check:
+    """Return a check of a document."""
     value = math.nan if said["value"] is None else float(said["value"])
     return Check(**(dict(said) | {"value": value, "fails": Level(said["fails"])}))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from foucault.symptoms import (
+    alignment,
     allan,
     campaign,
     cluster,
@@ -17,6 +18,8 @@ from foucault.symptoms import (
     faces,
     fleet,
     logs,
+    manoeuvres,
+    navigation,
     north,
     north_command,
     north_plan,
@@ -29,6 +32,7 @@ from foucault.symptoms import (
     rate_table,
     results,
     session,
+    strapdown,
     study,
     torquing,
     turntable,
@@ -51,12 +55,15 @@ SYMPTOMS: dict[str, Symptom] = {
     row[0]: Symptom(*row)
     for row in sorted(
         (
+            *alignment.ROWS,
             *allan.ROWS,
             *campaign.ROWS,
             *cluster.ROWS,
             *export.ROWS,
             *fleet.ROWS,
             *logs.ROWS,
+            *manoeuvres.ROWS,
+            *navigation.ROWS,
             *north.ROWS,
             *north_command.ROWS,
             *north_plan.ROWS,
@@ -66,6 +73,7 @@ SYMPTOMS: dict[str, Symptom] = {
             *optimise.ROWS,
             *results.ROWS,
             *session.ROWS,
+            *strapdown.ROWS,
             *turntable.ROWS,
             *platform_tumble.ROWS,
             *preflight.ROWS,

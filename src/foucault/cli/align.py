@@ -1,0 +1,208 @@
+"""The command that aligns a log at rest: align."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foucault.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from foucault.procedures.alignment import Comparison
+
+_WORDS = {
+    "inertial_frame": "inertial frame",
+    "kalman": "Kalman, zero velocity",
+    "two_vector": "two vectors",
+    "two_position": "two positions",
+}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command of this module to the program."""
+    app.command(
+        "align",
+        epilog="Examples: foucault align static.csv --latitude '47.3 deg' --gyro-bias-sd "
+        "'0.01 deg/h'; foucault align session/campaign.toml --rest '0 s to 300 s' --rest "
+        "'360 s to 660 s'. Exit code 0: north is seen; 3: something is doubtful.",
+    )(align)
+
+
+def align(
+    ctx: typer.Context,
+    log: Annotated[
+        Path,
+        typer.Argument(help="Campaign file, or a log of ours or one whose titles give the units."),
+    ],
+    calibration: Annotated[
+        Path | None, typer.Option(help="Run folder or result.json of `foucault calibrate`.")
+    ] = None,
+    latitude: Annotated[
+        str | None, typer.Option(help='Latitude of the site, such as "47.3 deg".')
+    ] = None,
+    height: Annotated[str | None, typer.Option(help='Height, such as "430 m".')] = None,
+    gravity: Annotated[
+        str | None, typer.Option(help='Local gravity, such as "9.8072 m/s^2".')
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option("--from", help='Start of the rest, such as "0 s".')
+    ] = None,
+    until: Annotated[str | None, typer.Option(help='Its end, such as "300 s".')] = None,
+    rest: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='A rest, such as "0 s to 300 s"; repeat it: two rests or more at different '
+            "headings take the gyro bias out."
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="inertial_frame, kalman, two_vector or two_position; repeat for several, all "
+            "that fit if left out."
+        ),
+    ] = None,
+    gyro_bias_sd: Annotated[
+        str | None, typer.Option(help='How well the gyro biases are known, such as "0.01 deg/h".')
+    ] = None,
+    accel_bias_sd: Annotated[
+        str | None, typer.Option(help='The same of the accelerometers, such as "50 ug".')
+    ] = None,
+    gyro_noise: Annotated[
+        str | None, typer.Option(help='Angle random walk, such as "0.003 deg/sqrt(h)".')
+    ] = None,
+    accel_noise: Annotated[
+        str | None, typer.Option(help='White noise, such as "30 ug/sqrt(Hz)".')
+    ] = None,
+) -> None:
+    """Find heading, pitch and roll of a log at rest, by several methods, and how sure they are."""
+    from foucault.campaign import alignment
+    from foucault.campaign.alignment import Window
+    from foucault.campaign.navigation import Said
+    from foucault.units import parse
+
+    def si(text: str | None, kind: str, key: str) -> float | None:
+        return None if text is None else parse(text, kind, key)
+
+    screen: Screen = ctx.obj
+    site = {
+        "latitude": si(latitude, "angle", "--latitude"),
+        "height": si(height, "length", "--height"),
+        "gravity": si(gravity, "gravity", "--gravity"),
+    }
+    window = Window(
+        methods=tuple(method or ()),  # type: ignore[arg-type]  # an unknown one is refused there
+        start=si(start, "time", "--from"),
+        end=si(until, "time", "--until"),
+        rests=[_span(text) for text in rest or ()],
+        gyro_bias_sd=si(gyro_bias_sd, "angular rate", "--gyro-bias-sd"),
+        accel_bias_sd=si(accel_bias_sd, "specific force", "--accel-bias-sd"),
+    )
+    said = Said(
+        site={k: v for k, v in site.items() if v is not None},
+        gyro_white=si(gyro_noise, "angle random walk", "--gyro-noise"),
+        accel_white=si(accel_noise, "velocity random walk", "--accel-noise"),
+    )
+    with screen.progress() as tell:
+        found = alignment.run(log, said, window, calibration=calibration, progress=tell)
+    angles = ("heading (deg)", "sd", "pitch (deg)", "sd", "roll (deg)", "sd")
+    screen.table("", ("method", *angles, "window (s)"), _rows(found))
+    screen.say(*_words(found))
+    screen.findings(found.findings)
+    screen.data(_document(log, found))
+    if any(item.severity == "warning" for item in found.findings):
+        raise typer.Exit(3)
+
+
+def _span(text: str) -> tuple[float, float]:
+    """Return start and end of a rest [s]."""
+    from foucault.errors import error
+    from foucault.units import parse
+
+    ends = text.split(" to ")
+    if len(ends) != 2:
+        raise error("alignment.rest", given=text)
+    start, end = (parse(one.strip(), "time", "--rest") for one in ends)
+    return start, end
+
+
+def _rows(found: Comparison) -> list[tuple[str, ...]]:
+    import numpy as np
+
+    from foucault.coefficients import format_value
+
+    rows = []
+    for one in found.found:
+        both = zip(np.degrees(one.angles), np.degrees(one.angles_sd), strict=True)
+        cells = [text for x, sd in both for text in (format_value(x, sd), f"{sd:.2g}")]
+        rows.append((_WORDS[one.method], *cells, f"{one.start:.1f} to {one.end:.1f}"))
+    return rows
+
+
+def _words(found: Comparison) -> list[str]:
+    import numpy as np
+
+    from foucault.units import convert, plain
+
+    first = found.found[0]
+    seen, size = convert(found.rate_seen, "angular rate", "deg/h"), np.degrees(found.latitude_seen)
+    lines = [
+        f"Rate seen: {seen:.4g} deg/h (the Earth: 15.04). Latitude seen: {size:.4f} deg (given: "
+        f"{np.degrees(found.site.latitude or 0.0):.4f})."
+    ]
+    if found.gyro_bias_sd > 0:
+        bias = convert(found.gyro_bias_sd, "angular rate", "deg/h")
+        limit = np.degrees(first.azimuth_bias_sd)
+        lines.append(
+            f"A gyro bias of {plain(bias, 2)} deg/h limits the heading to {plain(limit, 2)} deg in "
+            "one position; two positions take it out."
+        )
+    else:
+        lines.append(
+            "No bias is declared (--gyro-bias-sd, or a calibration): the sds are of noise alone. "
+            f"0.01 deg/h would add {plain(_per_bias(found), 2)} deg of heading."
+        )
+    if first.disturbance_sd is not None:
+        sway = convert(float(np.mean(first.disturbance_sd)), "velocity", "m/s")
+        lines.append(f"Sway and vibration: {plain(1000 * sway, 2)} mm/s.")
+    return lines
+
+
+def _per_bias(found: Comparison) -> float:
+    import numpy as np
+
+    from foucault.models.ins_errors import azimuth_from_gyro_bias
+    from foucault.units import parse
+
+    bias = parse("0.01 deg/h", "angular rate")
+    return float(np.degrees(azimuth_from_gyro_bias(bias, found.site.latitude or 0.0)))
+
+
+def _document(path: Path, found: Comparison) -> dict[str, Any]:
+    """What `align` found, in SI."""
+    return {
+        "log": str(path),
+        "site": found.site.as_dict(),
+        "gyro_bias_sd": found.gyro_bias_sd,
+        "accel_bias_sd": found.accel_bias_sd,
+        "rate_seen": found.rate_seen,
+        "latitude_seen": found.latitude_seen,
+        "alignments": [
+            {
+                "method": one.method,
+                "start": one.start,
+                "end": one.end,
+                **dict(zip(("heading", "pitch", "roll"), one.angles.tolist(), strict=True)),
+                **dict(
+                    zip(("heading_sd", "pitch_sd", "roll_sd"), one.angles_sd.tolist(), strict=True)
+                ),
+                "C_nb": one.C_nb.tolist(),
+                "phi_cov": one.cov.tolist(),
+                "azimuth_bias_sd": one.azimuth_bias_sd,
+            }
+            for one in found.found
+        ],
+        "findings": [item.as_dict() for item in found.findings],
+    }

@@ -1,0 +1,267 @@
+"""The command that navigates a log and says what its calibration is worth: navigate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
+
+if TYPE_CHECKING:
+    from foucault.campaign.navigation_folder import NavigationRecord
+
+MOST = 8
+"""Coefficients that are listed on the screen."""
+
+_EPILOG = (
+    "Examples: foucault navigate log.csv --latitude '47.3 deg' --calibration run --align '300 s' "
+    "-o navigation; foucault navigate drive.csv --reference gnss.csv --calibration run; foucault "
+    "navigate campaign.toml --calibration run. The log begins with a rest; without --reference a "
+    "log that rests all along is compared with the known site. Titles of a reference: time (s), "
+    "latitude (deg), longitude (deg), height (m), velocity east (m/s), velocity north (m/s), "
+    "velocity up (m/s), heading (deg), pitch (deg), roll (deg). Exit code 0: passed; 3: the error "
+    "is larger than predicted; 4: the start heading is not known."
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command of this module to the program."""
+    app.command("navigate", epilog=_EPILOG)(navigate)
+
+
+def navigate(
+    ctx: typer.Context,
+    log: Annotated[
+        Path,
+        typer.Argument(help="Campaign file, a log that foucault has written, or a titled CSV."),
+    ],
+    calibration: Annotated[
+        Path | None, typer.Option(help="Run folder or result.json of `foucault calibrate`.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder to write; none if left out.")
+    ] = None,
+    align: Annotated[
+        str | None,
+        typer.Option(help='How long the start is a rest, such as "300 s"; left out: first rest.'),
+    ] = None,
+    method: Annotated[
+        Literal["inertial_frame", "two_vector", "kalman"], typer.Option(help="How it is aligned.")
+    ] = "inertial_frame",
+    latitude: Annotated[
+        str | None, typer.Option(help='Latitude of the start, such as "47.3 deg".')
+    ] = None,
+    longitude: Annotated[
+        str | None, typer.Option(help='Longitude of the start, such as "8.5 deg".')
+    ] = None,
+    height: Annotated[str | None, typer.Option(help='Height, such as "430 m".')] = None,
+    gravity: Annotated[
+        str | None, typer.Option(help='Local gravity, such as "9.8072 m/s^2".')
+    ] = None,
+    heading: Annotated[
+        str | None, typer.Option(help='Start heading, such as "90.6 deg", if gyros cannot see it.')
+    ] = None,
+    heading_sd: Annotated[
+        str | None, typer.Option(help='Its standard deviation, such as "0.1 deg".')
+    ] = None,
+    pitch: Annotated[str | None, typer.Option(help='Start pitch, such as "1.2 deg".')] = None,
+    roll: Annotated[str | None, typer.Option(help='Start roll, such as "-0.4 deg".')] = None,
+    level_sd: Annotated[
+        str | None, typer.Option(help='Standard deviation of both, such as "1 arcmin".')
+    ] = None,
+    reference: Annotated[
+        Path | None, typer.Option(help="File of positions, velocities or angles to compare with.")
+    ] = None,
+    still: Annotated[
+        bool, typer.Option("--still", help="It never left the site, though it may have turned.")
+    ] = False,
+    vertical: Annotated[
+        Literal["free", "held", "aided"] | None,
+        typer.Option(help="Vertical channel: free, held at the start, aided by reference heights."),
+    ] = None,
+    gaps: Annotated[
+        Literal["stop", "bridge"], typer.Option(help="What to do where samples are missing.")
+    ] = "stop",
+    from_: Annotated[
+        str | None, typer.Option("--from", help='Use the log from here on, such as "600 s".')
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option(help='Use the log up to here, such as "90 min".')
+    ] = None,
+    gyro_noise: Annotated[
+        str | None, typer.Option(help='Angle random walk, such as "0.003 deg/sqrt(h)".')
+    ] = None,
+    accel_noise: Annotated[
+        str | None, typer.Option(help='Velocity random walk, such as "30 ug/sqrt(Hz)".')
+    ] = None,
+    rate: Annotated[
+        str | None,
+        typer.Option(help='Rows of the written trajectory; "10 Hz" if left out.'),
+    ] = None,
+    serial: Annotated[
+        str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
+    ] = "",
+) -> None:
+    """Navigate a log with and without its calibration: what is it worth in metres?"""
+    from foucault.campaign import navigation
+    from foucault.campaign.navigation import Said
+    from foucault.procedures.navigation_settings import Settings
+
+    screen: Screen = ctx.obj
+    site = _parsed({"latitude": latitude, "longitude": longitude, "height": height,
+                    "gravity": gravity})  # fmt: skip
+    given = _parsed({"align": align, "heading": heading, "heading_sd": heading_sd, "pitch": pitch,
+                     "roll": roll, "level_sd": level_sd, "from": from_, "until": until,
+                     "rate": rate})  # fmt: skip
+    given |= {new: given.pop(old) for old, new in (("from", "start"), ("until", "end"))
+              if old in given}  # fmt: skip
+    settings = Settings(method=method, vertical=vertical, gaps=gaps, still=still, **given)
+    white = _parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
+    said = Said(site, settings, white.get("gyro_noise"), white.get("accel_noise"), serial)
+    with screen.progress() as tell:
+        found = navigation.run(log, said, calibration=calibration, reference=reference,
+                               progress=tell)  # fmt: skip
+        tell(0.95, "writing")
+        record = _kept(found, output)
+    _show(screen, record)
+    _conclude(screen, record, output)
+
+
+_KINDS = {
+    "height": "length", "gravity": "gravity", "gyro_noise": "angle random walk",
+    "accel_noise": "velocity random walk", "align": "time", "from": "time", "until": "time",
+    "rate": "frequency",
+}  # fmt: skip
+_POSITIVE = ("align", "heading_sd", "level_sd", "until", "rate", "gyro_noise", "accel_noise")
+
+
+def _parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
+    """Turn options with units into SI numbers; a mistake names its option."""
+    from foucault.campaign.mistakes import parse_at
+    from foucault.errors import error
+
+    out = {}
+    for key, text in texts.items():
+        if text is None:
+            continue
+        option = "--" + key.replace("_", "-")
+        out[key] = parse_at(option, text, _KINDS.get(key, "angle"))
+        if key in _POSITIVE and not out[key] > 0:
+            raise error("campaign.value", key=option, given=repr(text), hint="", more="",
+                        reason="it should be greater than 0")  # fmt: skip
+    return out
+
+
+def _kept(found: Any, folder: Path | None) -> NavigationRecord:
+    """Write the folder, if one is wanted."""
+    from foucault.campaign import navigation_folder
+    from foucault.report import navigation as page
+    from foucault.run_folder import REPORT_FILE
+
+    if folder is None:
+        return navigation_folder.record(found)
+    record = navigation_folder.save(found, folder)
+    page.write(record, folder / REPORT_FILE)
+    return record
+
+
+def _show(screen: Screen, record: NavigationRecord) -> None:
+    from foucault.report.navigation_detail import METHODS, Seen, half_at, minutes, number
+
+    seen, about = Seen(record), record.about
+    start = about["runs"][0]["start"]
+    sd = _degrees(float(start["covariance"][2][2]) ** 0.5)
+    screen.say(
+        f"Start: heading {_degrees(start['heading'])} ± {sd} deg, pitch "
+        f"{_degrees(start['pitch'])} deg, roll {_degrees(start['roll'])} deg "
+        f"({METHODS[start['method']]}); navigated for {minutes(about['duration'])}."
+    )
+    rows = seen.growth(0)
+    if rows:
+        both = bool(seen.growth(1))
+        titles = ["after", "horizontal (m)", *["without calibration (m)"] * both,
+                  "predicted (m)", "velocity (m/s)", "heading (deg)"]  # fmt: skip
+        others = {row["age"]: row for row in seen.growth(1)}
+        lines = []
+        for row in rows:
+            cells = [minutes(row["age"]), number(row["horizontal"])]
+            cells += [number(others.get(row["age"], {}).get("horizontal"))] * both
+            cells += [number(half_at(seen, row["age"])), number(row["velocity"])]
+            heading = row["heading"]
+            lines.append([_plain(c) for c in cells]
+                         + ["" if heading is None else _degrees(heading)])  # fmt: skip
+        screen.table("", titles, lines)
+        screen.say("Predicted: half of all such runs stay within it.")
+    _contributions(screen, seen)
+    _terms(screen, about)
+    from foucault.errors import Finding
+
+    screen.findings(Finding(**f) for f in about["findings"])
+
+
+def _contributions(screen: Screen, seen: Any) -> None:
+    """List the coefficients that were worth most."""
+    from foucault.report.navigation_detail import number
+
+    rows = seen.about["contributions"]
+    if not rows:
+        return
+    lines = [
+        (r["name"], _plain(number(r["worth"]["east"])), _plain(number(r["worth"]["north"])),
+         _plain(number(r["left"]["horizontal"])))
+        for r in rows[:MOST]
+    ]  # fmt: skip
+    titles = ("coefficient", "worth, east (m)", "north (m)", "left, sd (m)")
+    screen.table("at the end, by coefficient", titles, lines)
+    if len(rows) > MOST:
+        screen.say(f"and {len(rows) - MOST} coefficients more, see --json or -o")
+
+
+def _terms(screen: Screen, about: Mapping[str, Any]) -> None:
+    """List the terms of free inertial drift that stand out."""
+    from foucault.report.navigation_parts import UNIT
+    from foucault.units import convert, plain
+
+    terms = about["runs"][0].get("terms")
+    if terms is None:
+        return
+    lines = []
+    for row in terms["rows"]:
+        unit = UNIT[row["kind"]]
+        value, sd = (convert(row[k], row["kind"], unit) for k in ("value", "sd"))
+        alike = row["same_as"] if abs(value) > 2 * sd else ""
+        lines.append((row["name"], f"{plain(value, 3)} ± {plain(sd, 2)} {unit}", alike))
+    screen.table("terms of the error", ("term", "value", "looks like"), lines)
+
+
+def _degrees(value: float) -> str:
+    import math
+
+    from foucault.units import plain
+
+    degrees = math.degrees(value)
+    return plain(degrees, 2) if abs(degrees) < 0.01 else f"{degrees:.3f}"
+
+
+def _plain(text: str) -> str:
+    return text.replace("−", "-")
+
+
+def _conclude(screen: Screen, record: NavigationRecord, folder: Path | None) -> None:
+    """Print the verdict and where things are; end with the code of the verdict."""
+    from foucault.result import Level
+    from foucault.run_folder import REPORT_FILE
+
+    about = record.about
+    level = Level(about["verdict"])
+    screen.say("", f"verdict: {level}", style=COLOURS[level])
+    screen.say(*(f"  {reason}" for reason in about["reasons"]))
+    where = {}
+    if folder is not None:
+        where = {"folder": str(folder), "report": str(folder / REPORT_FILE)}
+        screen.say(f"Report: {where['report']}")
+    screen.data(where | dict(about))
+    raise typer.Exit(EXIT_CODES[level])

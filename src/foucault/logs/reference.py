@@ -1,0 +1,206 @@
+"""The reference that a navigation is compared with: a file of positions, velocities, angles.
+
+``time (s), latitude (deg), longitude (deg), height (m), velocity east (m/s), velocity north (m/s),
+velocity up (m/s), heading (deg), pitch (deg), roll (deg)``: time and some of the others, in any
+order, the unit in the title. A trajectory that Foucault has written is read too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault import units
+from foucault.errors import FoucaultError, error
+from foucault.files import sha256
+from foucault.logs.layout import FileLayout
+from foucault.logs.raw import RawTable, open_raw
+from foucault.logs.titles import unit_in
+
+FloatArray = npt.NDArray[np.float64]
+
+_TITLES = {
+    "time": ("time", "t", "timestamp"),
+    "latitude": ("latitude", "lat"),
+    "longitude": ("longitude", "lon", "long"),
+    "height": ("height", "altitude", "alt", "h"),
+    "velocity_east": ("velocityeast", "velocitye", "eastvelocity", "ve", "veast"),
+    "velocity_north": ("velocitynorth", "velocityn", "northvelocity", "vn", "vnorth"),
+    "velocity_up": ("velocityup", "velocityu", "upvelocity", "vu", "vup"),
+    "heading": ("heading", "yaw", "trueheading"),
+    "pitch": ("pitch",),
+    "roll": ("roll",),
+}
+"""Column -> how it may be titled, spaces and signs left out."""
+
+_KINDS = {"time": "time", "height": "length"} | dict.fromkeys(
+    ("velocity_east", "velocity_north", "velocity_up"), "velocity"
+)
+_ENDINGS = {
+    "time": {"s": "s", "ms": "ms", "us": "us"},
+    "angle": {"deg": "deg", "rad": "rad"},
+    "length": {"m": "m", "km": "km"},
+    "velocity": {"mps": "m/s", "m_s": "m/s", "ms": "m/s"},
+}
+_VELOCITY = ("velocity_east", "velocity_north", "velocity_up")
+_ANGLES = ("heading", "pitch", "roll")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What is known of a trajectory from elsewhere; None where it says nothing of it.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Time, of the same clock as the log, rising [s].
+    position : ndarray, shape (n, 3), or None
+        Latitude, longitude [rad] and height [m].
+    velocity_n : ndarray, shape (n, 3), or None
+        East, north, up; NaN where a component is not given [m/s].
+    angles : ndarray, shape (n, 3), or None
+        Heading, pitch, roll; NaN where an angle is not given [rad].
+    has_height : bool
+        Whether the heights mean something.
+    still : bool
+        It stood still at a known site all the time.
+    source : dict
+        File, sha256 and rows.
+    """
+
+    time: FloatArray
+    position: FloatArray | None = None
+    velocity_n: FloatArray | None = None
+    angles: FloatArray | None = None
+    has_height: bool = True
+    still: bool = False
+    source: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def site(cls, time: FloatArray, latitude: float, longitude: float, height: float) -> Reference:
+        """Return the reference of something that never moved.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Epochs to compare at [s].
+        latitude, longitude : float
+            Of the site [rad].
+        height : float
+            Of the site [m].
+        """
+        position = np.tile([latitude, longitude, height], (len(time), 1))
+        return cls(np.asarray(time, float), position, np.zeros((len(time), 3)), still=True)
+
+
+def read(path: str | Path) -> Reference:
+    """Read a reference; the titles of its columns carry the units.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV, spaced text or Parquet.
+
+    Raises
+    ------
+    FoucaultError
+        ``reference.titles``, ``reference.time``: what is missing or wrong.
+    """
+    path = Path(path)
+    raw = open_raw(path, FileLayout.model_validate({"file": path.name}))
+    where = _columns(raw, path)
+    rows = np.concatenate([*raw.blocks([number for number, _ in where.values()])])
+    scale = [size for _, size in where.values()]
+    columns = dict(zip(where, (rows * scale).T, strict=True))
+    time = columns["time"]
+    if len(time) < 2 or not np.all(np.diff(time) > 0):
+        raise error("reference.time", file=path.name, rows=len(time))
+    source = {"file": str(path), "sha256": sha256(path), "rows": len(time)}
+    return Reference(
+        time, _position(columns, path), _together(columns, _VELOCITY), _together(columns, _ANGLES),
+        "height" in columns, source=source,
+    )  # fmt: skip
+
+
+def _columns(raw: RawTable, path: Path) -> dict[str, tuple[int, float]]:
+    """Return the number of every column that is known, and the SI value of its unit."""
+    have = "the columns " + ", ".join(raw.names) if raw.named else f"{len(raw.names)} columns"
+
+    def wrong(reason: str) -> FoucaultError:
+        return error("reference.titles", file=path.name, have=have, reason=reason)
+
+    if not raw.named:
+        raise wrong("the file has no titles")
+    found: dict[str, tuple[int, float]] = {}
+    stated = _stated(path)
+    for column, titles in _TITLES.items():
+        kind = _KINDS.get(column, "angle")
+        ends = _ENDINGS[kind]
+        names = [_plain(name, ends) for name in raw.names]
+        numbers = [i for i, name in enumerate(names) if name in titles]
+        if len(numbers) > 1:
+            raise wrong(f"more than one column is titled as {column.replace('_', ' ')}")
+        if numbers:
+            number = numbers[0]
+            found[column] = (number, _size(raw, number, kind, stated, wrong))
+    if "time" not in found:
+        raise wrong("no column has a usual title of time")
+    if not ({"latitude", "longitude"} <= found.keys() or set(_VELOCITY[:2]) <= found.keys()):
+        raise wrong("it has neither latitude and longitude nor velocities to east and north")
+    return found
+
+
+def _size(raw: RawTable, number: int, kind: str, stated: Mapping[str, str], wrong: Any) -> float:
+    """Return the SI value of the unit of a column."""
+    title = raw.names[number]
+    if number in raw.stamps:  # dates come as seconds
+        return 1.0
+    unit = stated.get(title) or unit_in(title, _ENDINGS[kind])
+    if unit is None:
+        raise wrong(f"the title {title} gives no unit")
+    try:
+        return units.factor(unit, kind)
+    except FoucaultError as problem:
+        raise wrong(f"{title}: {problem.message.rstrip('.')}") from None
+
+
+def _stated(path: Path) -> dict[str, str]:
+    """Return the units that the columns of a table of ours carry beside their titles."""
+    if path.suffix.lower() not in (".parquet", ".pq"):
+        return {}
+    from pyarrow import parquet
+
+    fields = parquet.read_schema(path)
+    units_of = {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in fields}
+    return {name: unit for name, unit in units_of.items() if unit}
+
+
+def _plain(name: str, endings: dict[str, str]) -> str:
+    bare = re.sub(r"[(\[].*", "", name).strip().lower()
+    end = next((e for e in endings if bare.endswith(f"_{e}")), None)
+    bare = bare if end is None else bare[: -len(end) - 1]
+    return re.sub(r"[^a-z0-9]", "", bare)
+
+
+def _position(columns: dict[str, FloatArray], path: Path) -> FloatArray | None:
+    if not {"latitude", "longitude"} <= columns.keys():
+        return None
+    latitude = columns["latitude"]
+    worst = float(np.nanmax(np.abs(latitude)))
+    if worst > np.pi / 2:
+        raise error("reference.latitude", file=path.name, given=f"{np.degrees(worst):.6g}")
+    height = columns.get("height", np.zeros_like(latitude))
+    return np.column_stack([latitude, columns["longitude"], height])
+
+
+def _together(columns: dict[str, FloatArray], names: tuple[str, ...]) -> FloatArray | None:
+    if not columns.keys() & set(names):
+        return None
+    empty = np.full(len(columns["time"]), np.nan)
+    return np.column_stack([columns.get(name, empty) for name in names])

@@ -1,0 +1,198 @@
+"""What a navigation shows: contributions, terms of free inertial drift, and its checks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose import schuler
+from foucault.diagnose.alignment_checks import POOR
+from foucault.diagnose.free_inertial import Place
+from foucault.diagnose.navigation import NavigationError
+from foucault.diagnose.navigation_budget import Budget, budget, normalised_square
+from foucault.estimate import ins_filter
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.logs.reference import Reference
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.ins_errors import Sensors
+from foucault.models.noise import ImuNoise
+from foucault.models.rotation import log as rotation_vector
+from foucault.navigate.strapdown import Trajectory
+from foucault.procedures.navigation_run import Made, Task
+from foucault.procedures.navigation_start import Start, start_of
+from foucault.result import Check, Level
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+
+EPOCHS = 150
+"""Epochs at which contributions are computed [1]."""
+
+TURNS = np.radians(2.0)
+"""A body that turns by more does not keep its sensor errors constant in a level frame [rad]."""
+
+QUIETEST = (1e-9, 1e-7)
+"""White noise that a fit takes at least [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]."""
+
+
+def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budget:
+    """Propagate start errors, coefficients and noise along a run.
+
+    Parameters
+    ----------
+    task : Task
+        What all runs have in common.
+    made : Made
+        The run.
+    vector : CoefficientVector or None
+        The coefficients that were corrected.
+    """
+    rows = _rows(made)
+    sensors = Sensors.of(() if vector is None else vector.names)
+    if vector is None:
+        vector = CoefficientVector.zeros(sensors.layout)
+    vector = _ordered(vector, sensors)
+    sense = ins_filter.sensitivity(
+        made.increments, made.state, sensors, rows, first=made.first,
+        gravity_offset=task.gravity_offset, held=task.held,
+    )  # fmt: skip
+    noise = ins_filter.spread(
+        made.increments, made.state, Sensors.of(()), rows, np.zeros((9, 9)), task.noise,
+        first=made.first, gravity_offset=task.gravity_offset, held=task.held,
+    )  # fmt: skip
+    return budget(
+        made.increments.time[rows], sense, _aligned(task, made, vector),
+        (vector.names, vector.values, vector.cov), made.start.phi_cov, noise,
+        made.start.velocity_sd,
+    )  # fmt: skip
+
+
+def _rows(made: Made) -> npt.NDArray[np.int64]:
+    """Return rows spread evenly from the start to the last epoch that is compared."""
+    last = len(made.increments) - 1
+    if made.errors is not None:
+        last = made.increments.row_at(float(made.errors.time[-1]))
+    wanted = np.linspace(made.first, last, EPOCHS + 1)[1:]
+    return np.unique(np.round(wanted).astype(np.int64))
+
+
+def _ordered(vector: CoefficientVector, sensors: Sensors) -> CoefficientVector:
+    """Return coefficients in the order of the error model."""
+    keep = [vector.layout.index(name) for name in sensors.layout.names]
+    cov = None if vector.cov is None else vector.cov[np.ix_(keep, keep)]
+    return CoefficientVector(sensors.layout, vector.values[keep], cov)
+
+
+def _aligned(task: Task, made: Made, vector: CoefficientVector) -> FloatArray:
+    """Return the start attitude error per unit of each coefficient, by aligning again."""
+    out = np.zeros((3, len(vector)))
+    if task.settings.attitude_given or not len(vector):
+        return out
+    rows = np.searchsorted(made.log.time, [task.seen.start, task.seen.end])
+    # Rows beside the window feed the integration at its ends.
+    rest = made.log[max(0, int(rows[0]) - 3) : int(rows[1]) + 4]
+    for k, name in enumerate(vector.names):
+        step = _step(name, vector, k)
+        model = ImuModel.from_coefficients(
+            CoefficientVector(vector.layout.subset([name]), np.array([step]))
+        )
+        assert rest.accel is not None
+        assert rest.gyro is not None
+        accel, gyro = model.measure(rest.accel, rest.gyro)
+        shifted = replace(rest, accel=accel, gyro=gyro)
+        found = start_of(shifted, task.site, task.seen, task.settings, task.noise)
+        out[:, k] = -rotation_vector(found.C_nb @ made.start.C_nb.T) / step
+    return out
+
+
+def _step(name: str, vector: CoefficientVector, k: int) -> float:
+    """Return a step small enough for the response to be linear, large enough to be seen."""
+    usual = {"gyro.bias": 1e-8, "accel.bias": 1e-4}.get(name.rpartition(".")[0], 1e-5)
+    sd = float(vector.sd[k])
+    return sd if np.isfinite(sd) and sd > 0 else usual
+
+
+def not_stationary(
+    reference: Reference | None, trajectory: Trajectory, errors: NavigationError | None
+) -> str:
+    """Return why the terms of free inertial drift cannot be fitted; empty where they can."""
+    if reference is None or errors is None:
+        return "there is nothing to compare with"
+    if not np.isfinite(errors.position[:, :2]).all():
+        return "the reference has no positions"
+    if float(errors.age[-1]) < schuler.SHORTEST:
+        return f"the run is shorter than {plain(schuler.SHORTEST)} s"
+    if not reference.still:
+        return "the instrument moved"
+    some = trajectory.every(max(1, len(trajectory) // 500)).C_nb
+    turned = np.linalg.norm(rotation_vector(some @ some[0].T), axis=-1).max()
+    if turned > TURNS:
+        return f"the instrument turned, by up to {plain(np.degrees(turned), 3)} deg"
+    return ""
+
+
+def schuler_of(
+    site: Site, errors: NavigationError | None, noise: ImuNoise
+) -> schuler.SchulerFit | None:
+    """Fit the terms of free inertial drift to the error of a run that stood still."""
+    if errors is None:
+        return None
+    assert site.latitude is not None
+    place = Place(site.latitude, site.height, site.gravity)
+    return schuler.fit(
+        errors.age, errors.position[:, :2], place,
+        gyro_white=max(noise.gyro.white, QUIETEST[0]),
+        accel_white=max(noise.accel.white, QUIETEST[1]),
+    )  # fmt: skip
+
+
+def checks(
+    errors: NavigationError | None, budget: Budget, start: Start, noise_source: str,
+    calibrated: bool,
+) -> tuple[Check, ...]:  # fmt: skip
+    """Test whether the start is known, and whether the error is what was predicted.
+
+    Parameters
+    ----------
+    errors : NavigationError or None
+        Error of the run.
+    budget : Budget
+        What was predicted.
+    start : Start
+        Where it started.
+    noise_source : str
+        "none" where the prediction lacks the noise.
+    calibrated : bool
+        Without a calibration the prediction lacks the errors of the sensors, and is not tested.
+    """
+    sd = float(np.degrees(np.hypot(np.sqrt(start.phi_cov[2, 2]), start.bias_sd)))
+    limit = float(np.degrees(POOR))
+    out = [
+        Check("heading at the start", sd, None, limit, sd <= limit,
+              f"The heading at the start is known to {plain(sd, 3)} deg (sd).", Level.UNUSABLE)
+    ]  # fmt: skip
+    if errors is None or not calibrated or noise_source == "none":
+        return tuple(out)
+    parts = [
+        ("position at the end", errors.position[-1, :2], budget.cov[-1, 6:8, 6:8], "m"),
+        ("velocity at the end", errors.velocity[-1, :2], budget.cov[-1, 3:5, 3:5], "m/s"),
+    ]
+    known = [(n, e, P, u) for n, e, P, u in parts if np.isfinite(e).all()]
+    heading = errors.angles[-1, 0]
+    if np.isfinite(heading):
+        known.append(("heading at the end", np.degrees([heading]),
+                      np.degrees(np.degrees(budget.cov[-1, 2:3, 2:3])), "deg"))  # fmt: skip
+    for name, e, P, unit in known:
+        square = normalised_square(e, P)
+        most = chi_square_limits(len(e), 0.02, len(known))[1]  # only too large is a mistake
+        size, sd = float(np.linalg.norm(e)), float(np.sqrt(np.trace(P)))
+        passed = square <= most
+        beside = "as predicted" if passed else "more than noise and calibration explain"
+        sentence = (f"{name.capitalize()}: off by {plain(size, 3)} {unit}, predicted "
+                    f"{plain(sd, 3)} {unit} (sd): {beside}.")  # fmt: skip
+        out.append(Check(name, square, None, most, passed, sentence))
+    return tuple(out)

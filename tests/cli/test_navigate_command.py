@@ -1,0 +1,202 @@
+"""The command navigate: what it prints and writes, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner, Result
+
+from foucault import run_folder
+from foucault.cli import app
+from foucault.coefficients import CoefficientVector
+from foucault.logs import write as write_log
+from foucault.plans.manoeuvres import Rest
+from foucault.tables import TRAJECTORY
+from make_navigation import DRIVE, calibration, errors, logged, write_reference
+
+TRUE, FOUND = errors()
+SITE = ["--latitude", "47.3 deg", "--longitude", "8.5 deg", "--height", "430 m"]
+QUIET = ["--gyro-noise", "0.002 deg/sqrt(h)", "--accel-noise", "5 ug/sqrt(Hz)"]
+
+
+def run(*words: object) -> Result:
+    result = CliRunner().invoke(app, [str(w) for w in words])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a parked log, a drive and its reference, and the calibration."""
+    folder = tmp_path_factory.mktemp("navigate")
+    write_log(logged([Rest(600.0)], TRUE, rate=10.0).log, folder / "parked.csv")
+    drive = logged(DRIVE, TRUE)
+    write_log(drive.log, folder / "drive.parquet")
+    write_reference(drive, folder / "reference.csv")
+    run_folder.save(calibration(FOUND), folder / "run")
+    return folder
+
+
+def test_a_parked_log_on_the_screen_and_nothing_written(folder: Path) -> None:
+    before = sorted(p.name for p in folder.iterdir())
+    result = run("navigate", folder / "parked.csv", *SITE, *QUIET, "--calibration", folder / "run",
+                 "--serial", "SN 4")  # fmt: skip
+    assert result.exit_code == 0, result.output
+    for words in ("Start: heading 63.", "gravity in inertial space", "navigated for 6.67 min",
+                  "without calibration (m)", "gyro.bias.x", "and 13 coefficients more",
+                  "drift about east", "verdict: pass"):  # fmt: skip
+        assert words in result.output
+    assert sorted(p.name for p in folder.iterdir()) == before
+
+
+def test_a_drive_with_its_folder(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ["--reference", folder / "reference.csv", "--calibration", folder / "run", "-o", out]
+    result = run("navigate", folder / "drive.parquet", *QUIET, *words)
+    assert result.exit_code == 0 and f"Report: {out / 'report.html'}" in result.output
+    assert "terms of the error" not in result.output
+    assert sorted(p.name for p in out.iterdir()) == [
+        "budget.parquet", "errors.parquet", "navigation.json", "report.html",
+        "trajectory.parquet", "trajectory_without.parquet",
+    ]  # fmt: skip
+    schema = pq.read_schema(out / "trajectory.parquet")
+    assert schema.names == [c.name for c in TRAJECTORY]
+    units = [f.metadata[b"unit"].decode() for f in schema]
+    assert units == [c.unit for c in TRAJECTORY]
+    before = (out / "report.html").read_text()
+    (out / "report.html").unlink()
+    assert run("report", out).exit_code == 0 and (out / "report.html").read_text() == before
+    # What was navigated can be a reference itself: then there is no error.
+    words[1:2] = [out / "trajectory.parquet"]
+    again = run("navigate", folder / "drive.parquet", *QUIET, *words[:-2], "--json")
+    end = json.loads(again.stdout)["runs"][0]["growth"][-1]
+    assert end["horizontal"] < 0.5 and abs(end["heading"]) < 1e-6
+
+
+def test_json_says_all(folder: Path, tmp_path: Path) -> None:
+    result = run("navigate", folder / "parked.csv", *SITE, *QUIET, "--calibration", folder / "run",
+                 "--align", "200 s", "--until", "8 min", "--rate", "1 Hz", "-o", tmp_path / "o",
+                 "--json")  # fmt: skip
+    said = json.loads(result.stdout)
+    assert said["schema"] == "foucault.navigation/1" and Path(said["report"]).is_file()
+    assert said["duration"] == pytest.approx(280, abs=0.2) and said["reference"]["still"]
+    assert said["opening"]["end"] == 200 and said["settings"]["vertical"] == "held"
+    assert [r["name"] for r in said["runs"]] == ["with calibration", "without calibration"]
+    growth = said["runs"][0]["growth"]
+    assert [round(row["age"]) for row in growth] == [60, 120, 280]
+    worth = {r["name"]: r["worth"]["horizontal"] for r in said["contributions"]}
+    assert list(worth.values()) == sorted(worth.values(), reverse=True) and len(worth) == 21
+    total = np.sum([[r["worth"]["east"], r["worth"]["north"]] for r in said["contributions"]], 0)
+    assert total == pytest.approx(said["difference"], rel=0.02, abs=0.01)
+    parts = [said["predicted"][k]["covariance"] for k in ("coefficients", "alignment", "noise")]
+    assert np.sum(parts, axis=0) == pytest.approx(np.array(said["predicted"]["all"]["covariance"]))
+    assert said["provenance"]["calibration"]["file"].endswith("result.json")
+    assert pq.read_table(tmp_path / "o" / "trajectory.parquet").num_rows == 281
+    file = json.loads((tmp_path / "o" / "navigation.json").read_text())
+    assert file == {k: v for k, v in said.items() if k not in ("folder", "report")}
+
+
+def test_a_calibration_that_promises_too_much_ends_with_three(folder: Path, tmp_path: Path) -> None:
+    proud = CoefficientVector(FOUND.layout, 0 * FOUND.values, 1e-6 * FOUND.cov)
+    run_folder.save(calibration(proud), tmp_path / "run")
+    quiet = ["--gyro-noise", "0.0002 deg/sqrt(h)", "--accel-noise", "0.5 ug/sqrt(Hz)"]
+    result = run("navigate", folder / "parked.csv", *SITE, *quiet, "--calibration",
+                 tmp_path / "run")  # fmt: skip
+    assert result.exit_code == 3 and "more than noise and calibration explain" in result.output
+
+
+def test_a_given_heading_that_is_hardly_known_ends_with_four(folder: Path) -> None:
+    result = run("navigate", folder / "parked.csv", *SITE, "--heading", "63 deg", "--heading-sd",
+                 "20 deg")  # fmt: skip
+    assert result.exit_code == 4 and "levelled at rest, heading given" in result.output
+    whole = run("navigate", folder / "parked.csv", *SITE, "--heading", "63 deg", "--pitch",
+                "3 deg", "--roll", "-2 deg", "--level-sd", "1 arcmin")  # fmt: skip
+    assert whole.exit_code == 0 and "(given)" in whole.output
+
+
+CAMPAIGN = """
+[instrument]
+serial = "{serial}"
+[site]
+latitude = "47.3 deg"
+height = "430 m"
+[log]
+file = "parked.csv"
+[procedure]
+name = "hand_rotated"
+[noise]
+gyro = {{ white = "0.002 deg/sqrt(h)" }}
+accel = {{ white = "5 ug/sqrt(Hz)" }}
+"""
+
+
+def test_a_campaign_says_the_same(folder: Path) -> None:
+    file = folder / "campaign.toml"
+    file.write_text(CAMPAIGN.format(serial="SN 4"))
+    said = json.loads(run("navigate", file, "--calibration", folder / "run", "--json").stdout)
+    bare = run("navigate", folder / "parked.csv", *SITE, *QUIET, "--calibration", folder / "run",
+               "--json")  # fmt: skip
+    for one, other in zip(said["runs"], json.loads(bare.stdout)["runs"], strict=True):
+        for a, b in zip(one["growth"], other["growth"], strict=True):
+            assert a["horizontal"] == pytest.approx(b["horizontal"], rel=1e-3)
+    assert said["noise"]["source"] == "declared" and said["instrument"]["serial"] == "SN 4"
+    file.write_text(CAMPAIGN.format(serial="SN 5"))
+    other = run("navigate", file, "--calibration", folder / "run")
+    assert other.exit_code == 1 and "the calibration is of SN 4" in other.output
+    file.unlink()
+
+
+def test_a_folder_of_a_calibration_stays(folder: Path) -> None:
+    result = run("navigate", folder / "parked.csv", *SITE, "-o", folder / "run")
+    assert result.exit_code == 1
+    assert "holds the result of a calibration" in result.output
+    assert "Give another folder." in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--align", "300"], "--align"),
+        (["--align", "0 s"], "greater than 0"),
+        (["--latitude", "3 m"], "--latitude: 'm' does not measure angle"),
+        (["--latitude", "95 deg"], "outside -90 to 90 deg"),
+        (["--gravity", "98 m/s^2"], "gravity"),
+        (["--heading", "10 deg", "--roll", "1 deg"], "was given without --pitch"),
+        (["--align", "2 h"], "The alignment was to last from 0 s to 7200 s"),
+        (["--reference", "nowhere.csv"], "does not exist"),
+    ],
+)
+def test_mistakes_are_one_sentence(folder: Path, words: list[str], said: str) -> None:
+    rest = [] if "--latitude" in words else SITE
+    result = run("navigate", folder / "parked.csv", *rest, *words)
+    assert result.exit_code == 1 and said in result.output and "Traceback" not in result.output
+
+
+def test_without_a_place_there_is_no_navigation(folder: Path) -> None:
+    result = run("navigate", folder / "parked.csv")
+    assert result.exit_code == 1 and 'Give --latitude "47.3 deg"' in result.output
+
+
+def test_damaged_folders_are_refused(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run("navigate", folder / "parked.csv", *SITE, "-o", out)
+    (out / "budget.parquet").write_bytes(b"other")
+    assert "budget" in run("report", out).output and run("report", out).exit_code == 1
+    (out / "budget.parquet").unlink()
+    assert run("report", out).exit_code == 1
+    (out / "navigation.json").write_text('{"schema": "foucault.navigation/9"}')
+    assert "foucault.navigation/9" in run("report", out).output
+    (out / "navigation.json").write_text("{")
+    assert run("report", out).exit_code == 1
+
+
+def test_help_shows_the_options() -> None:
+    result = run("navigate", "--help")
+    assert result.exit_code == 0
+    for option in ("--calibration", "--align", "--reference", "--still", "--gaps", "--from"):
+        assert option in result.output

@@ -1,0 +1,80 @@
+"""References: what their titles say, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foucault.errors import FoucaultError
+from foucault.logs import reference
+
+HEAD = "time (s),latitude (deg),longitude (deg),height (m)"
+
+
+def write(path: Path, titles: str, rows: list[str]) -> Path:
+    path.write_text("\n".join([titles, *rows]) + "\n")
+    return path
+
+
+def test_titles_give_columns_and_units_in_any_order(tmp_path: Path) -> None:
+    titles = "Heading [deg],height (km),t_ms,LAT_deg,lon (rad),ve_mps,velocity north (m/s)"
+    file = write(tmp_path / "r.csv", titles, ["10,0.4,0,45,0.5,1,2", "350,0.5,1000,46,0.6,3,4"])
+    seen = reference.read(file)
+    assert seen.time.tolist() == [0.0, 1.0] and seen.has_height and not seen.still
+    assert seen.position[1] == pytest.approx([np.radians(46), 0.6, 500.0])
+    assert seen.velocity_n[:, :2].tolist() == [[1, 2], [3, 4]]
+    assert np.isnan(seen.velocity_n[:, 2]).all() and np.isnan(seen.angles[:, 1:]).all()
+    assert seen.angles[:, 0] == pytest.approx(np.radians([10, 350]))
+    assert seen.source["rows"] == 2 and len(seen.source["sha256"]) == 64
+
+
+def test_a_reference_may_have_no_height_or_no_position(tmp_path: Path) -> None:
+    flat = write(tmp_path / "f.csv", HEAD.rpartition(",")[0], ["0,45,8", "1,45,8"])
+    assert not reference.read(flat).has_height and reference.read(flat).velocity_n is None
+    fast = write(tmp_path / "v.csv", "time (s),ve (m/s),vn (m/s)", ["0,1,2", "1,1,2"])
+    assert reference.read(fast).position is None
+
+
+@pytest.mark.parametrize(
+    ("titles", "said"),
+    [
+        ("time (s),latitude,longitude (deg)", "the title latitude gives no unit"),
+        ("time (s),latitude (m),longitude (deg)", "'m' does not measure angle"),
+        ("latitude (deg),longitude (deg)", "no column has a usual title of time"),
+        ("time (s),height (m)", "neither latitude and longitude nor velocities"),
+        (
+            "time (s),lat (deg),latitude (deg),lon (deg)",
+            "more than one column is titled as lat",
+        ),
+        ("0,1,2", "the file has no titles"),
+    ],
+)
+def test_titles_that_do_not_say_it(tmp_path: Path, titles: str, said: str) -> None:
+    row = ",".join(["1"] * len(titles.split(",")))
+    file = write(tmp_path / "r.csv", titles, [row, row])
+    with pytest.raises(FoucaultError) as caught:
+        reference.read(file)
+    assert caught.value.code == "reference.titles" and said in caught.value.message
+    assert "Title the columns with their units: time (s), latitude (deg)" in caught.value.cure
+
+
+def test_time_must_run_forward(tmp_path: Path) -> None:
+    file = write(tmp_path / "r.csv", HEAD, ["1,45,8,0", "1,45,8,0"])
+    with pytest.raises(FoucaultError, match="time does not rise from each to the next") as caught:
+        reference.read(file)
+    assert "two rows are the least" in caught.value.cure
+
+
+def test_a_latitude_beyond_the_poles(tmp_path: Path) -> None:
+    file = write(tmp_path / "r.csv", HEAD, ["0,45,8,0", "1,108,8,0"])
+    with pytest.raises(FoucaultError, match="has a latitude of 108 deg") as caught:
+        reference.read(file)
+    assert "the order of latitude and longitude" in caught.value.cure
+
+
+def test_a_known_site() -> None:
+    site = reference.Reference.site(np.arange(3.0), 0.8, 0.1, 430.0)
+    assert site.still and site.position.tolist() == [[0.8, 0.1, 430.0]] * 3
+    assert not site.velocity_n.any()

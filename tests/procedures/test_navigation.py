@@ -1,0 +1,346 @@
+"""A log is navigated with and without its calibration; what each coefficient is worth is right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault.coefficients import CoefficientVector
+from foucault.errors import FoucaultError
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.logs.reference import Reference
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.plans.manoeuvres import Rest, Rotate
+from foucault.procedures.navigation import navigate_log
+from foucault.procedures.navigation_settings import Settings
+from foucault.result import Level
+from make_alignment import LN100_SITE, RING_SITE, ln100_log, ring_log
+from make_navigation import (
+    DRIVE,
+    LONGITUDE,
+    NOISE,
+    SITE,
+    START,
+    calibration,
+    errors,
+    logged,
+    reference_of,
+)
+
+PLACE = {"site": SITE, "longitude": LONGITUDE}
+TRUE, FOUND = errors()
+
+
+def codes(test) -> list[str]:
+    return [f.code for f in test.findings]
+
+
+@pytest.fixture(scope="module")
+def parked():
+    """Twenty-five minutes of rest, calibrated; five minutes of them aligned."""
+    return navigate_log(logged([Rest(1500.0)], TRUE).log, calibration=calibration(FOUND),
+                        noise=NOISE, instrument={"serial": "SN 4"}, **PLACE)  # fmt: skip
+
+
+def test_without_errors_nothing_is_off() -> None:
+    run = logged([Rest(900.0)], noise=None, rate=100.0)
+    test = navigate_log(run.log, settings=Settings(method="two_vector"), **PLACE)
+    assert test.runs[0].growth[-1].horizontal < 0.01
+    assert test.runs[0].name == "as measured" and codes(test) == ["navigate.no_calibration"]
+    angles = [START.heading, START.pitch, START.roll]
+    assert test.runs[0].trajectory.angles[0] == pytest.approx(angles, abs=1e-7)
+
+
+def test_a_calibration_pays(parked) -> None:
+    assert [run.name for run in parked.runs] == ["with calibration", "without calibration"]
+    better, worse = (run.growth[-1].horizontal for run in parked.runs)
+    assert better < worse and parked.verdict.level is Level.PASS
+    assert parked.reference.still and parked.settings.vertical == "held"
+    assert parked.opening.end - parked.opening.start == 300.0 and parked.opening.still
+    assert [c.name for c in parked.checks] == [
+        "heading at the start", "position at the end", "velocity at the end",
+    ]  # fmt: skip
+    assert parked.noise_source == "declared" and parked.findings == ()
+    assert [round(row.age) for row in parked.runs[0].growth] == [60, 120, 300, 600, 1200]
+
+
+def test_contributions_add_up_to_the_difference(parked) -> None:
+    """Propagated one by one, alignment included, they are what two navigations differ by."""
+    total = parked.budget.worth[:, 6:8].sum(axis=2)
+    size = np.hypot(*parked.difference[-1, :2])
+    assert size > 30
+    assert np.abs(total - parked.difference[:, :2]).max() < 0.01 * size
+
+
+@pytest.mark.parametrize("name", ["gyro.bias.x", "accel.bias.y", "gyro.misalignment.yz"])
+def test_one_coefficient_is_worth_what_navigating_twice_says(name: str) -> None:
+    """On a drive too; half a calibration is the other navigation."""
+    log = logged(DRIVE, TRUE, noise=None).log
+    whole = CoefficientVector(TRUE.layout, TRUE.values)
+    lacking = whole.with_values({name: 0.0})
+    how = {"noise": NOISE, "settings": Settings(vertical="held", still=True), **PLACE}
+    full, less = (navigate_log(log, calibration=calibration(c), **how) for c in (whole, lacking))
+    assert "navigate.no_cov" in codes(full)
+    known = full.runs[0].errors.position[-1, :2] * -1 + less.runs[0].errors.position[-1, :2]
+    k = full.budget.names.index(name)
+    assert full.budget.worth[-1, 6:8, k] == pytest.approx(known, rel=0.01, abs=0.02)
+
+
+def test_the_predicted_error_is_right() -> None:
+    """NEES of position and velocity of 40 runs; with the calibration's part left out it fails."""
+    squares, without = 0.0, 0.0
+    layout = TRUE.layout
+    for seed in range(40):
+        true, found = errors(seed, known=0.3)
+        run = navigate_log(logged([Rest(500.0)], true, seed=seed, rate=10.0).log, noise=NOISE,
+                           calibration=calibration(found), settings=Settings(align=200.0),
+                           **PLACE)  # fmt: skip
+        seen = run.runs[0].errors
+        e = np.concatenate([seen.position[-1, :2], seen.velocity[-1, :2]])
+        rows = np.ix_([6, 7, 3, 4], [6, 7, 3, 4])
+        squares += e @ np.linalg.solve(run.budget.cov[-1][rows], e)
+        less = run.budget.alignment[-1] + run.budget.noise[-1]
+        without += e @ np.linalg.solve(less[rows], e)
+    assert len(layout) == 21
+    low, high = chi_square_limits(160)
+    assert low < squares < high
+    assert without > high
+
+
+def test_an_underrated_calibration_is_doubtful() -> None:
+    true, found = errors(2)
+    proud = CoefficientVector(found.layout, 0 * found.values, found.cov * 1e-4)
+    test = navigate_log(logged([Rest(900.0)], true).log, noise=NOISE,
+                        calibration=calibration(proud), **PLACE)  # fmt: skip
+    assert test.verdict.level is Level.DOUBTFUL
+    assert any("more than noise and calibration explain" in r for r in test.verdict.reasons)
+
+
+def test_a_drive_is_compared_with_its_reference() -> None:
+    run = logged(DRIVE, TRUE)
+    test = navigate_log(run.log, calibration=calibration(FOUND), noise=NOISE,
+                        reference=reference_of(run))  # fmt: skip
+    assert test.settings.vertical == "aided" and test.stationary == "the instrument moved"
+    assert test.site.latitude == pytest.approx(START.latitude, abs=1e-9)
+    assert test.runs[0].schuler is None
+    assert test.runs[0].growth[-1].horizontal < test.runs[1].growth[-1].horizontal
+    assert np.abs(test.budget.worth[-1, 6:8].sum(axis=1) - test.difference[-1, :2]).max() < 0.5
+    assert test.checks[-1].name == "heading at the end" and test.verdict.level is Level.PASS
+    assert np.abs(test.runs[0].errors.position[:, 2]).max() < 0.5
+    alone = navigate_log(run.log, **PLACE)
+    assert "navigate.no_reference" in codes(alone) and alone.runs[0].errors is None
+    assert alone.settings.vertical == "free" and alone.budget.noise[-1, 8, 8] > 0
+
+
+def test_a_start_on_the_move_takes_velocity_and_place_from_the_reference() -> None:
+    run = logged(DRIVE, TRUE)
+    degrees = np.degrees(run.truth.angles[np.searchsorted(run.truth.time, 135.0)])
+    given = dict(zip(("heading", "pitch", "roll"), np.radians(degrees), strict=True))
+    settings = Settings(start=135.0, end=160.0, **given)
+    test = navigate_log(run.log, calibration=calibration(FOUND), noise=NOISE, settings=settings,
+                        reference=reference_of(run))  # fmt: skip
+    assert test.runs[0].start.method == "given"
+    assert np.hypot(*test.runs[0].trajectory.velocity_n[0, :2]) > 10
+    assert test.runs[0].growth[-1].horizontal < 3
+    blind = navigate_log(run.log, noise=NOISE, settings=settings, **PLACE)
+    assert "navigate.speed_at_start" in codes(blind)
+
+
+def test_turned_at_its_site_it_is_still() -> None:
+    plan = [Rest(150.0), Rotate("up", np.radians(90), 20.0), Rest(100.0)]
+    run = logged(plan, TRUE)
+    test = navigate_log(run.log, noise=NOISE, settings=Settings(still=True), **PLACE)
+    assert test.reference.still and "the instrument turned, by up to 9" in test.stationary
+    assert test.opening.end < 150 and test.opening.found
+    with pytest.raises(FoucaultError, match="--still says that the instrument never") as caught:
+        navigate_log(run.log, settings=Settings(still=True), reference=reference_of(run), **PLACE)
+    assert caught.value.code == "navigate.two_references" and "Leave one" in caught.value.cure
+
+
+def test_schuler_terms_name_what_was_wrong() -> None:
+    """A given heading that is 0.1 deg off looks like an east gyro drift, and the fit says so."""
+    off = np.radians(0.1)
+    run = logged([Rest(3600.0)], rate=10.0)
+    settings = Settings(heading=START.heading + off, align=300.0)
+    fit = navigate_log(run.log, noise=NOISE, settings=settings, **PLACE).runs[0].schuler
+    row = fit.rows()[4]
+    assert row["name"] == "drift about east" and "a heading error of" in row["same_as"]
+    w_n = fit.place.earth_rate[0]
+    assert abs(row["value"] - off * w_n) < 3 * row["sd"] and row["value"] > 3 * row["sd"]
+
+
+def test_gyros_that_cannot_see_north_need_a_heading() -> None:
+    poor = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=1e-4))
+    biased = TRUE.with_values({"gyro.bias.x": 0.005})
+    log = logged([Rest(200.0)], biased, noise=poor).log
+    with pytest.raises(FoucaultError) as caught:
+        navigate_log(log, **PLACE)
+    assert caught.value.code == "navigate.heading" and "show no north" in caught.value.message
+    assert '--heading "90.6 deg"' in caught.value.cure
+    noisy = logged([Rest(200.0)], noise=replace(poor, gyro=TriadNoise(white=1e-4))).log
+    with pytest.raises(FoucaultError, match="the rest shows the heading to"):
+        navigate_log(noisy, **PLACE)
+    settings = Settings(heading=START.heading, heading_sd=np.radians(1.0))
+    test = navigate_log(log, settings=settings, calibration=calibration(biased), **PLACE)
+    assert [r.start.method for r in test.runs] == ["level and given heading"] * 2
+    assert test.runs[0].trajectory.angles[0, 1] == pytest.approx(START.pitch, abs=2e-4)
+    assert test.checks[0].value == pytest.approx(1.0)
+
+
+def test_what_cannot_be_aligned_raw_starts_with_the_calibrated_attitude() -> None:
+    biased = TRUE.with_values({"gyro.bias.x": 0.005})
+    exact = CoefficientVector(biased.layout, biased.values, 1e-12 * np.eye(len(biased)))
+    log = logged([Rest(400.0)], biased).log
+    test = navigate_log(log, calibration=calibration(exact), **PLACE)
+    assert "navigate.raw_start" in codes(test)
+    said = next(f for f in test.findings if f.code == "navigate.raw_start")
+    assert "the gyros read" in said.message and "after the alignment" in said.cure
+    first, second = (run.trajectory.angles[0] for run in test.runs)
+    assert first.tolist() == second.tolist()
+
+
+def test_a_raw_run_that_fails_is_left_out() -> None:
+    """A scale factor of zero size leaves nothing to navigate by."""
+    void = CoefficientVector(FOUND.layout, TRUE.values, FOUND.cov)
+    log = logged([Rest(300.0)], TRUE).log
+    broken = replace(log, accel=log.accel * np.where(log.time > 150, np.nan, 1.0)[:, None])
+
+    class Mended:
+        """A calibration that also mends the log."""
+
+        def __getattr__(self, name):
+            return getattr(calibration(void), name)
+
+        def apply(self, _log):
+            return calibration(void).apply(log)
+
+    test = navigate_log(broken, calibration=Mended(), settings=Settings(align=100.0), **PLACE)
+    assert "navigate.raw_fails" in codes(test) and len(test.runs) == 1
+    said = next(f for f in test.findings if f.code == "navigate.raw_fails")
+    assert "the navigation failed: The state is not finite" in said.message
+
+
+def test_noise_is_measured_in_the_rest_or_said_to_be_missing() -> None:
+    log = logged([Rest(600.0)]).log
+    test = navigate_log(log, **PLACE)
+    assert test.noise_source == "measured in the rest"
+    assert test.noise.gyro.white == pytest.approx(NOISE.gyro.white, rel=0.3)
+    assert test.noise.accel.white == pytest.approx(NOISE.accel.white, rel=0.3)
+    half = navigate_log(log, noise=ImuNoise(TriadNoise(), TriadNoise(white=1e-5)), **PLACE)
+    assert half.noise.gyro.white == 1e-5 and half.noise.accel == test.noise.accel
+    given = {"heading": START.heading, "pitch": START.pitch, "roll": START.roll}
+    run = logged(DRIVE, TRUE)
+    blind = navigate_log(run.log, settings=Settings(start=125.0, end=132.0, **given), **PLACE)
+    assert blind.noise_source == "none" and "navigate.no_noise" in codes(blind)
+
+
+def test_a_gap_stops_or_is_bridged_by_choice() -> None:
+    log = logged([Rest(600.0)], TRUE).log
+    keep = (log.time < 400) | (log.time > 401)
+    holed = replace(log, time=log.time[keep], gyro=log.gyro[keep], accel=log.accel[keep])
+    with pytest.raises(FoucaultError) as caught:
+        navigate_log(holed, **PLACE)
+    assert caught.value.code == "strapdown.gap" and "--gaps bridge" in caught.value.cure
+    bridged = navigate_log(holed, settings=Settings(gaps="bridge"), **PLACE)
+    whole = navigate_log(log, **PLACE)
+    assert "strapdown.bridged" in codes(bridged)
+    ends = [test.runs[0].growth[-1].horizontal for test in (bridged, whole)]
+    assert ends[0] == pytest.approx(ends[1], abs=2.0)
+    before = navigate_log(holed, settings=Settings(end=390.0), **PLACE)
+    assert before.runs[0].trajectory.time[-1] == pytest.approx(390.0, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["inertial_frame", "two_vector", "kalman"])
+def test_every_method_of_alignment_starts_it(method: str) -> None:
+    log = logged([Rest(600.0)]).log
+    test = navigate_log(log, settings=Settings(method=method), noise=NOISE, **PLACE)
+    start = test.runs[0].start
+    off = test.runs[0].trajectory.angles[0] - [START.heading, START.pitch, START.roll]
+    assert start.method == method and abs(off[0]) < 4 * np.sqrt(start.phi_cov[2, 2])
+    assert test.verdict.level is Level.PASS
+
+
+def refused(code: str, said: str, cure: str, log=None, **words) -> None:
+    log = logged([Rest(100.0)]).log if log is None else log
+    with pytest.raises(FoucaultError) as caught:
+        navigate_log(log, **words)
+    assert caught.value.code == code
+    assert said in caught.value.message and cure in caught.value.cure
+
+
+def test_mistakes_are_named() -> None:
+    refused("navigate.place", "The latitude is not known", "--latitude")
+    refused("navigate.too_short", "The alignment ends at 100 s", "Align for less",
+            settings=Settings(align=100.0), **PLACE)  # fmt: skip
+    refused("navigate.span", "from 200 s to 100 s was to be used; the log lasts 100 s",
+            "count from the start", settings=Settings(start=200.0), **PLACE)  # fmt: skip
+    refused("navigate.aided", "needs heights; there is no reference", "--vertical held or free",
+            log=logged(DRIVE).log, settings=Settings(vertical="aided"), **PLACE)  # fmt: skip
+    run = logged(DRIVE)
+    flat = reference_of(run, has_height=False)
+    refused("navigate.aided", "the reference has none", "--vertical held", log=run.log,
+            settings=Settings(vertical="aided"), reference=flat)  # fmt: skip
+    refused("navigate.no_rest", "No rest of 10 s or more was found in the log", "--align",
+            log=logged(DRIVE[1:], start=START).log[:300], **PLACE)  # fmt: skip
+    late = Reference.site(np.arange(1e5, 1e5 + 9), SITE.latitude, LONGITUDE, 0.0)
+    refused("navigate.apart", "the reference from 100000 s", "same clock", reference=late, **PLACE)
+
+
+def test_a_start_attitude_given_in_part() -> None:
+    with pytest.raises(FoucaultError) as caught:
+        Settings(heading=1.0, pitch=0.1)
+    assert caught.value.code == "navigate.attitude"
+    assert "--heading, --pitch was given without --roll" in caught.value.message
+    assert "Give --heading alone" in caught.value.cure
+    with pytest.raises(FoucaultError, match="--roll was given without --heading, --pitch"):
+        Settings(roll=0.1)
+
+
+def test_the_calibration_of_something_else() -> None:
+    from foucault.models.cluster_layout import LAYOUT as CLUSTER
+
+    other = calibration(CoefficientVector.zeros(CLUSTER), provenance={"file": "tumble.json"})
+    refused("navigate.not_imu", "tumble.json is a result of turntable", "accelerometers and gyros",
+            calibration=other, **PLACE)  # fmt: skip
+    refused("navigate.other_serial", "of instrument SN 5, the calibration is of SN 4",
+            "correct the serial number", calibration=calibration(FOUND),
+            instrument={"serial": "SN 5"}, **PLACE)  # fmt: skip
+    old = calibration(FOUND, Level.DOUBTFUL)
+    test = navigate_log(logged([Rest(100.0)], TRUE).log, calibration=old, **PLACE)
+    assert {"navigate.whose", "navigate.calibration_doubtful"} <= set(codes(test))
+    said = {f.code: f for f in test.findings}
+    assert "is doubtful: It is old." in said["navigate.calibration_doubtful"].message
+    assert "of instrument SN 4; the log names none" in said["navigate.whose"].message
+    bare = navigate_log(logged([Rest(100.0)], TRUE).log,
+                        calibration=calibration(replace(FOUND, cov=None)), **PLACE)  # fmt: skip
+    said = next(f for f in bare.findings if f.code == "navigate.no_cov")
+    assert "does not say how sure its coefficients are" in said.message
+
+
+def test_measured_gravity_counts() -> None:
+    """Gravity 100 mGal more than normal: the height of a free channel falls without being told."""
+    there = Site(SITE.gravity + 1e-3, SITE.latitude, SITE.height)
+    run = logged([Rest(300.0)], noise=None)
+    free = Settings(vertical="free")
+    told = navigate_log(run.log, site=there, longitude=LONGITUDE, settings=free)
+    plain = navigate_log(run.log, settings=free, **PLACE)
+    age = plain.runs[0].errors.age[-1]
+    fall = told.runs[0].errors.position[-1, 2] - plain.runs[0].errors.position[-1, 2]
+    assert fall == pytest.approx(-0.5e-3 * age**2, rel=0.05)
+
+
+def test_real_ring_laser_with_people_moving() -> None:
+    """Ten minutes after five of alignment; the heading is the one other programs find."""
+    test = navigate_log(ring_log(), site=RING_SITE, settings=Settings(align=300.0, still=True))
+    assert np.degrees(test.runs[0].trajectory.angles[0, 0]) == pytest.approx(90.61, abs=0.05)
+    assert test.runs[0].growth[-1].horizontal < 100
+    assert test.runs[0].schuler is not None
+
+
+def test_real_ln100() -> None:
+    test = navigate_log(ln100_log(), site=LN100_SITE, settings=Settings(align=150.0))
+    assert np.degrees(test.runs[0].trajectory.angles[0, 0]) == pytest.approx(7.31, abs=0.05)
+    assert test.runs[0].growth[-1].horizontal < 20
