@@ -16,7 +16,9 @@ def test_as_its_twin(form):
     dtheta, dvel = 0.05 * rng.normal(size=(n, 3)), 0.1 * rng.normal(size=(n, 3))
     joined = rng.random(n) > 0.2
     for made, wanted in zip(
-        form(dtheta, dvel, *bend_weights(dt, joined)), reference.from_start(dtheta, dvel, dt, joined), strict=True
+        form(dtheta, dvel, *bend_weights(dt, joined)),
+        reference.from_start(dtheta, dvel, dt, joined),
+        strict=True,
     ):
         np.testing.assert_allclose(made, wanted, rtol=1e-12, atol=1e-13)
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from types import FunctionType
-
 import numpy as np
 import pytest
 
@@ -17,20 +14,9 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.state import matrix_of, quaternion_of
 from foucault.plans.manoeuvres import Start
 from make_ins import DEG, FLIGHT, errors, increments, made, off, unit
+from plain_kernels import kernel
 
 NOISE = ImuNoise(accel=TriadNoise(white=1e-4), gyro=TriadNoise(white=1e-6))
-
-
-def _plain(name, known):
-    """Return the names of a module with every kernel in plain Python, those that it calls too."""
-    if name in known:
-        return known[name]
-    out = known[name] = dict(vars(sys.modules[name]))
-    for key, thing in list(out.items()):
-        if hasattr(thing, "py_func"):
-            f = thing.py_func
-            out[key] = FunctionType(f.__code__, _plain(f.__module__, known), key)
-    return out
 
 
 def unpacked(x):
@@ -82,8 +68,7 @@ def case(names, samples, every, latitude=48.0, speed=250.0, seed=3, scale=1.0):
 def test_it_is_the_dense_filter(monkeypatch, form, names, latitude):
     n, every = (400, 25) if form == "compiled" else (24, 4)
     log, state, sensors, updates, P0 = case(names, n, every, latitude)
-    if form == "python":
-        monkeypatch.setattr(ins_filter, "ins_filter", _plain(module.__name__, {})["ins_filter"])
+    monkeypatch.setattr(ins_filter, "ins_filter", kernel(form, module, "ins_filter"))
     estimate = 0.3 * np.array([unit(name) for name in sensors.layout.names])
     walk = {"gyro.bias": 1e-9} if "gyro.bias.x" in sensors.layout else {}
     found = ins_filter.run(

@@ -48,7 +48,16 @@ def run(form, rows, made, vertical, offset):
     dtheta, dvel, dt, joined, heights, start = made
     aid = heights if vertical == "aided" else np.zeros(0)
     return kernel(form, module, "strapdown")(
-        dtheta, dvel, dt, *bend_weights(dt, joined), *rows, packed(start), offset, VERTICAL[vertical], aid, GAINS
+        dtheta,
+        dvel,
+        dt,
+        *bend_weights(dt, joined),
+        *rows,
+        packed(start),
+        offset,
+        VERTICAL[vertical],
+        aid,
+        GAINS,
     )
 
 
@@ -80,7 +89,15 @@ def test_a_step_back_undoes_a_step_forward(form, vertical):
     made = motion(3)
     there = run(form, (0, N - 1), made, vertical, 0.0)
     back = kernel(form, module, "strapdown")(
-        *made[:3], *bend_weights(*made[2:4]), N - 1, 0, there[-1], 0.0, VERTICAL[vertical], np.zeros(0), GAINS
+        *made[:3],
+        *bend_weights(*made[2:4]),
+        N - 1,
+        0,
+        there[-1],
+        0.0,
+        VERTICAL[vertical],
+        np.zeros(0),
+        GAINS,
     )
     sign = np.sign(np.sum(back[:, :4] * there[::-1, :4], axis=1))[:, None]
     np.testing.assert_allclose(sign * back[:, :4], there[::-1, :4], rtol=0, atol=1e-13)
@@ -119,7 +136,8 @@ def test_quaternions_stay_of_length_one():
     rng = np.random.default_rng(4)
     out = module.strapdown(
         0.1 * rng.standard_normal((n, 3)), 0.1 * rng.standard_normal((n, 3)), np.full(n, 0.01),
-        np.full(n, 1 / 24), np.full(n, -1 / 24), 0, n - 1, packed(motion()[5]), 0.0, module.HELD, np.zeros(0), GAINS,
+        np.full(n, 1 / 24), np.full(n, -1 / 24), 0, n - 1, packed(motion()[5]), 0.0, module.HELD,
+        np.zeros(0), GAINS,
     )  # fmt: skip
     for part in (slice(0, 4), slice(7, 11)):
         np.testing.assert_allclose(np.linalg.norm(out[:, part], axis=1), 1.0, rtol=0, atol=1e-12)

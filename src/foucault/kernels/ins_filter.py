@@ -375,8 +375,8 @@ def ins_filter(
 ):  # fmt: skip
     """Navigate from row first, correcting at the epochs.
 
-    Parameters: dtheta, dvel (n, 3), dt, left, right (n,) as `strapdown`; x0 (12,) state, estimate0 (p,)
-    coefficients, P0 (9 + p, 9 + p) their covariance; q (9 + p,) white noise [unit^2/s]; decay (p,)
+    Parameters: dtheta, dvel (n, 3), dt, left, right (n,) as `strapdown`; x0 (12,) state,
+    estimate0 (p,) coefficients, P0 (9 + p, 9 + p) their covariance; q (9 + p,) white noise [unit^2/s]; decay (p,)
     1 / correlation time [1/s]; terms: coefficient, axis, entry (t,), weight (t,), those of the
     first `gyros` coefficients act on gyros, the others on accelerometers; most: largest entry;
     epochs (m,) rows that rise; reference (m, 8) of `differences`; sd (m, 6) of velocity and

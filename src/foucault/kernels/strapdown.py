@@ -11,7 +11,7 @@ The third row of C_el is the Earth's axis p in l; all the Earth does to the moti
 the height. With theta, dv the increments of one interval, ' and '' those of the ones before and
 after it, k' = dt^2 / (6 dt' (dt + dt')) and k'' likewise (1/12 where all are equal)::
 
-    b   = (k' theta' - k'' theta'') / 2,   c likewise of dv      (k' theta' or -k'' theta'' at an end)
+    b   = (k' theta' - k'' theta'') / 2, c likewise of dv   (k' theta' or -k'' theta'' at an end)
     phi = theta + b x theta                                                        (coning)
     u   = dv + c1 theta x dv + c2 theta x (theta x dv) + b x dv + c x theta        (sculling)
     c1  = (1 - cos a) / a^2, c2 = (a - sin a) / a^3, a = |theta|:  1/2 and 1/6 for small angles
@@ -204,9 +204,7 @@ def step(x, u, bend, dt, g_offset, held, mid):
 
 
 @kernel
-def strapdown(
-    dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical, heights, gains
-):
+def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical, heights, gains):
     """Navigate over the rows first + 1 .. last, or from first back to last.
 
     Parameters: dtheta, dvel (n, 3) increments [rad], [m/s] over dt (n,) [s]; left, right (n,):

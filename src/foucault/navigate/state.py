@@ -131,7 +131,13 @@ def states_of(x: FloatArray) -> dict[str, FloatArray]:
 
 
 def state_of(x: FloatArray) -> State:
-    """Return the state that a kernel's x, shape (12,), stands for [SI]."""
+    """Return the state that an x of the kernels stands for.
+
+    Parameters
+    ----------
+    x : ndarray, shape (12,)
+        State of `kernels.strapdown` [SI].
+    """
     found = states_of(x)
     return State(
         float(found["latitude"]), float(found["longitude"]), float(found["height"]),
@@ -157,9 +163,14 @@ def matrix_of(q: FloatArray) -> FloatArray:
 
 
 def quaternion_of(C: FloatArray) -> FloatArray:
-    """Return the unit quaternion, shape (4,), scalar first, of a rotation matrix, shape (3, 3) [1].
+    """Return the unit quaternion of a rotation matrix, shape (4,), scalar first.
 
     By the largest of the four squares, so that nothing is lost near any angle.
+
+    Parameters
+    ----------
+    C : ndarray, shape (3, 3)
+        Rotation matrix [1].
     """
     t = np.trace(C)
     squares = np.array([t, *(2 * np.diag(C) - t)])
