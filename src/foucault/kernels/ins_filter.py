@@ -376,8 +376,9 @@ def ins_filter(
     """Navigate from row first, correcting at the epochs.
 
     Parameters: dtheta, dvel (n, 3), dt, left, right (n,) as `strapdown`; x0 (12,) state,
-    estimate0 (p,) coefficients, P0 (9 + p, 9 + p) their covariance; q (9 + p,) white noise [unit^2/s]; decay (p,)
-    1 / correlation time [1/s]; terms: coefficient, axis, entry (t,), weight (t,), those of the
+    estimate0 (p,) coefficients, P0 (9 + p, 9 + p) their covariance; q (9 + p,) white noise
+    [unit^2/s]; decay (p,) 1 / correlation time [1/s]; terms: coefficient, axis, entry (t,),
+    weight (t,), those of the
     first `gyros` coefficients act on gyros, the others on accelerometers; most: largest entry;
     epochs (m,) rows that rise; reference (m, 8) of `differences`; sd (m, 6) of velocity and
     position in l, infinite where nothing is measured; gate: innovations beyond so many sds are
