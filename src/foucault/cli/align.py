@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -18,6 +18,9 @@ _WORDS = {
     "two_vector": "two vectors",
     "two_position": "two positions",
 }
+
+_SIZES = ("--gyro-bias-sd", "--accel-bias-sd")
+_POSITIVE = ("--gyro-noise", "--accel-noise")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -76,15 +79,26 @@ def align(
     accel_noise: Annotated[
         str | None, typer.Option(help='White noise, such as "30 ug/sqrt(Hz)".')
     ] = None,
+    gaps: Annotated[
+        Literal["stop", "bridge"], typer.Option(help="What to do where samples are missing.")
+    ] = "stop",
 ) -> None:
     """Find heading, pitch and roll of a log at rest, by several methods, and how sure they are."""
     from foucault.campaign import alignment
     from foucault.campaign.alignment import Window
     from foucault.campaign.navigation import Said
+    from foucault.errors import error
     from foucault.units import parse
 
     def si(text: str | None, kind: str, key: str) -> float | None:
-        return None if text is None else parse(text, kind, key)
+        value = None if text is None else parse(text, kind, key)
+        if value is None:
+            return None
+        if (key in _SIZES and value < 0) or (key in _POSITIVE and value <= 0):
+            least = "greater than 0" if key in _POSITIVE else "0 or more"
+            raise error("campaign.value", key=key, given=repr(text), hint="", more="",
+                        reason=f"it should be {least}")  # fmt: skip
+        return value
 
     screen: Screen = ctx.obj
     site = {
@@ -99,6 +113,7 @@ def align(
         rests=[_span(text) for text in rest or ()],
         gyro_bias_sd=si(gyro_bias_sd, "angular rate", "--gyro-bias-sd"),
         accel_bias_sd=si(accel_bias_sd, "specific force", "--accel-bias-sd"),
+        gaps=gaps,
     )
     said = Said(
         site={k: v for k, v in site.items() if v is not None},
@@ -159,25 +174,39 @@ def _words(found: Comparison) -> list[str]:
             f"A gyro bias of {plain(bias, 2)} deg/h limits the heading to {plain(limit, 2)} deg in "
             "one position; two positions take it out."
         )
-    else:
-        lines.append(
-            "No bias is declared (--gyro-bias-sd, or a calibration): the sds are of noise alone. "
-            f"0.01 deg/h would add {plain(_per_bias(found), 2)} deg of heading."
-        )
+    lines += _undeclared(found)
     if first.disturbance_sd is not None:
         sway = convert(float(np.mean(first.disturbance_sd)), "velocity", "m/s")
         lines.append(f"Sway and vibration: {plain(1000 * sway, 2)} mm/s.")
     return lines
 
 
-def _per_bias(found: Comparison) -> float:
+def _undeclared(found: Comparison) -> list[str]:
+    """Say what the biases would add that were not declared: the sds hold nothing of them."""
     import numpy as np
 
     from foucault.models.ins_errors import azimuth_from_gyro_bias
-    from foucault.units import parse
+    from foucault.units import parse, plain
 
-    bias = parse("0.01 deg/h", "angular rate")
-    return float(np.degrees(azimuth_from_gyro_bias(bias, found.site.latitude or 0.0)))
+    gyro, accel = parse("0.01 deg/h", "angular rate"), parse("50 ug", "specific force")
+    azimuth = np.degrees(azimuth_from_gyro_bias(gyro, found.site.latitude or 0.0))
+    level = np.degrees(accel / found.site.gravity)
+    options, adds = [], []
+    if not found.gyro_bias_sd > 0:
+        options.append("--gyro-bias-sd")
+        adds.append(f"0.01 deg/h would add {plain(float(azimuth), 2)} deg of heading")
+    if not found.accel_bias_sd > 0:
+        options.append("--accel-bias-sd")
+        adds.append(f"50 ug would add {plain(float(level), 2)} deg of pitch and roll")
+    if not options:
+        return []
+    which = "No bias" if len(options) == 2 else "No accelerometer bias"
+    if options == ["--gyro-bias-sd"]:
+        which = "No gyro bias"
+    return [
+        f"{which} is declared ({', '.join(options)}, or a calibration): the sds hold nothing of "
+        f"it. {'; '.join(adds)}."
+    ]
 
 
 def _document(path: Path, found: Comparison) -> dict[str, Any]:
