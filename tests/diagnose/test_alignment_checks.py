@@ -275,3 +275,13 @@ def test_near_a_pole_the_azimuth_grows():
     codes = [f.code for f in azimuth(found, site)]
     assert codes == ["alignment.azimuth", "alignment.near_pole"] or codes == ["alignment.near_pole"]
     assert "1.7 %" in azimuth(found, site)[-1].message
+
+
+@pytest.mark.parametrize("factor", [1.011, 0.997])
+def test_gravity_that_the_rest_contradicts(factor):
+    """Too far from gravity for instruments to navigate with, too near for another unit."""
+    made = _rest()
+    found = contradictions(_changed(made, accel=factor), SITE, _errors(made))
+    assert [f.code for f in found] == ["alignment.gravity"]
+    assert f"{100 * (factor - 1):+.2g} % off" in found[0].message
+    assert contradictions(_changed(made, accel=1.001), SITE, _errors(made)) == ()

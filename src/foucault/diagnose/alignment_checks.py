@@ -46,6 +46,9 @@ FALSE_ALARM = 1e-6
 GRAVITY_BAND = 1.25
 """The mean specific force is gravity within this factor, whatever the calibration [1]."""
 
+OFF_GRAVITY = 0.002
+"""Accelerometers fit to navigate by see gravity within this part, calibrated or not [1]."""
+
 RATE_BAND = 0.2
 """A factor explains a rate that is the Earth's within this part [1]."""
 
@@ -123,7 +126,8 @@ def checked(
         part = increments[window(increments, *rest)]
         told = contradictions(part, site, sensors)
         moved = motion(part, site, sensors)
-        if told:  # such gyros turn by themselves, or the Earth is taken to turn otherwise
+        if any(f.code != "alignment.gravity" for f in told):
+            # Such gyros turn by themselves, or the Earth is taken to turn otherwise.
             moved = tuple(f for f in moved if f.code == "alignment.left_place")
         found += [*told, *moved]
     more = (*found, *azimuth(alignment, site))
@@ -155,17 +159,21 @@ def contradictions(
     sds = [float(np.sqrt(np.diag(cov).max())) for cov in (f_cov, w_cov)]
     means = _Means(f, w, sds[0], sds[1], site, site.latitude)
     interval = float(np.median(increments.dt))
-    _check_force(means, interval)
+    told = _check_force(means, interval)
     if SURE * means.w_sd > EARTH_RATE:
-        return ()  # the Earth's rate does not stand out
+        return told  # the Earth's rate does not stand out
     _check_rate(means, interval)
-    return _vertical(means)
+    return told + _vertical(means)
 
 
-def _check_force(means: _Means, interval: float) -> None:
-    ratio = float(np.linalg.norm(means.f)) / means.site.gravity
+def _check_force(means: _Means, interval: float) -> tuple[Finding, ...]:
+    seen, given = float(np.linalg.norm(means.f)), means.site.gravity
+    ratio = seen / given
     if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
-        return
+        if abs(seen - given) < max(OFF_GRAVITY * given, SURE * means.f_sd):
+            return ()
+        return (finding("alignment.gravity", seen=f"{seen:.5g}", given=f"{given:.5g}",
+                        off=f"{100 * (ratio - 1):+.2g}"),)  # fmt: skip
     causes = {
         interval: "increments were declared as rates",
         1 / interval: "rates were declared as increments",

@@ -11,7 +11,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("alignment.no_latitude", "error",
      "An alignment without a latitude",
      "The latitude of the site is unknown; how the Earth turns is what shows north.",
-     "Give `latitude` in [site]."),
+     "Give --latitude '47.3 deg', or `latitude` in [site]."),
     ("alignment.window", "error",
      "A window of alignment outside the log",
      "The alignment was to last from {start} s to {end} s; the log has {first} s to {last} s.",
@@ -43,6 +43,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Increments read as rates or the reverse, seen at alignment",
      "The mean specific force is {given} m/s^2, {ratio} times local gravity: {cause}.",
      "Correct `kind`, `unit` or `scale` in [log.accel], and `kind` in [log.gyro] with it."),
+    ("alignment.gravity", "warning",
+     "A rest whose specific force is not local gravity",
+     "The mean specific force at rest is {seen} m/s^2 where gravity is {given} m/s^2, {off} % off.",
+     "Check `gravity` and `height` of the site, or calibrate the scale factors and biases of the "
+     "accelerometers."),
     ("alignment.gyro_unit", "error",
      "Gyros at rest that read the Earth's rate times a factor",
      "The gyros at rest read {given} deg/h instead of the Earth's {earth} deg/h; multiplied by "
