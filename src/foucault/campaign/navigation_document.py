@@ -33,14 +33,14 @@ def document(test: NavigationTest) -> dict[str, Any]:
         "reasons": list(test.verdict.reasons),
         "instrument": test.instrument,
         "site": asdict(test.site) | {"longitude": test.longitude},
-        "opening": {k: v for k, v in asdict(test.opening).items() if k != "noise"},
+        "opening": {k: getattr(test.opening, k) for k in ("start", "end", "still", "found")},
         "settings": asdict(test.settings),
         "noise": {"source": test.noise_source} | asdict(test.noise),
         "calibration": test.calibration,
         "reference": _reference(test),
         "start": float(t.time[0]),
         "duration": float(t.time[-1] - t.time[0]),
-        "runs": [_run(run) for run in test.runs],
+        "runs": [_run(run, cov) for run, cov in zip(test.runs, _start_cov(test), strict=True)],
         "predicted": _predicted(test.budget, test.runs[0].start.time),
         "contributions": _contributions(test.budget),
         "difference": None if test.difference is None else test.difference[-1, :2],
@@ -59,7 +59,12 @@ def _reference(test: NavigationTest) -> dict[str, Any] | None:
     return {"still": known.still, "positions": known.position is not None} | known.source
 
 
-def _run(run: Run) -> dict[str, Any]:
+def _start_cov(test: NavigationTest) -> list[FloatArray]:
+    """Return the covariance of phi at each start; what is not calibrated is not in it."""
+    return [test.budget.start, *(run.start.phi_cov for run in test.runs[1:])]
+
+
+def _run(run: Run, start_cov: FloatArray) -> dict[str, Any]:
     start, t = run.start, run.trajectory
     out: dict[str, Any] = {
         "name": run.name,
@@ -67,8 +72,7 @@ def _run(run: Run) -> dict[str, Any]:
             "method": start.method,
             "time": start.time,
             **dict(zip(("heading", "pitch", "roll"), t.angles[0], strict=True)),
-            "covariance": start.phi_cov.tolist(),
-            "heading_bias_sd": start.bias_sd,
+            "covariance": start_cov.tolist(),
             "velocity_sd": start.velocity_sd,
         },
         "end": {
