@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.navigation import NAUTICAL_MILE, circular_error, radial_rate
+from foucault.files import plain_json
 from foucault.models.layouts import kind_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,7 +49,7 @@ def document(test: NavigationTest) -> dict[str, Any]:
         "findings": [f.as_dict() for f in test.findings],
         "provenance": test.provenance,
     }
-    return {key: _plain(value) for key, value in out.items()}
+    return {key: plain_json(value) for key, value in out.items()}
 
 
 def _reference(test: NavigationTest) -> dict[str, Any] | None:
@@ -132,16 +132,3 @@ def _at_end(x: FloatArray) -> dict[str, float]:
     """Return position and heading of nine errors."""
     length = float(np.hypot(x[6], x[7]))
     return {"east": x[6], "north": x[7], "heading": x[2], "horizontal": length}
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold; None for what is not finite."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int)) else str(value)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from foucault.cli.options import parsed
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -18,9 +19,6 @@ _WORDS = {
     "two_vector": "two vectors",
     "two_position": "two positions",
 }
-
-_SIZES = ("--gyro-bias-sd", "--accel-bias-sd")
-_POSITIVE = ("--gyro-noise", "--accel-noise")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -87,39 +85,20 @@ def align(
     from foucault.campaign import alignment
     from foucault.campaign.alignment import Window
     from foucault.campaign.navigation import Said
-    from foucault.errors import error
-    from foucault.units import parse
-
-    def si(text: str | None, kind: str, key: str) -> float | None:
-        value = None if text is None else parse(text, kind, key)
-        if value is None:
-            return None
-        if (key in _SIZES and value < 0) or (key in _POSITIVE and value <= 0):
-            least = "greater than 0" if key in _POSITIVE else "0 or more"
-            raise error("campaign.value", key=key, given=repr(text), hint="", more="",
-                        reason=f"it should be {least}")  # fmt: skip
-        return value
 
     screen: Screen = ctx.obj
-    site = {
-        "latitude": si(latitude, "angle", "--latitude"),
-        "height": si(height, "length", "--height"),
-        "gravity": si(gravity, "gravity", "--gravity"),
-    }
+    site = parsed({"latitude": latitude, "height": height, "gravity": gravity})
+    given = parsed({"from": start, "until": until})
     window = Window(
         methods=tuple(method or ()),  # type: ignore[arg-type]  # an unknown one is refused there
-        start=si(start, "time", "--from"),
-        end=si(until, "time", "--until"),
+        start=given.get("from"),
+        end=given.get("until"),
         rests=[_span(text) for text in rest or ()],
-        gyro_bias_sd=si(gyro_bias_sd, "angular rate", "--gyro-bias-sd"),
-        accel_bias_sd=si(accel_bias_sd, "specific force", "--accel-bias-sd"),
         gaps=gaps,
+        **parsed({"gyro_bias_sd": gyro_bias_sd, "accel_bias_sd": accel_bias_sd}),
     )
-    said = Said(
-        site={k: v for k, v in site.items() if v is not None},
-        gyro_white=si(gyro_noise, "angle random walk", "--gyro-noise"),
-        accel_white=si(accel_noise, "velocity random walk", "--accel-noise"),
-    )
+    white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
+    said = Said(site, gyro_white=white.get("gyro_noise"), accel_white=white.get("accel_noise"))
     with screen.progress() as tell:
         found = alignment.run(log, said, window, calibration=calibration, progress=tell)
     angles = ("heading (deg)", "sd", "pitch (deg)", "sd", "roll (deg)", "sd")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 if TYPE_CHECKING:
@@ -112,15 +113,15 @@ def navigate(
     from foucault.procedures.navigation_settings import Settings
 
     screen: Screen = ctx.obj
-    site = _parsed({"latitude": latitude, "longitude": longitude, "height": height,
+    site = parsed({"latitude": latitude, "longitude": longitude, "height": height,
                     "gravity": gravity})  # fmt: skip
-    given = _parsed({"align": align, "heading": heading, "heading_sd": heading_sd, "pitch": pitch,
+    given = parsed({"align": align, "heading": heading, "heading_sd": heading_sd, "pitch": pitch,
                      "roll": roll, "level_sd": level_sd, "from": from_, "until": until,
                      "rate": rate})  # fmt: skip
     given |= {new: given.pop(old) for old, new in (("from", "start"), ("until", "end"))
               if old in given}  # fmt: skip
     settings = Settings(method=method, vertical=vertical, gaps=gaps, still=still, **given)
-    white = _parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
+    white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
     said = Said(site, settings, white.get("gyro_noise"), white.get("accel_noise"), serial)
     with screen.progress() as tell:
         found = navigation.run(log, said, calibration=calibration, reference=reference,
@@ -129,31 +130,6 @@ def navigate(
         record = _kept(found, output)
     _show(screen, record)
     _conclude(screen, record, output)
-
-
-_KINDS = {
-    "height": "length", "gravity": "gravity", "gyro_noise": "angle random walk",
-    "accel_noise": "velocity random walk", "align": "time", "from": "time", "until": "time",
-    "rate": "frequency",
-}  # fmt: skip
-_POSITIVE = ("align", "heading_sd", "level_sd", "until", "rate", "gyro_noise", "accel_noise")
-
-
-def _parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
-    """Turn options with units into SI numbers; a mistake names its option."""
-    from foucault.campaign.mistakes import parse_at
-    from foucault.errors import error
-
-    out = {}
-    for key, text in texts.items():
-        if text is None:
-            continue
-        option = "--" + key.replace("_", "-")
-        out[key] = parse_at(option, text, _KINDS.get(key, "angle"))
-        if key in _POSITIVE and not out[key] > 0:
-            raise error("campaign.value", key=option, given=repr(text), hint="", more="",
-                        reason="it should be greater than 0")  # fmt: skip
-    return out
 
 
 def _kept(found: Any, folder: Path | None) -> NavigationRecord:
