@@ -212,7 +212,7 @@ def vertical() -> Page:
 
 
 def vibration() -> Page:
-    """Coning and sculling, with and without what the sample before says."""
+    """Coning and sculling, with and without what the samples on either side say."""
     dt, good = 0.01, True
     time = np.arange(201) * dt
     lines = [
@@ -314,8 +314,8 @@ PARTS = (
     ("Coning and sculling", vibration,
      "100 Hz. Coning: a cone of 0.5 deg half angle. Sculling: rocking by 0.01 deg with 10 m/s^2 in "
      "phase. With x = 2 pi frequency dt, uncompensated drift has the factor (x - sin x) / 2, and "
-     "(x - sin x) / 2 - sin(x) sin(x / 2)^2 / 3 = x^5 / 60 + ... is left by this sample and the "
-     "one before."),
+     "(x - sin x) / 2 - sin(x) sin(x / 2)^2 / 3 = x^5 / 60 + ... is left by a sample with its "
+     "neighbours, of which either says the same of a cone."),
     ("The term of the third order", third_order,
      "Constant rate across a constant force of 1 g. The navigation has the rotation of the force "
      "during an interval in closed form; half of theta x dv alone would leave out:"),

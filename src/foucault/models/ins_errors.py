@@ -112,15 +112,9 @@ class Sensors:
         return len(self.layout)
 
     @cached_property
-    def gyro_terms(self) -> int:
-        """Number of terms that act on gyros; they come first."""
-        return int(np.count_nonzero(self.axis < 3))
-
-    @cached_property
     def gyros(self) -> int:
         """Number of coefficients that act on gyros; they come first."""
-        acting = self.coefficient[: self.gyro_terms]
-        return int(acting.max()) + 1 if len(acting) else 0
+        return len(np.unique(self.coefficient[self.axis < 3]))
 
     @cached_property
     def most(self) -> int:

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from foucault.errors import error, suggestion
 from foucault.kernels.strapdown import AIDED, FREE, HELD, strapdown
 from foucault.models.attitude import angles_of
+from foucault.models.earth import EQUATORIAL_GRAVITY, SEMI_MAJOR_AXIS
 from foucault.navigate.increments import Increments
 from foucault.navigate.state import State, state_of, states_of
 from foucault.units import plain
@@ -166,7 +167,9 @@ def navigate(
         raise error("strapdown.vertical", given=vertical, hint=hint, allowed=", ".join(VERTICAL))
     aid = _heights(heights, n) if vertical == "aided" else np.zeros(0)
     rate = 1.0 / HEIGHT_LOOP
-    gains = np.array([3 * rate, 3 * rate**2 + 2 * 9.8 / 6.4e6, rate**3])
+    # The second gain also takes back what gravity, weaker with height, does to an error of it.
+    pull = 2 * EQUATORIAL_GRAVITY / SEMI_MAJOR_AXIS
+    gains = np.array([3 * rate, 3 * rate**2 + pull, rate**3])
     history = strapdown(
         increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, first, end,
         state.packed(), gravity_offset, VERTICAL[vertical], aid, gains,
