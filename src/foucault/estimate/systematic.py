@@ -38,6 +38,10 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
+BETWEEN = 2.0
+"""Longest epoch during turns [s]."""
+
+
 @dataclass(frozen=True)
 class AtRest:
     """What is known of an instrument at rest.
@@ -80,14 +84,17 @@ class AtRest:
         assert site.latitude is not None
         each = max(1, round(self.interval / float(np.median(increments.dt))))
         rows = [np.arange(max(a, first) + each, b + 1, each) for a, b in rests if b > first + each]
-        starts = np.cumsum([1, *(len(r) for r in rows)])[:-1]
+        measured = np.concatenate(rows)
+        # Noise comes in where epochs begin and end: turns are cut up too.
+        between = np.arange(first, measured[-1], max(each, round(BETWEEN / self.interval) * each))
         out = Updates.at_rest(
-            np.concatenate([[first], *rows]), velocity_sd=self.velocity_sd,
+            np.union1d(measured, between), velocity_sd=self.velocity_sd,
             position=(site.latitude, 0.0, site.height), position_sd=self.position_sd,
         )  # fmt: skip
-        out.sd[0] = np.inf  # the start itself, for a smoother
+        out.sd[~np.isin(out.rows, measured)] = np.inf
+        starts = np.array([r[0] for r in rows[1:]])
         if self.decorrelate:
-            out.restart[starts[1:]] = True
+            out.restart[np.searchsorted(out.rows, starts)] = True
         return out
 
 
