@@ -33,7 +33,7 @@ NOISE = ImuNoise(TriadNoise(white=5 * UG), TriadNoise(white=0.0007 * DEG / 60))
 PHI_SD = np.array([60, 60, 600]) * ARCSEC
 UP_EAST_NORTH = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 SITE = Site.at(40 * DEG)
-TURNS = "+y +y +y -y -y -y +z +x +x +x -x -x -x +z +z -z -z -z".split()
+TURNS = ["+y"] * 3 + ["-y"] * 3 + ["+z"] + ["+x"] * 3 + ["-x"] * 3 + ["+z"] * 2 + ["-z"] * 3
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,7 @@ def test_consistent(session):
 
 
 def test_epochs_are_short_and_only_rests_are_measured(session):
-    plan, start, rows = session
+    rows = session[2]
     n = rows[-1][1] + 1
     quiet = Increments.of(np.arange(n) / RATE, np.zeros((n, 3)), np.zeros((n, 3)))
     updates = AtRest(decorrelate=True).updates(quiet, rows, SITE, 0)
