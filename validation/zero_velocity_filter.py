@@ -30,7 +30,8 @@ from foucault import units
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.estimate import ins_filter
-from foucault.estimate.ins_filter import FilterRun, Updates, spread, start_cov
+from foucault.estimate.free_run import spread
+from foucault.estimate.ins_filter import FilterRun, Updates, start_cov
 from foucault.models.attitude import matrix_of
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.geodesy import displaced, displacement, east_north_up
@@ -469,7 +470,7 @@ def main(runs: int = 200, rest: float = 60.0) -> int:
         f"{10 * runs} runs of {FREE_RUN / 60:.0f} min at rest, {FREE_RATE} Hz: attitude errors of "
         "5e-5, 5e-5, 5e-4 rad, velocity 1 cm/s, position 1 m, gyro bias 2e-8 rad/s, accelerometer "
         "bias 2e-4 m/s^2, noise 1e-6 rad/sqrt(s) and 3e-4 m/s/sqrt(s), beside the covariance of "
-        "`estimate.ins_filter.spread`.",
+        "`estimate.free_run.spread`.",
         "",
         *free,
     ]

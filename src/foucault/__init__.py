@@ -14,6 +14,7 @@ Frames
 i   inertial
 e   Earth-fixed
 n   local level: East, North, Up
+l   level, starts as n and is carried along without turning about up
 b   body: right, forward, up. Gauge: x_b is the input axis of the x accelerometer, y_b lies
     in the plane of the x and y accelerometers
 s   sensitive axes of the sensors, not orthogonal
@@ -21,7 +22,8 @@ p   torqued cluster (platform)
 k   case of the instrument on a table
 ==  =============================================================================
 
-Heading is clockwise from North, pitch is nose up, roll is right side down.
+Heading is clockwise from North, pitch is nose up, roll is right side down: those of y_b, the
+forward axis. Latitude is geodetic, height above the WGS-84 ellipsoid.
 
 Symbols
 -------
@@ -30,7 +32,8 @@ Symbols
 resolved in b: the resolving frame comes last. ``w_ie_n`` is the Earth's rate, ``g_n`` gravity.
 ``_err`` is estimate minus truth, ``_sd`` a standard deviation, ``_cov`` a covariance. The prefix
 ``d`` marks increments (``dtheta_b``, ``dvel_b``, ``dt``). Filters write ``x, P, Phi, Q, H, R, z,
-S, K``. The attitude error phi is defined by ``C_nb_est = (I - [phi x]) C_nb_true``. A lever arm
+S, K``. The attitude error phi is defined by ``C_nb_est = (I - [phi x]) C_nb_true``; psi is the same
+against the Earth instead of the place. A lever arm
 points from master to slave, from the origin of the body to the sensor.
 
 Coefficients
@@ -44,6 +47,7 @@ Tables
 ------
 `Log` holds time [s], gyro (n, 3) [rad/s], accel (n, 3) [m/s^2] and, where logged, temperature
 [K]. Rests and turns have one row each; `foucault.tables` lists every column with its unit.
+`Increments` are a log as navigation adds it up; a `State` is position, velocity and attitude.
 
 The names below load when first used, so that ``import foucault`` costs little.
 """
@@ -70,12 +74,17 @@ if TYPE_CHECKING:
     from foucault.models.imu import ImuModel as ImuModel
     from foucault.models.noise import ImuNoise as ImuNoise
     from foucault.models.noise import grade as grade
+    from foucault.navigate.increments import increments_of as increments_of
+    from foucault.navigate.state import State as State
+    from foucault.procedures.alignment import align_log as align_log
+    from foucault.procedures.navigation import navigate_log as navigate_log
     from foucault.result import Check as Check
     from foucault.result import Level as Level
     from foucault.result import Result as Result
     from foucault.result import Verdict as Verdict
     from foucault.run_folder import load_result as load_result
     from foucault.run_folder import save as save_result
+    from foucault.simulate.motion import simulate_motion as simulate_motion
     from foucault.tables import Log as Log
     from foucault.units import convert as convert_unit
     from foucault.units import parse as parse_unit
@@ -94,17 +103,22 @@ _HOMES = {
     "LogDescription": "logs.description",
     "Result": "result",
     "Site": "models.earth",
+    "State": "navigate.state",
     "Status": "errors",
     "Verdict": "result",
+    "align_log": "procedures.alignment",
     "calibrate": "campaign",
     "convert_unit": "units:convert",
     "grade": "models.noise",
+    "increments_of": "navigate.increments",
     "load_campaign": "campaign:load",
     "load_result": "run_folder",
+    "navigate_log": "procedures.navigation",
     "parse_unit": "units:parse",
     "read_log": "logs:read",
     "save_result": "run_folder:save",
     "simulate_campaign": "campaign:simulate",
+    "simulate_motion": "simulate.motion",
     "write_log": "logs:write",
 }
 
@@ -123,17 +137,22 @@ __all__ = [
     "LogDescription",
     "Result",
     "Site",
+    "State",
     "Status",
     "Verdict",
+    "align_log",
     "calibrate",
     "convert_unit",
     "grade",
+    "increments_of",
     "load_campaign",
     "load_result",
+    "navigate_log",
     "parse_unit",
     "read_log",
     "save_result",
     "simulate_campaign",
+    "simulate_motion",
     "write_log",
 ]
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from foucault.errors import FoucaultError, error
 
@@ -73,3 +76,28 @@ def _remove(temporary: Path) -> None:
     # Where the folder itself is out of reach there is nothing of ours in it.
     with suppress(OSError):
         temporary.unlink(missing_ok=True)
+
+
+def read_document(file: Path, schema: str) -> dict[str, Any]:
+    """Read a JSON document of ours; refuse what is none, or of another schema."""
+    try:
+        about = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as problem:
+        raise error("result.not_json", file=file, problem=problem) from None
+    if not isinstance(about, dict) or about.get("schema") != schema:
+        given = about.get("schema") if isinstance(about, dict) else None
+        raise error("result.schema", file=file, given=f"has schema {given!r}", allowed=schema)
+    return about
+
+
+def plain_json(value: Any) -> Any:
+    """Return what JSON can hold of a value; None for what is not finite."""
+    if isinstance(value, Mapping):
+        return {str(k): plain_json(v) for k, v in value.items()}
+    if hasattr(value, "tolist"):  # an array, or one number of one
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain_json(v) for v in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int)) else str(value)

@@ -74,10 +74,72 @@ def test_two_positions_take_the_bias_out(log: Path) -> None:
     assert two["heading"] == pytest.approx(HEADING + np.pi, abs=4 * two["heading_sd"])
 
 
-def test_without_a_bias_the_sds_are_called_those_of_noise(log: Path) -> None:
-    result = run("align", log, *SITE, "--until", "120 s", "--method", "two_vector")
-    assert "the sds are of noise alone" in result.output
-    assert "Kalman" not in result.output
+def test_biases_that_were_not_declared_are_named(log: Path) -> None:
+    words = ("align", log, *SITE, "--until", "120 s", "--method", "two_vector")
+    gyro, accel = ("--gyro-bias-sd", "0.2 deg/h"), ("--accel-bias-sd", "50 ug")
+    none = run(*words).output
+    assert "No bias is declared (--gyro-bias-sd, --accel-bias-sd, or a" in none
+    assert "0.01 deg/h would add 0.056 deg of heading" in none and "Kalman" not in none
+    one = run(*words, *gyro).output
+    assert "No accelerometer bias is declared (--accel-bias-sd, or" in one
+    assert "50 ug would add 0.0029 deg of pitch and roll" in one
+    assert "No gyro bias is declared (--gyro-bias-sd, or" in run(*words, *accel).output
+    assert "is declared" not in run(*words, *gyro, *accel).output
+
+
+def test_two_positions_alone(log: Path) -> None:
+    """Every rest is checked, the first as well as the last."""
+    result = run("align", log, *SITE, *TWO, "--method", "two_position", "--gyro-bias-sd",
+                 "0.2 deg/h", "--json")  # fmt: skip
+    assert result.exit_code == 0
+    (row,) = found(result).values()
+    assert row["method"] == "two_position"
+    assert row["heading"] == pytest.approx(HEADING + np.pi, abs=4 * row["heading_sd"])
+
+
+def test_one_rest_is_the_window(log: Path, recwarn: pytest.WarningsRecorder) -> None:
+    words = ("--gyro-bias-sd", "0.2 deg/h", "--json")
+    one = found(run("align", log, *SITE, "--rest", "0 s to 120 s", *words))
+    same = found(run("align", log, *SITE, "--from", "0 s", "--until", "120 s", *words))
+    assert one == same and len(one) == 3
+    assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
+
+
+@pytest.mark.parametrize("cut", [0, 40])
+def test_a_gap_is_bridged_where_that_is_asked_for(log: Path, tmp_path: Path, cut: int) -> None:
+    lines = log.read_text().splitlines(keepends=True)
+    file = tmp_path / "gap.csv"
+    file.write_text("".join(lines[:3000] + lines[3000 + cut :]))
+    words = ("align", file, *SITE, "--until", "110 s", "--gyro-bias-sd", "0.2 deg/h")
+    if not cut:
+        assert run(*words).exit_code == 0
+        return
+    refused = CliRunner().invoke(app, [str(w) for w in words])
+    assert refused.exit_code == 1 and "--gaps bridge" in " ".join(refused.stderr.split())
+    bridged = run(*words, "--gaps", "bridge")
+    assert bridged.exit_code == 3 and "1 gaps were bridged" in " ".join(bridged.output.split())
+    assert bridged.output.count("were bridged") == 1
+
+
+def test_titles_of_increments(tmp_path: Path) -> None:
+    """The same log as rates and as increments gives the same attitude."""
+    made = simulate_motion([Rest(60.0)], START, rate=20.0, noise=NOISE, seed=2).log
+    rates = np.column_stack([made.gyro, made.accel])
+    made_of = {}
+    for name, units, x in (("rate", ("deg/s", "m/s^2"), rates * [*[180 / np.pi] * 3, 1, 1, 1]),
+                           ("increment", ("rad", "m/s"), rates / 20.0)):  # fmt: skip
+        heads = [f"{t}_{a} ({u})" for t, u in zip(("gyro", "accel"), units, strict=True)
+                 for a in "xyz"]  # fmt: skip
+        file = tmp_path / f"{name}.csv"
+        np.savetxt(file, np.column_stack([made.time, x]), "%.12g", ",", comments="",
+                   header=",".join(["time (s)", *heads]))  # fmt: skip
+        words = ("align", file, *SITE, "--until", "59 s", "--method", "inertial_frame", "--json")
+        made_of[name] = found(run(*words))["inertial_frame"]
+    for key in ("heading", "pitch", "roll"):
+        assert made_of["rate"][key] == pytest.approx(made_of["increment"][key], abs=2e-4)
+    words = ("align", tmp_path / "increment.csv", *SITE, "--until", "59 s")
+    text = " ".join(run(*words).output.split())
+    assert "gyro in rad (increments), accel in m/s (increments)" in text
 
 
 @pytest.mark.parametrize(
@@ -87,6 +149,15 @@ def test_without_a_bias_the_sds_are_called_those_of_noise(log: Path) -> None:
         (("--method", "two_vectors"), "Did you mean 'two_vector'?"),
         (("--rest", "0 s to 900 s", "--rest", "950 s to 990 s"), "the log has"),
         (("--until", "120"), "--until"),
+        (("--gyro-bias-sd", "-1 deg/h"), "--gyro-bias-sd: '-1 deg/h' is not allowed"),
+        (("--accel-bias-sd", "-1 ug"), "it should be 0 or more"),
+        (("--gyro-noise", "0 deg/sqrt(h)"), "it should be greater than 0"),
+        (("--accel-noise", "-1 ug/sqrt(Hz)"), "it should be greater than 0"),
+        (("--method", "two_position"), "No rests are given"),
+        (
+            ("--rest", "0 s to 120 s", "--method", "two_position"),
+            "The rests given are 0 s to 120 s. Give two rests of the log",
+        ),
     ],
 )
 def test_bad_words_are_refused(log: Path, words: tuple[str, ...], text: str) -> None:
@@ -99,6 +170,25 @@ def test_no_latitude(log: Path) -> None:
     result = CliRunner().invoke(app, ["align", str(log)])
     assert result.exit_code == 1
     assert "latitude" in result.stderr
+
+
+def test_no_rest_leads_to_options_that_align_has(tmp_path: Path) -> None:
+    made = simulate_motion([Rotate("x", 0.4, 0.05), Rotate("x", -0.4, 0.05)], START, rate=20.0)
+    own.write(made.log, tmp_path / "moving.csv")
+    result = CliRunner().invoke(app, ["align", str(tmp_path / "moving.csv"), *SITE])
+    assert result.exit_code == 1
+    text = " ".join(result.stderr.split())
+    assert "No rest of 10 s or more" in text
+    assert "`foucault align` takes --from" in text and "--until" in text
+
+
+def test_a_triad_that_is_missing(tmp_path: Path) -> None:
+    heads = "time (s),gyro_x (deg/s),gyro_y (deg/s),gyro_z (deg/s)"
+    rows = np.column_stack([np.arange(500) / 10, np.random.default_rng(1).normal(size=(500, 3))])
+    np.savetxt(tmp_path / "log.csv", rows, "%.6f", ",", comments="", header=heads)
+    result = CliRunner().invoke(app, ["align", str(tmp_path / "log.csv"), *SITE])
+    assert result.exit_code == 1
+    assert "to a log that is given alone" in " ".join(result.stderr.split())
 
 
 def test_wrong_hemisphere(log: Path) -> None:

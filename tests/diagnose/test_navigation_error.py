@@ -84,6 +84,21 @@ def test_what_the_reference_does_not_say_is_not_known(drive) -> None:
     assert "shift the time of the reference" in caught.value.cure
 
 
+def test_growth_is_listed_at_round_ages_between_epochs() -> None:
+    """The nearest epoch is another age; far from every epoch nothing is known."""
+    age = np.arange(0.3, 1000.0, 1.0)
+    rows = growth(made(age, age**2))
+    assert [row.age for row in rows[:-1]] == [60, 120, 300, 600]
+    assert [row.horizontal for row in rows[:-1]] == pytest.approx([60**2, 120**2, 300**2, 600**2],
+                                                                  rel=1e-3)  # fmt: skip
+    sparse = np.arange(0.0, 1650.0, 100.0)
+    assert [row.age for row in growth(made(sparse, sparse))] == [600, 1200, 1600]
+    assert [row.age for row in growth(made(age[:605], age[:605]))] == [60, 120, 300, 604.3]
+    wrapped = made(age, age)
+    wrapped.angles[:, 0] = np.where(age < 60, 3.1, -3.1)
+    assert abs(growth(wrapped)[0].heading) > 3.1
+
+
 def test_many_epochs_are_thinned_and_the_listed_ages_kept() -> None:
     time = np.arange(0.0, 900.0, 0.01)
     run = Trajectory(time, np.zeros((len(time), 12)))

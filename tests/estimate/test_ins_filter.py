@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import chi2
 
 from foucault.diagnose.consistency import chi_square_limits, nees
-from foucault.estimate.ins_filter import Updates, run, spread, start_cov
+from foucault.estimate.free_run import spread
+from foucault.estimate.ins_filter import Updates, run, start_cov
 from foucault.models.geodesy import displaced, displacement, east_north_up
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.ins_errors import STATES, Sensors

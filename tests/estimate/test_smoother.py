@@ -10,7 +10,7 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.estimate.ins_filter import FilterRun, Updates, run
-from foucault.estimate.smoother import smooth
+from foucault.estimate.smoother import _divided, smooth
 from foucault.models.geodesy import displaced, displacement
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
@@ -204,3 +204,13 @@ def test_what_is_known_exactly_stays_as_it_is():
     smoothed = smooth(run(log, state, sensors, updates, P0, noise, keep=True))
     assert np.isfinite(smoothed.sd).all()
     np.testing.assert_array_equal(smoothed.coefficients[:, 0], 0.0)
+
+
+def test_what_is_known_to_rounding_only():
+    """Without noise a covariance is singular; what it holds is still handed on."""
+    rng = np.random.default_rng(4)
+    size = 10.0 ** np.array([-6, -2, 0, 3, 5, -4])
+    root = size[:, None] * rng.normal(size=(6, 3))
+    P = root @ root.T
+    A = rng.normal(size=(6, 6)) / size @ P
+    np.testing.assert_allclose(_divided(A, P) @ P / size, A / size, rtol=0, atol=1e-8)

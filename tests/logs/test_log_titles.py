@@ -42,6 +42,24 @@ def test_units_in_titles_are_taken_and_told(tmp_path, head):
 
 
 @pytest.mark.parametrize(
+    ("units", "factors"),
+    [(("rad", "m/s"), (1.0, 1.0)), (("deg", "g*s"), (np.pi / 180, G)),
+     (("0.1 arcsec", "m/s"), (np.pi / 6480000, 1.0))],
+)  # fmt: skip
+def test_units_of_increments_make_increments(tmp_path, units, factors):
+    table = save(
+        tmp_path, "t (ms),gx ({0}),gy ({0}),gz ({0}),ax ({1}),ay ({1}),az ({1})".format(*units)
+    )
+    description, (told,) = description_of(tmp_path / "log.csv")
+    assert description.gyro.kind == description.accel.kind == "increment"
+    log = read(description, tmp_path)
+    assert log.sampled == "increment"
+    assert log.gyro[1:] == pytest.approx(table[1:, 1:4] * factors[0] / 0.01, rel=1e-12)
+    assert log.accel[1:] == pytest.approx(table[1:, 4:] * factors[1] / 0.01, rel=1e-12)
+    assert f"gyro in {units[0]} (increments), accel in {units[1]} (increments)" in told.message
+
+
+@pytest.mark.parametrize(
     ("head", "reason"),
     [
         (
@@ -57,6 +75,8 @@ def test_units_in_titles_are_taken_and_told(tmp_path, head):
         ("t (s),a1,a2,a3,a4,a5,a6", "no three columns have usual names"),
         ("t (s),gx (furlong),gy (furlong),gz (furlong),ax (g),ay (g),az (g)", "'furlong'"),
         ("t (s),gx (count),gy (count),gz (count),ax (g),ay (g),az (g)", "without a scale"),
+        ("t (s),gx (rad),gy (rad),gz (rad),ax (g),ay (g),az (g)", "'rad' is a unit of increments"),
+        ("t (s),gx (dps),gy (dps),gz (dps),ax (m/s),ay (m/s),az (m/s)", "is a unit of increments"),
     ],
 )
 def test_titles_that_say_too_little_lead_to_init(tmp_path, head, reason):
@@ -67,6 +87,7 @@ def test_titles_that_say_too_little_lead_to_init(tmp_path, head, reason):
     assert reason in str(caught.value)
     assert f"'log.csv' has the columns {head.replace(',', ', ')}" in caught.value.message
     assert "foucault init hand_rotated -o campaign.toml" in caught.value.cure
+    assert 'kind = "increment"' in caught.value.cure
 
 
 def test_a_file_without_titles_leads_to_init(tmp_path):

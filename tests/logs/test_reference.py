@@ -78,3 +78,24 @@ def test_a_known_site() -> None:
     site = reference.Reference.site(np.arange(3.0), 0.8, 0.1, 430.0)
     assert site.still and site.position.tolist() == [[0.8, 0.1, 430.0]] * 3
     assert not site.velocity_n.any()
+
+
+def test_a_velocity_down_is_turned_up(tmp_path: Path) -> None:
+    titles = "time (s),ve (m/s),vn (m/s),velocity down (m/s)"
+    seen = reference.read(write(tmp_path / "d.csv", titles, ["0,1,2,-3", "1,1,2,4"]))
+    assert seen.velocity_n[:, 2].tolist() == [3, -4]
+
+
+def test_a_place_is_that_of_the_rest_or_between_epochs() -> None:
+    time = np.array([0.0, 1.0, 2.0, 100.0])
+    position = np.column_stack([0.8 + 1e-5 * time, np.full(4, np.pi), 10 * time])
+    seen = reference.Reference(time, position)
+    assert seen.place(0.5, 50.0).tolist() == position[2].tolist()  # it has not moved since
+    assert seen.place(1.25, 1.25) == pytest.approx([0.8 + 1.25e-5, np.pi, 12.5])
+    assert seen.place(-0.5, -0.5) == pytest.approx([0.8 - 0.5e-5, np.pi, -5.0])
+    assert seen.place(50.0, 50.0) is None and seen.place(-9.0, -5.0) is None
+    assert reference.Reference(time).place(0.0, 1.0) is None
+    crossing = position.copy()
+    crossing[1, 1] = -np.pi + 1e-3
+    there = reference.Reference(time, crossing).place(0.5, 0.5)
+    assert there[1] == pytest.approx(np.pi + 0.5e-3)

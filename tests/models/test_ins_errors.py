@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from foucault.estimate.ins_filter import Updates, run, sensitivity
+from foucault.estimate.free_run import sensitivity
+from foucault.estimate.ins_filter import Updates, run
 from foucault.models.earth import EARTH_RATE, gravity, radii
 from foucault.models.geodesy import displacement
 from foucault.models.imu import LAYOUT, LINEAR_LOWER

@@ -8,15 +8,24 @@ from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.navigate.align import align, check_method, measured_errors, window
+from foucault.navigate.align import (
+    align,
+    bridge_peak,
+    check_method,
+    measured_errors,
+    sensor_errors,
+    window,
+)
 from foucault.navigate.increments import increments_of
 from foucault.navigate.sensor_errors import SensorErrors
-from foucault.plans.manoeuvres import Rest, Rotate
+from foucault.navigate.two_vector import two_vector_covariance
+from foucault.plans.manoeuvres import Rest, Rotate, Sway
 from foucault.tables import Log
 from make_alignment import (
     DPH,
     LN100_SITE,
     RING_SITE,
+    attitude_error,
     ln100_log,
     moving,
     resting,
@@ -122,6 +131,52 @@ def test_noise_is_measured_where_it_is_larger_than_declared():
     low, high = chi_square_limits(9, tests=6)
     for seen, true in ((measured.gyro_psd, 4e-12), (measured.accel_psd, 1e-8)):
         assert np.all((low / 9 < seen / true) & (seen / true < high / 9))
+
+
+def test_the_mean_of_two_vectors_holds_the_sway():
+    """NEES of pitch and roll of 40 windows that end anywhere in a sway, two-sided at 1 %."""
+    rng = np.random.default_rng(9)
+    sway = {"angles": (0.002, 0.003, 0.002), "shift": (0.01, 0.01, 0.01), "tones": 3}
+    noise = ImuNoise(TriadNoise(white=2e-4), TriadNoise(white=6e-7))
+    total, trials = 0.0, 40
+    for seed in range(trials):
+        exact, truth = moving([Sway(140.0, 4.0, seed=seed, **sway)], SITE, 10.0, heading=0.6)
+        sensors = sensor_errors(exact, noise)
+        made = with_errors(exact, sensors, rng)
+        end = int(rng.integers(1000, 1300))
+        found = align(made, SITE, method="two_vector", end=float(made.time[end]), noise=noise)
+        phi = attitude_error(found.C_nb, truth.C_nb[np.searchsorted(truth.time, found.time - 1e-6)])
+        total += phi[:2] @ np.linalg.solve(found.cov[:2, :2], phi[:2])
+    low, high = chi_square_limits(2 * trials)
+    assert low < total < high
+
+
+def test_a_quiet_rest_scatters_no_more_than_its_noise():
+    increments, _ = resting(SITE, 300.0, 0.1, 0.0)
+    noise = ImuNoise(TriadNoise(white=1e-5), TriadNoise(white=2e-7))
+    sensors = sensor_errors(increments, noise)
+    made = with_errors(increments, sensors, np.random.default_rng(1))
+    found = align(made, SITE, method="two_vector", noise=noise)
+    cov = two_vector_covariance(found.C_nb, SITE.latitude, SITE.gravity, *sensors.mean_cov(300.0))
+    np.testing.assert_allclose(found.cov, cov, rtol=1e-12, atol=1e-30)
+
+
+def test_the_peak_of_a_brownian_bridge():
+    """The limit is passed by chance as often as it says: 400 windows of three axes."""
+    rng = np.random.default_rng(2)
+    steps = rng.normal(size=(400, 3, 2000)) * np.sqrt(4e-14 * 0.1)
+    x = np.cumsum(steps - steps.mean(axis=2, keepdims=True), axis=2)
+    beyond = np.any(np.abs(x).max(axis=2) > bridge_peak(np.full(3, 4e-14), 200.0, 0.2), axis=1)
+    assert 0.12 < beyond.mean() < 0.24, "a little less often, as samples miss the peak"
+
+
+@pytest.mark.parametrize("name", ["gyro_bias_sd", "accel_bias_sd"])
+@pytest.mark.parametrize("value", [-1e-6, float("nan")])
+def test_no_negative_standard_deviation(name, value):
+    increments, _ = resting(SITE, 30.0, 0.1, 0.0)
+    with pytest.raises(FoucaultError, match="standard deviation is zero or more") as caught:
+        align(increments, SITE, **{name: value})
+    assert caught.value.code == "alignment.sd" and name in caught.value.message
 
 
 def test_an_unknown_method():

@@ -1,5 +1,7 @@
 """Fine alignment: consistent by zero and by given velocity, and by two positions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,23 @@ def test_two_positions_show_the_gyro_bias():
     assert low < biases < high
 
 
+def test_two_positions_of_another_tilt():
+    """NEES of 40 with biased accelerometers, at 1 %: along up they read another bias."""
+    sensors = replace(SENSORS, accel_bias_sd=2e-3)
+    rng = np.random.default_rng(12)
+    plan = [Rest(120.0), Rotate("up", np.pi, 0.2), Rotate("x", 0.5, 0.2), Rest(130.0)]
+    exact, truth = moving(plan, SITE, 10.0, heading=0.5, pitch=0.02, roll=-0.02)
+    end = float(exact.time[-1])
+    total, trials = 0.0, 40
+    for _ in range(trials):
+        made = _shaken(with_errors(exact, sensors, rng), rng)
+        fit = two_position(made, SITE, sensors, (RESTS[0], (end - 120.0, end)))
+        phi = attitude_error(fit.C_nb, truth.C_nb[-1])
+        total += phi @ np.linalg.solve(fit.cov, phi)
+    low, high = chi_square_limits(3 * trials)
+    assert low < total < high
+
+
 def test_one_position_does_not():
     exact, _ = resting(SITE, 270.0, 0.1, 0.5)
     made = _shaken(with_errors(exact, SENSORS, np.random.default_rng(0)), np.random.default_rng(1))
@@ -92,6 +111,9 @@ def test_two_positions_need_a_turn():
     with pytest.raises(FoucaultError, match=r"differ by 0\.0 deg in heading") as caught:
         two_position(made, SITE, SENSORS, RESTS)
     assert caught.value.code == "alignment.two_rests"
-    for wrong in ((), RESTS[:1], RESTS[::-1], ((0.0, 100.0), (150.0, 400.0))):
-        with pytest.raises(FoucaultError, match="The rests given are"):
+    for wrong in (RESTS[:1], RESTS[::-1], ((0.0, 100.0), (150.0, 400.0))):
+        with pytest.raises(FoucaultError, match=r"given are \d+ s to \d+ s") as caught:
             two_position(made, SITE, SENSORS, wrong)
+        assert "(" not in caught.value.message
+    with pytest.raises(FoucaultError, match="No rests are given"):
+        two_position(made, SITE, SENSORS, ())

@@ -101,12 +101,12 @@ def test_the_terms_drawn_add_up(parked):
 
 def test_a_drive_shows_reference_and_error(drive):
     page = unescape(page_of.html(drive))
-    assert "Not fitted: the instrument moved." in page
+    assert "Schuler and heading terms" not in titles(page)
     map_, errors_ = drawn(page)[:2]
     names = [t.get("name") for t in map_["data"]]
     assert "reference" in names and names.count("±2 sd, predicted") == page_of.ELLIPSES
     assert errors_["layout"]["xaxis"]["title"]["text"].startswith("error east")
-    assert "heading [arcmin]" in page and "heading at the end" in page.lower()
+    assert "heading [arcmin]" in page and "heading at the last epoch" in page.lower()
 
 
 def test_no_reference_no_growth():
@@ -124,6 +124,9 @@ def test_no_calibration_says_what_the_bands_lack():
     page = unescape(page_of.html(record))
     assert "errors of the sensors are not calibrated" in page
     assert "What each coefficient is worth" not in titles(page)
+    assert '"±2 sd, predicted"' not in json.dumps(drawn(page), ensure_ascii=False)
+    assert "noise and alignment alone, half of all runs [m]" in page and "Not judged" in page
+    assert "vertical [m]" not in page and "heading [arcmin]" not in page
 
 
 def test_contributions_that_do_not_add_up_are_told(parked):
@@ -151,6 +154,7 @@ def test_units_follow_the_size():
     assert metres(12345.0) == "12.3 km" and metres(0.0123) == "12.3 mm" and metres(-80.0) == "-80 m"
     assert minutes(45) == "45 s" and minutes(60) == "1 min" and minutes(36000) == "10 h"
     assert number(None) == "" and number(float("nan")) == "" and number(-1.5) == "−1.5"
+    assert number(5.3e-6) == "< 0.001" and number(0.0) == "0"
     assert figures.thinned(10_000)[-1] == 9999 and len(figures.thinned(10_000)) <= figures.POINTS
     reach = figures.ellipse(np.diag([4.0, 1.0]), 2.0)
     assert np.abs(reach).max(axis=1) == pytest.approx([4.0, 2.0], rel=1e-2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from foucault.campaign.navigation import Said, calibration_of, noise_of, read, site_of
 from foucault.errors import error
@@ -27,6 +28,8 @@ class Window:
         Rests at different headings [s].
     gyro_bias_sd, accel_bias_sd : float or None
         How well the biases are known [rad/s], [m/s^2].
+    gaps : {"stop", "bridge"}
+        What is done where samples are missing.
     """
 
     methods: Sequence[Method] = ()
@@ -35,6 +38,7 @@ class Window:
     rests: Sequence[tuple[float, float]] = field(default_factory=tuple)
     gyro_bias_sd: float | None = None
     accel_bias_sd: float | None = None
+    gaps: Literal["stop", "bridge"] = "stop"
 
 
 def run(
@@ -70,5 +74,5 @@ def run(
     return align_log(
         found.log, site=site, methods=window.methods, start=window.start, end=window.end,
         rests=window.rests, noise=noise_of(said, found.noise), gyro_bias_sd=window.gyro_bias_sd,
-        accel_bias_sd=window.accel_bias_sd, calibration=result,
+        accel_bias_sd=window.accel_bias_sd, calibration=result, gaps=window.gaps,
     )  # fmt: skip

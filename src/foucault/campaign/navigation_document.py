@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.navigation import NAUTICAL_MILE, circular_error, radial_rate
+from foucault.files import plain_json
 from foucault.models.layouts import kind_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -33,14 +33,14 @@ def document(test: NavigationTest) -> dict[str, Any]:
         "reasons": list(test.verdict.reasons),
         "instrument": test.instrument,
         "site": asdict(test.site) | {"longitude": test.longitude},
-        "opening": {k: v for k, v in asdict(test.opening).items() if k != "noise"},
+        "opening": {k: getattr(test.opening, k) for k in ("start", "end", "still", "found")},
         "settings": asdict(test.settings),
         "noise": {"source": test.noise_source} | asdict(test.noise),
         "calibration": test.calibration,
         "reference": _reference(test),
         "start": float(t.time[0]),
         "duration": float(t.time[-1] - t.time[0]),
-        "runs": [_run(run) for run in test.runs],
+        "runs": [_run(run, cov) for run, cov in zip(test.runs, _start_cov(test), strict=True)],
         "predicted": _predicted(test.budget, test.runs[0].start.time),
         "contributions": _contributions(test.budget),
         "difference": None if test.difference is None else test.difference[-1, :2],
@@ -49,7 +49,7 @@ def document(test: NavigationTest) -> dict[str, Any]:
         "findings": [f.as_dict() for f in test.findings],
         "provenance": test.provenance,
     }
-    return {key: _plain(value) for key, value in out.items()}
+    return {key: plain_json(value) for key, value in out.items()}
 
 
 def _reference(test: NavigationTest) -> dict[str, Any] | None:
@@ -59,7 +59,12 @@ def _reference(test: NavigationTest) -> dict[str, Any] | None:
     return {"still": known.still, "positions": known.position is not None} | known.source
 
 
-def _run(run: Run) -> dict[str, Any]:
+def _start_cov(test: NavigationTest) -> list[FloatArray]:
+    """Return the covariance of phi at each start; what is not calibrated is not in it."""
+    return [test.budget.start, *(run.start.phi_cov for run in test.runs[1:])]
+
+
+def _run(run: Run, start_cov: FloatArray) -> dict[str, Any]:
     start, t = run.start, run.trajectory
     out: dict[str, Any] = {
         "name": run.name,
@@ -67,8 +72,7 @@ def _run(run: Run) -> dict[str, Any]:
             "method": start.method,
             "time": start.time,
             **dict(zip(("heading", "pitch", "roll"), t.angles[0], strict=True)),
-            "covariance": start.phi_cov.tolist(),
-            "heading_bias_sd": start.bias_sd,
+            "covariance": start_cov.tolist(),
             "velocity_sd": start.velocity_sd,
         },
         "end": {
@@ -128,16 +132,3 @@ def _at_end(x: FloatArray) -> dict[str, float]:
     """Return position and heading of nine errors."""
     length = float(np.hypot(x[6], x[7]))
     return {"east": x[6], "north": x[7], "heading": x[2], "horizontal": length}
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold; None for what is not finite."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int)) else str(value)

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from foucault.campaign.navigation_document import document
 from foucault.campaign.navigation_tables import Columns, tables
 from foucault.errors import error
-from foucault.files import atomic, unwritable
+from foucault.files import atomic, read_document, unwritable
 from foucault.run_folder import REPORT_FILE, RESULT_FILE
 
 if TYPE_CHECKING:
@@ -115,13 +115,7 @@ def load(folder: str | Path) -> NavigationRecord:
         The folder.
     """
     file = Path(folder) / NAVIGATION_FILE
-    try:
-        about = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as problem:
-        raise error("result.not_json", file=file, problem=problem) from None
-    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
-        given = about.get("schema") if isinstance(about, dict) else None
-        raise error("result.schema", file=file, given=f"has schema {given!r}", allowed=SCHEMA)
+    about = read_document(file, SCHEMA)
     read = {Path(n).stem: _table(file, n, digest) for n, digest in about["files"].items()}
     return NavigationRecord(about, read)
 

@@ -67,7 +67,7 @@ def _errors(test: NavigationTest, start: tuple[float, float, float]) -> Columns:
                 out[f"{before}{name}{axis}"] = (np.where(same, x[rows, i], np.nan), unit)
         for i, angle in enumerate(("heading", "pitch", "roll")):
             out[f"{before}{angle}"] = (np.where(same, errors.angles[rows, i], np.nan), "rad")
-    cov = _at(test.budget.time, test.budget.cov, main.time, test.runs[0].start.phi_cov)
+    cov = _at(test.budget.time, test.budget.cov, main.time, test.budget.start)
     for name, (i, j), unit in COVARIANCES:
         out[f"cov_{name}"] = (cov[:, i, j], unit)
     if test.reference is not None:

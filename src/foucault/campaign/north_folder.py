@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import error
-from foucault.files import atomic, unwritable
+from foucault.files import atomic, plain_json, read_document, unwritable
 from foucault.models.readings import mean_variance
 from foucault.run_folder import REPORT_FILE, RESULT_FILE
 
@@ -131,13 +131,7 @@ def load(folder: str | Path) -> NorthRecord:
     import pyarrow.parquet as pq
 
     file = Path(folder) / NORTH_FILE
-    try:
-        about = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as problem:
-        raise error("result.not_json", file=file, problem=problem) from None
-    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
-        given = about.get("schema") if isinstance(about, dict) else None
-        raise error("result.schema", file=file, given=f"has schema {given!r}", allowed=SCHEMA)
+    about = read_document(file, SCHEMA)
     where = {"file": file, "table": "dwells", "path": DWELLS_FILE}
     try:
         data = (file.parent / DWELLS_FILE).read_bytes()
@@ -169,7 +163,7 @@ def _document(survey: Survey) -> dict[str, Any]:
         "setups": [_setup(survey, i) for i in range(len(survey.fixes))],
         "provenance": survey.provenance,
     }
-    return {key: _plain(value) for key, value in out.items()}
+    return {key: plain_json(value) for key, value in out.items()}
 
 
 def _setup(survey: Survey, i: int) -> dict[str, Any]:
@@ -231,19 +225,6 @@ def _budget(survey: Survey, i: int) -> dict[str, dict[str, float]]:
         name: dict(zip(ANGLES, np.sign(v) * np.sqrt(np.abs(v)), strict=True))
         for name, v in variances.items()
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold; None for what is not finite."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int)) else str(value)
 
 
 # -- tables --------------------------------------------------------------------------------

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from foucault.cli.options import parsed
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -76,35 +77,28 @@ def align(
     accel_noise: Annotated[
         str | None, typer.Option(help='White noise, such as "30 ug/sqrt(Hz)".')
     ] = None,
+    gaps: Annotated[
+        Literal["stop", "bridge"], typer.Option(help="What to do where samples are missing.")
+    ] = "stop",
 ) -> None:
     """Find heading, pitch and roll of a log at rest, by several methods, and how sure they are."""
     from foucault.campaign import alignment
     from foucault.campaign.alignment import Window
     from foucault.campaign.navigation import Said
-    from foucault.units import parse
-
-    def si(text: str | None, kind: str, key: str) -> float | None:
-        return None if text is None else parse(text, kind, key)
 
     screen: Screen = ctx.obj
-    site = {
-        "latitude": si(latitude, "angle", "--latitude"),
-        "height": si(height, "length", "--height"),
-        "gravity": si(gravity, "gravity", "--gravity"),
-    }
+    site = parsed({"latitude": latitude, "height": height, "gravity": gravity})
+    given = parsed({"from": start, "until": until})
     window = Window(
         methods=tuple(method or ()),  # type: ignore[arg-type]  # an unknown one is refused there
-        start=si(start, "time", "--from"),
-        end=si(until, "time", "--until"),
+        start=given.get("from"),
+        end=given.get("until"),
         rests=[_span(text) for text in rest or ()],
-        gyro_bias_sd=si(gyro_bias_sd, "angular rate", "--gyro-bias-sd"),
-        accel_bias_sd=si(accel_bias_sd, "specific force", "--accel-bias-sd"),
+        gaps=gaps,
+        **parsed({"gyro_bias_sd": gyro_bias_sd, "accel_bias_sd": accel_bias_sd}),
     )
-    said = Said(
-        site={k: v for k, v in site.items() if v is not None},
-        gyro_white=si(gyro_noise, "angle random walk", "--gyro-noise"),
-        accel_white=si(accel_noise, "velocity random walk", "--accel-noise"),
-    )
+    white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
+    said = Said(site, gyro_white=white.get("gyro_noise"), accel_white=white.get("accel_noise"))
     with screen.progress() as tell:
         found = alignment.run(log, said, window, calibration=calibration, progress=tell)
     angles = ("heading (deg)", "sd", "pitch (deg)", "sd", "roll (deg)", "sd")
@@ -159,25 +153,39 @@ def _words(found: Comparison) -> list[str]:
             f"A gyro bias of {plain(bias, 2)} deg/h limits the heading to {plain(limit, 2)} deg in "
             "one position; two positions take it out."
         )
-    else:
-        lines.append(
-            "No bias is declared (--gyro-bias-sd, or a calibration): the sds are of noise alone. "
-            f"0.01 deg/h would add {plain(_per_bias(found), 2)} deg of heading."
-        )
+    lines += _undeclared(found)
     if first.disturbance_sd is not None:
         sway = convert(float(np.mean(first.disturbance_sd)), "velocity", "m/s")
         lines.append(f"Sway and vibration: {plain(1000 * sway, 2)} mm/s.")
     return lines
 
 
-def _per_bias(found: Comparison) -> float:
+def _undeclared(found: Comparison) -> list[str]:
+    """Say what the biases would add that were not declared: the sds hold nothing of them."""
     import numpy as np
 
     from foucault.models.ins_errors import azimuth_from_gyro_bias
-    from foucault.units import parse
+    from foucault.units import parse, plain
 
-    bias = parse("0.01 deg/h", "angular rate")
-    return float(np.degrees(azimuth_from_gyro_bias(bias, found.site.latitude or 0.0)))
+    gyro, accel = parse("0.01 deg/h", "angular rate"), parse("50 ug", "specific force")
+    azimuth = np.degrees(azimuth_from_gyro_bias(gyro, found.site.latitude or 0.0))
+    level = np.degrees(accel / found.site.gravity)
+    options, adds = [], []
+    if not found.gyro_bias_sd > 0:
+        options.append("--gyro-bias-sd")
+        adds.append(f"0.01 deg/h would add {plain(float(azimuth), 2)} deg of heading")
+    if not found.accel_bias_sd > 0:
+        options.append("--accel-bias-sd")
+        adds.append(f"50 ug would add {plain(float(level), 2)} deg of pitch and roll")
+    if not options:
+        return []
+    which = "No bias" if len(options) == 2 else "No accelerometer bias"
+    if options == ["--gyro-bias-sd"]:
+        which = "No gyro bias"
+    return [
+        f"{which} is declared ({', '.join(options)}, or a calibration): the sds hold nothing of "
+        f"it. {'; '.join(adds)}."
+    ]
 
 
 def _document(path: Path, found: Comparison) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ _EPILOG = (
     "log that rests all along is compared with the known site. Titles of a reference: time (s), "
     "latitude (deg), longitude (deg), height (m), velocity east (m/s), velocity north (m/s), "
     "velocity up (m/s), heading (deg), pitch (deg), roll (deg). Exit code 0: passed; 3: the error "
-    "is larger than predicted; 4: the start heading is not known."
+    "is larger than predicted, or could not be judged (no calibration, nothing to compare with); "
+    "4: the start heading is not known."
 )
 
 
@@ -111,15 +113,15 @@ def navigate(
     from foucault.procedures.navigation_settings import Settings
 
     screen: Screen = ctx.obj
-    site = _parsed({"latitude": latitude, "longitude": longitude, "height": height,
+    site = parsed({"latitude": latitude, "longitude": longitude, "height": height,
                     "gravity": gravity})  # fmt: skip
-    given = _parsed({"align": align, "heading": heading, "heading_sd": heading_sd, "pitch": pitch,
+    given = parsed({"align": align, "heading": heading, "heading_sd": heading_sd, "pitch": pitch,
                      "roll": roll, "level_sd": level_sd, "from": from_, "until": until,
                      "rate": rate})  # fmt: skip
     given |= {new: given.pop(old) for old, new in (("from", "start"), ("until", "end"))
               if old in given}  # fmt: skip
     settings = Settings(method=method, vertical=vertical, gaps=gaps, still=still, **given)
-    white = _parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
+    white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
     said = Said(site, settings, white.get("gyro_noise"), white.get("accel_noise"), serial)
     with screen.progress() as tell:
         found = navigation.run(log, said, calibration=calibration, reference=reference,
@@ -128,31 +130,6 @@ def navigate(
         record = _kept(found, output)
     _show(screen, record)
     _conclude(screen, record, output)
-
-
-_KINDS = {
-    "height": "length", "gravity": "gravity", "gyro_noise": "angle random walk",
-    "accel_noise": "velocity random walk", "align": "time", "from": "time", "until": "time",
-    "rate": "frequency",
-}  # fmt: skip
-_POSITIVE = ("align", "heading_sd", "level_sd", "until", "rate", "gyro_noise", "accel_noise")
-
-
-def _parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
-    """Turn options with units into SI numbers; a mistake names its option."""
-    from foucault.campaign.mistakes import parse_at
-    from foucault.errors import error
-
-    out = {}
-    for key, text in texts.items():
-        if text is None:
-            continue
-        option = "--" + key.replace("_", "-")
-        out[key] = parse_at(option, text, _KINDS.get(key, "angle"))
-        if key in _POSITIVE and not out[key] > 0:
-            raise error("campaign.value", key=option, given=repr(text), hint="", more="",
-                        reason="it should be greater than 0")  # fmt: skip
-    return out
 
 
 def _kept(found: Any, folder: Path | None) -> NavigationRecord:
@@ -169,37 +146,48 @@ def _kept(found: Any, folder: Path | None) -> NavigationRecord:
 
 
 def _show(screen: Screen, record: NavigationRecord) -> None:
-    from foucault.report.navigation_detail import METHODS, Seen, half_at, minutes, number
+    from foucault.errors import Finding
+    from foucault.report.navigation_detail import METHODS, Seen, minutes
 
     seen, about = Seen(record), record.about
     start = about["runs"][0]["start"]
-    sd = _degrees(float(start["covariance"][2][2]) ** 0.5)
+    sd = [float(start["covariance"][k][k]) ** 0.5 for k in range(3)]
+    alone = "" if seen.calibrated else ", errors of the sensors left out"
     screen.say(
-        f"Start: heading {_degrees(start['heading'])} ± {sd} deg, pitch "
-        f"{_degrees(start['pitch'])} deg, roll {_degrees(start['roll'])} deg "
-        f"({METHODS[start['method']]}); navigated for {minutes(about['duration'])}."
+        f"Start: heading {_degrees(start['heading'], sd[2])} ± {_degrees(sd[2])} deg, pitch "
+        f"{_degrees(start['pitch'], max(sd[:2]))} and roll {_degrees(start['roll'], max(sd[:2]))} "
+        f"± {_degrees(max(sd[:2]))} deg{alone} ({METHODS[start['method']]}); navigated for "
+        f"{minutes(about['duration'])}."
     )
-    rows = seen.growth(0)
-    if rows:
-        both = bool(seen.growth(1))
-        titles = ["after", "horizontal (m)", *["without calibration (m)"] * both,
-                  "predicted (m)", "velocity (m/s)", "heading (deg)"]  # fmt: skip
-        others = {row["age"]: row for row in seen.growth(1)}
-        lines = []
-        for row in rows:
-            cells = [minutes(row["age"]), number(row["horizontal"])]
-            cells += [number(others.get(row["age"], {}).get("horizontal"))] * both
-            cells += [number(half_at(seen, row["age"])), number(row["velocity"])]
-            heading = row["heading"]
-            lines.append([_plain(c) for c in cells]
-                         + ["" if heading is None else _degrees(heading)])  # fmt: skip
-        screen.table("", titles, lines)
-        screen.say("Predicted: half of all such runs stay within it.")
+    _growth(screen, seen)
     _contributions(screen, seen)
     _terms(screen, about)
-    from foucault.errors import Finding
-
     screen.findings(Finding(**f) for f in about["findings"])
+
+
+def _growth(screen: Screen, seen: Any) -> None:
+    """List the error at some ages; columns that are empty are left out."""
+    from foucault.report.navigation_detail import half_at, minutes, number
+
+    rows = seen.growth(0)
+    if not rows:
+        return
+    others = {row["age"]: row["horizontal"] for row in seen.growth(1)}
+    columns = {
+        "after": [minutes(row["age"]) for row in rows],
+        "horizontal (m)": [number(row["horizontal"]) for row in rows],
+        "without calibration (m)": [number(others.get(row["age"])) for row in rows],
+        f"{seen.predicted} (m)": [number(half_at(seen, row["age"])) for row in rows],
+        "velocity (m/s)": [number(row["velocity"]) for row in rows],
+        "heading (deg)": [
+            "" if row["heading"] is None else _degrees(row["heading"]) for row in rows
+        ],
+    }
+    shown = {title: cells for title, cells in columns.items() if any(cells)}
+    lines = [[_plain(cell) for cell in row] for row in zip(*shown.values(), strict=True)]
+    screen.table("", list(shown), lines)
+    screen.say(f"{seen.predicted.capitalize()}: half of all such runs stay within it."
+               + ("" if seen.calibrated else " Errors of the sensors are not in it."))  # fmt: skip
 
 
 def _contributions(screen: Screen, seen: Any) -> None:
@@ -209,21 +197,35 @@ def _contributions(screen: Screen, seen: Any) -> None:
     rows = seen.about["contributions"]
     if not rows:
         return
+
+    def line(name: str, east: float, north: float, left: float) -> list[str]:
+        return [name, *(_plain(number(x)) for x in (east, north, left))]
+
     lines = [
-        (r["name"], _plain(number(r["worth"]["east"])), _plain(number(r["worth"]["north"])),
-         _plain(number(r["left"]["horizontal"])))
+        line(r["name"], r["worth"]["east"], r["worth"]["north"], r["left"]["horizontal"])
         for r in rows[:MOST]
-    ]  # fmt: skip
+    ]
+    total = [sum(r["worth"][axis] for r in rows) for axis in ("east", "north")]
+    left = seen.about["predicted"]["coefficients"]
+    sd = float(left["east_sd"] ** 2 + left["north_sd"] ** 2) ** 0.5
+    lines.append(line(f"all {len(rows)}", total[0], total[1], sd))
     titles = ("coefficient", "worth, east (m)", "north (m)", "left, sd (m)")
     screen.table("at the end, by coefficient", titles, lines)
+    words = "Worth: the error (estimate minus truth) that it made before it was corrected."
+    difference = seen.about["difference"]
+    if difference is not None:
+        east, north = (_plain(number(x)) for x in difference)
+        words += f" The two runs differ by {east} m east, {north} m north."
+    screen.say(words)
     if len(rows) > MOST:
-        screen.say(f"and {len(rows) - MOST} coefficients more, see --json or -o")
+        screen.say("The others: see --json or -o.")
 
 
 def _terms(screen: Screen, about: Mapping[str, Any]) -> None:
     """List the terms of free inertial drift that stand out."""
+    from foucault.coefficients import format_value
     from foucault.report.navigation_parts import UNIT
-    from foucault.units import convert, plain
+    from foucault.units import convert
 
     terms = about["runs"][0].get("terms")
     if terms is None:
@@ -233,16 +235,22 @@ def _terms(screen: Screen, about: Mapping[str, Any]) -> None:
         unit = UNIT[row["kind"]]
         value, sd = (convert(row[k], row["kind"], unit) for k in ("value", "sd"))
         alike = row["same_as"] if abs(value) > 2 * sd else ""
-        lines.append((row["name"], f"{plain(value, 3)} ± {plain(sd, 2)} {unit}", alike))
+        text = f"{format_value(value, sd)} ± {format_value(sd, sd)} {unit}"
+        lines.append((row["name"], text, alike))
     screen.table("terms of the error", ("term", "value", "looks like"), lines)
 
 
-def _degrees(value: float) -> str:
+def _degrees(value: float, sd: float | None = None) -> str:
+    """Write an angle in degrees, to the digits of its standard deviation where that is given."""
     import math
 
+    from foucault.coefficients import format_value
     from foucault.units import plain
 
     degrees = math.degrees(value)
+    if sd is not None:
+        text = format_value(degrees, math.degrees(sd))
+        return text.removeprefix("-") if float(text) == 0 else text
     return plain(degrees, 2) if abs(degrees) < 0.01 else f"{degrees:.3f}"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -10,6 +9,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from foucault.cli import north_plan
+from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 if TYPE_CHECKING:
@@ -119,12 +119,12 @@ def find(
     from foucault.campaign.north import Said
 
     screen: Screen = ctx.obj
-    site = _parsed({"latitude": latitude, "height": height, "gravity": gravity})
-    settings = _parsed(
+    site = parsed({"latitude": latitude, "height": height, "gravity": gravity})
+    settings = parsed(
         {"latitude_sd": latitude_sd, "near": near, "level_sd": level_sd, "index_sd": index_sd,
          "accuracy": accuracy}
     )  # fmt: skip
-    white = _parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
+    white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
     settings |= {"hemisphere": hemisphere} if hemisphere else {}
     settings |= {"drift": drift} if drift else {}
     settings |= {"unknown_latitude": True} if unknown_latitude else {}
@@ -136,30 +136,6 @@ def find(
         record = _kept(survey, output)
     _show(screen, record)
     _conclude(screen, record, output)
-
-
-_KINDS = {
-    "height": "length", "gravity": "gravity", "gyro_noise": "angle random walk",
-    "accel_noise": "velocity random walk",
-}  # fmt: skip
-_POSITIVE = ("latitude_sd", "level_sd", "accuracy", "index_sd", "gyro_noise", "accel_noise")
-
-
-def _parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
-    """Turn options with units into SI numbers; a mistake names its option."""
-    from foucault.campaign.mistakes import parse_at
-    from foucault.errors import error
-
-    out = {}
-    for key, text in texts.items():
-        if text is None:
-            continue
-        option = "--" + key.replace("_", "-")
-        out[key] = parse_at(option, text, _KINDS.get(key, "angle"))
-        if key in _POSITIVE and not out[key] > 0:
-            raise error("campaign.value", key=option, given=repr(text), hint="", more="",
-                        reason="it should be greater than 0")  # fmt: skip
-    return out
 
 
 def _refuse_both(unknown: bool, given: list[str | None]) -> None:

@@ -8,8 +8,11 @@ What contradicts them is tried on the usual mistakes; where one explains it, and
 stands out of noise and declared bias, it is named. Motion is judged by the alignment in inertial
 space: what turned, and what velocity noise cannot explain.
 
-One rest shows only what lies along up. Of several, `check_turns` asks `diagnose.axes` whether the
-gyros turn up as the accelerometers do.
+One rest shows only what lies along up. What leaves f . w as it is cannot show: triads that are both
+mirrored, or both turned, alike (two columns swapped or one sign wrong in both). Of several rests,
+`check_turns` asks `diagnose.axes` whether the gyros turn up as the accelerometers do; mirrored
+triads show there where a turn tilts the instrument, and not where it turns about up alone (by other
+angles than half a turn, the methods of alignment then contradict one another).
 """
 
 from __future__ import annotations
@@ -24,21 +27,27 @@ from foucault.diagnose.axes import exchange_words, exchanges, explain_turns, mis
 from foucault.errors import Finding, error, finding
 from foucault.models import rotation
 from foucault.models.earth import EARTH_RATE, Site, earth_rate_n
-from foucault.navigate.align import Alignment, measured_errors, window
+from foucault.navigate.align import Alignment, bridge_peak, measured_errors, window
 from foucault.navigate.increments import Increments
 from foucault.navigate.inertial_frame import InertialFit, inertial_frame
 from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
 from foucault.tables import Log
-from foucault.units import STANDARD_GRAVITY, convert
+from foucault.units import STANDARD_GRAVITY, convert, plain
 
 FloatArray = npt.NDArray[np.float64]
 
 SURE = 5.0
 """A contradiction is one beyond this many standard deviations: one in a million by chance [1]."""
 
+FALSE_ALARM = 1e-6
+"""And so are other findings [1]."""
+
 GRAVITY_BAND = 1.25
 """The mean specific force is gravity within this factor, whatever the calibration [1]."""
+
+OFF_GRAVITY = 0.002
+"""Accelerometers fit to navigate by see gravity within this part, calibrated or not [1]."""
 
 RATE_BAND = 0.2
 """A factor explains a rate that is the Earth's within this part [1]."""
@@ -54,6 +63,10 @@ POOR = np.radians(5.0)
 
 NEAR_POLE = 0.1
 """Cosine of the latitude below which the level part of the Earth's rate is small [1]."""
+
+GROSS = 0.03
+"""Axes are suspected where what lies along up is off by more than this part of the Earth's rate,
+0.45 deg/h: less may be a bias, and some exchange of axes that read little explains any [1]."""
 
 SHOWN = 3
 """Exchanges of axes that are named [1]."""
@@ -113,7 +126,8 @@ def checked(
         part = increments[window(increments, *rest)]
         told = contradictions(part, site, sensors)
         moved = motion(part, site, sensors)
-        if any(f.code == "alignment.earth_rate" for f in told):  # such gyros turn by themselves
+        if any(f.code != "alignment.gravity" for f in told):
+            # Such gyros turn by themselves, or the Earth is taken to turn otherwise.
             moved = tuple(f for f in moved if f.code == "alignment.left_place")
         found += [*told, *moved]
     more = (*found, *azimuth(alignment, site))
@@ -145,17 +159,21 @@ def contradictions(
     sds = [float(np.sqrt(np.diag(cov).max())) for cov in (f_cov, w_cov)]
     means = _Means(f, w, sds[0], sds[1], site, site.latitude)
     interval = float(np.median(increments.dt))
-    _check_force(means, interval)
+    told = _check_force(means, interval)
     if SURE * means.w_sd > EARTH_RATE:
-        return ()  # the Earth's rate does not stand out
+        return told  # the Earth's rate does not stand out
     _check_rate(means, interval)
-    return _vertical(means)
+    return told + _vertical(means)
 
 
-def _check_force(means: _Means, interval: float) -> None:
-    ratio = float(np.linalg.norm(means.f)) / means.site.gravity
+def _check_force(means: _Means, interval: float) -> tuple[Finding, ...]:
+    seen, given = float(np.linalg.norm(means.f)), means.site.gravity
+    ratio = seen / given
     if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
-        return
+        if abs(seen - given) < max(OFF_GRAVITY * given, SURE * means.f_sd):
+            return ()
+        return (finding("alignment.gravity", seen=f"{seen:.5g}", given=f"{given:.5g}",
+                        off=f"{100 * (ratio - 1):+.2g}"),)  # fmt: skip
     causes = {
         interval: "increments were declared as rates",
         1 / interval: "rates were declared as increments",
@@ -179,7 +197,10 @@ def _check_rate(means: _Means, interval: float) -> None:
         interval: "the gyro columns are rates and were declared as increments",
     }
     factor = min(causes, key=lambda x: abs(np.log(x * max(size, 1e-300) / EARTH_RATE)))
-    if abs(factor * size - EARTH_RATE) < RATE_BAND * EARTH_RATE:
+    # A unit changes what lies along up as much; a bias of that size hardly does.
+    off = max(abs(factor * size - EARTH_RATE),
+              abs(abs(factor * means.along_up) - abs(means.wanted)))  # fmt: skip
+    if off < RATE_BAND * EARTH_RATE:
         words = {"factor": f"{factor:.4g}", "then": _dph(factor * size), "cause": causes[factor]}
         raise error("alignment.gyro_unit", given=_dph(size), earth=_dph(EARTH_RATE), **words)
 
@@ -197,7 +218,8 @@ def _vertical(means: _Means) -> tuple[Finding, ...]:
     near = SURE * sd if whole else RATE_BAND * abs(wanted) if clear else 0.0
     if abs(seen + wanted) < near:
         raise error("alignment.vertical_sign", **words)
-    fits = _fitting(means) if whole else []
+    gross = abs(seen - wanted) > GROSS * EARTH_RATE
+    fits = _fitting(means) if whole and gross else []
     latitude = latitude_seen(means.f, means.w)
     if fits:
         more = [exchange_words(x) for x in fits[1:SHOWN]]
@@ -278,12 +300,15 @@ def motion(increments: Increments, site: Site, sensors: SensorErrors) -> tuple[F
                     limit=f"{most:.2g}")
         )  # fmt: skip
     tilt = float(np.linalg.norm(turn[:2]))
-    if not found and tilt > limit:
+    peak, quiet = _swayed(fit, sensors)
+    # A steady tilt is left to the comparison of methods: a wrong azimuth looks like one.
+    if not found and peak > quiet:
         length = float(fit.epochs[-1])
         azimuth = tilt / (length * float(earth_rate_n(site.latitude or 0.0)[1]))
         found.append(
             finding("alignment.sway", speed=f"{1e3 * fit.disturbance_sd.max():.2g}",
-                    angle=f"{convert(tilt, 'angle', 'arcsec'):.3g}",
+                    angle=plain(convert(tilt, "angle", "arcsec"), 3),
+                    peak=plain(convert(peak, "angle", "arcsec"), 3),
                     azimuth=f"{np.degrees(azimuth):.2g}")
         )  # fmt: skip
     return tuple(found)
@@ -297,6 +322,16 @@ def _turned(fit: InertialFit, sensors: SensorErrors) -> tuple[FloatArray, float]
     # The level and azimuth of the fit itself turn the Earth's rate: that part is no motion.
     own = np.sqrt(np.trace(fit.cov)) * EARTH_RATE * length
     return turn, float(SURE * (noise + own))
+
+
+def _swayed(fit: InertialFit, sensors: SensorErrors) -> tuple[float, float]:
+    """Return how far an axis parts from a steady turn, and what noise explains; no bias does."""
+    angle = rotation.log(fit.history @ fit.history[0].T)
+    along = ((fit.epochs - fit.epochs[0]) / (fit.epochs[-1] - fit.epochs[0]))[:, None]
+    peak = np.abs(angle - along * angle[-1]).max()
+    return float(peak), float(
+        bridge_peak(sensors.gyro_psd, float(fit.epochs[-1]), FALSE_ALARM).max()
+    )
 
 
 def _moved(fit: InertialFit, sensors: SensorErrors, site: Site) -> tuple[float, float, float]:

@@ -37,6 +37,9 @@ NAUTICAL_MILE = 1852.0
 AGES = (1, 2, 5, 10, 20, 30, 60, 120, 180, 240, 300, 360, 480, 600, 720, 960, 1200, 1440)
 """Ages at which the growth of the error is listed [min]."""
 
+WIDE = 0.25
+"""Between epochs farther apart than this part of an age nothing is listed at it [1]."""
+
 MOST = 2000
 """Epochs at which errors are kept [1]."""
 
@@ -117,18 +120,36 @@ def common_epochs(trajectory: Trajectory, reference: Reference) -> FloatArray:
     FoucaultError
         ``navigate.apart``: they have no time in common.
     """
-    first, last = float(trajectory.time[0]), float(trajectory.time[-1])
-    inside = (reference.time >= first) & (reference.time <= last)
-    time = reference.time[inside]
-    if len(time) < 2:
-        raise error(
-            "navigate.apart", first=f"{first:.9g}", last=f"{last:.9g}",
-            start=f"{reference.time[0]:.9g}", end=f"{reference.time[-1]:.9g}",
-        )  # fmt: skip
+    first = float(trajectory.time[0])
+    time = covered(reference, first, float(trajectory.time[-1]))
     step = -(-len(time) // MOST)
     kept = np.arange(len(time))[::-1][::step]  # the last one stays
     listed = np.searchsorted(time, first + 60.0 * np.array(AGES) - 1e-6)
     return np.asarray(time[np.union1d(kept, listed[listed < len(time)])])
+
+
+def covered(reference: Reference, first: float, last: float) -> FloatArray:
+    """Return the epochs of a reference between two times, shape (m,) [s].
+
+    Parameters
+    ----------
+    reference : Reference
+        What a navigation is compared with.
+    first, last : float
+        Where the navigation starts and ends [s].
+
+    Raises
+    ------
+    FoucaultError
+        ``navigate.apart``: there are fewer than two.
+    """
+    inside = (reference.time >= first) & (reference.time <= last)
+    if np.count_nonzero(inside) < 2:
+        raise error(
+            "navigate.apart", first=f"{first:.9g}", last=f"{last:.9g}",
+            start=f"{reference.time[0]:.9g}", end=f"{reference.time[-1]:.9g}",
+        )  # fmt: skip
+    return np.asarray(reference.time[inside])
 
 
 def error_of(trajectory: Trajectory, reference: Reference) -> NavigationError:
@@ -205,7 +226,9 @@ class _Bracket:
 
 
 def growth(errors: NavigationError) -> tuple[Growth, ...]:
-    """Return the error at the ages of `AGES` that the run reaches, and at its end.
+    """Return the error at the ages of `AGES` that the run reaches, and at its last epoch.
+
+    Between epochs it is interpolated.
 
     Parameters
     ----------
@@ -213,20 +236,30 @@ def growth(errors: NavigationError) -> tuple[Growth, ...]:
         Error of a run.
     """
     age = errors.age
-    wanted = [60.0 * a for a in AGES if 60.0 * a < age[-1] * (1 - 1e-9)]
-    spacing = float(np.max(np.diff(age), initial=0.0))
+    # An age that the last epoch is hardly beyond would be listed twice.
+    wanted = [60.0 * a for a in AGES if 60.0 * a < 0.95 * age[-1]]
     rows = []
     for at in [*wanted, float(age[-1])]:
-        i = int(np.argmin(np.abs(age - at)))
-        if abs(age[i] - at) > max(spacing, 1e-6):
+        i = int(np.clip(np.searchsorted(age, at), 1, max(1, len(age) - 1))) if len(age) > 1 else 0
+        if at < age[-1] and (at < age[i - 1] or age[i] - age[i - 1] > WIDE * at):
             continue  # the reference says nothing there
-        east, north, up = errors.position[i]
-        speed = float(np.hypot(*errors.velocity[i, :2]))
-        rows.append(
-            Growth(float(age[i]), float(np.hypot(east, north)), abs(float(up)), speed,
-                   float(errors.angles[i, 0]))
-        )  # fmt: skip
+        rows.append(_at(errors, at, i))
     return tuple(rows)
+
+
+def _at(errors: NavigationError, age: float, i: int) -> Growth:
+    """Return the error at an age between the epochs before and at `i`."""
+    part = 1.0 if i == 0 else (age - errors.age[i - 1]) / (errors.age[i] - errors.age[i - 1])
+
+    def between(x: FloatArray) -> FloatArray:
+        return np.asarray(x[i] if part == 1 else x[i - 1] + part * (x[i] - x[i - 1]))
+
+    east, north, up = between(errors.position)
+    speed = float(np.hypot(*between(errors.velocity)[:2]))
+    heading = float(errors.angles[i, 0])
+    if part < 1:
+        heading -= (1 - part) * float(turned(np.diff(errors.angles[i - 1 : i + 1, 0]))[0])
+    return Growth(age, float(np.hypot(east, north)), abs(float(up)), speed, heading)
 
 
 def radial_rate(errors: NavigationError, after: float = 60.0) -> float:

@@ -42,6 +42,8 @@ class Budget:
         Covariance that the noise of the alignment makes [SI].
     noise : ndarray, shape (m, 9, 9)
         Covariance that sensor noise after the alignment makes [SI].
+    start : ndarray, shape (3, 3)
+        Covariance of phi at the start, by noise and what is left of the coefficients [rad^2].
     """
 
     time: FloatArray
@@ -52,6 +54,7 @@ class Budget:
     coefficients: FloatArray
     alignment: FloatArray
     noise: FloatArray
+    start: FloatArray
 
     @property
     def cov(self) -> FloatArray:
@@ -118,6 +121,7 @@ def budget(
     return Budget(
         time, names, values, sd, total, total @ known @ np.swapaxes(total, 1, 2),
         first @ start @ np.swapaxes(first, 1, 2), noise_cov,
+        phi_cov + aligned @ known @ aligned.T,
     )  # fmt: skip
 
 

@@ -81,12 +81,15 @@ def smooth(found: FilterRun) -> Smoothed:
 
 def _divided(A: FloatArray, P: FloatArray) -> FloatArray:
     """Return A P^-1 for a covariance whose states have units of very different size."""
-    from scipy.linalg import cho_factor, cho_solve
+    from scipy.linalg import LinAlgError, cho_factor, cho_solve, pinvh
 
     size = np.sqrt(np.diag(P))
     seen = size > 0  # what is known exactly needs no correction
     out = np.zeros_like(A)
     unit = size[seen]
-    factor = cho_factor(P[np.ix_(seen, seen)] / np.outer(unit, unit), lower=True)
-    out[:, seen] = cho_solve(factor, (A[:, seen] / unit).T).T / unit
+    R, rows = P[np.ix_(seen, seen)] / np.outer(unit, unit), A[:, seen] / unit
+    try:
+        out[:, seen] = cho_solve(cho_factor(R, lower=True), rows.T).T / unit
+    except LinAlgError:  # without noise some combination is known to rounding
+        out[:, seen] = rows @ pinvh(R, rtol=1e-12) / unit
     return out

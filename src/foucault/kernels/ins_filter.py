@@ -185,7 +185,7 @@ def carry(Phi, turning, others, C, dt, mid):
         Phi[8 * WIDE + j] = r2 + half * (v2 + n2) - e0 * r1 + e1 * r0
 
 
-@inlined
+@kernel
 def places(slot, gyros):
     """Fill slot (n,) with the column of each state: psi and gyro coefficients, and from HALF on."""
     for j in range(slot.size):
@@ -199,7 +199,7 @@ def places(slot, gyros):
             slot[j] = HALF + j - 3 - gyros
 
 
-@inlined
+@kernel
 def begin(wide, slot):
     """Make the transition the identity on the nine first states, zero on the others."""
     for r in range(9):
@@ -209,7 +209,7 @@ def begin(wide, slot):
         wide[j * WIDE + slot[j]] = 1.0
 
 
-@inlined
+@kernel
 def hold(wide, slot, c0, v0, v1):
     """Let an error of height stay; the vertical velocity errs only as the tilt of l makes it."""
     for j in range(WIDE):
@@ -218,7 +218,7 @@ def hold(wide, slot, c0, v0, v1):
     wide[8 * WIDE + slot[8]] = 1.0
 
 
-@inlined
+@kernel
 def gather(wide, slot, Phi):
     """Fill Phi (9, n) with the columns in the order of the states."""
     for j in range(slot.size):
@@ -237,7 +237,7 @@ def axis_of_earth(x):
     )
 
 
-@inlined
+@kernel
 def shift(x, c0, c1, px, py, d):
     """Move the state x by d (3,) in l: the frame turns with it, the attitude in space stays."""
     t0, t1 = transport(c0, c1, px, py, d[0], d[1])
@@ -251,7 +251,7 @@ def shift(x, c0, c1, px, py, d):
     x[11] += d[2]
 
 
-@inlined
+@kernel
 def propagate(P, Phi, M, keep, q, T, n):
     """Carry P (n, n) over T: half the noise before, half after; M (9, n) is scratch.
 
@@ -283,7 +283,7 @@ def propagate(P, Phi, M, keep, q, T, n):
         P[j, j] += 0.5 * T * q[j]
 
 
-@inlined
+@kernel
 def differences(x, reference, c0, c1, px, py, pz, z):
     """Fill z (6,): computed minus reference velocity and position, in l.
 
@@ -321,7 +321,7 @@ def differences(x, reference, c0, c1, px, py, pz, z):
     z[2] = x[6] - v0 * (p0 * n1 - p1 * n0) - v1 * p2 - v2 * n2
 
 
-@inlined
+@kernel
 def update(P, X, K, n, row, z, R, gate):
     """Take in one measurement ``z = X[row]`` of variance R; X (n,) errors so far, K (n,) scratch.
 
@@ -343,7 +343,7 @@ def update(P, X, K, n, row, z, R, gate):
     return e, S
 
 
-@inlined
+@kernel
 def correct(x, X, c0, c1, px, py, d):
     """Take the errors X (n,) out of the state x; d (3,) is scratch."""
     a, b, c, e = rotation(X[0], X[1], X[2])
@@ -366,7 +366,7 @@ def corrected(states, errors):
     return out
 
 
-@inlined
+@kernel
 def set_to_reference(x, P, Phi, X, z, sd, c0, c1, px, py, d):
     """Set velocity and position to the reference, where it has an sd, as known as that says.
 

@@ -89,8 +89,12 @@ def curvature(pz, h):
     c0 is 1 / (N + h), and c1 px^2 added to it at px = cos L gives 1 / (M + h).
     """
     s2 = pz * pz
-    d = 1.0 - E2 * s2
-    inverse = 1.0 / math.sqrt(d)
+    # 1 / sqrt(1 - y) by its series, exact to rounding for so small a y, and soonest ready.
+    y = E2 * s2
+    y2 = y * y
+    inverse = (1.0 + 0.5 * y) + y2 * (
+        (0.375 + 0.3125 * y) + y2 * ((0.2734375 + 0.24609375 * y) + 0.2255859375 * y2)
+    )
     N = A * inverse
     bent = inverse * inverse * N
     c0 = 1.0 / (N + h)

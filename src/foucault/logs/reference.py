@@ -22,6 +22,8 @@ from foucault.files import sha256
 from foucault.logs.layout import FileLayout
 from foucault.logs.raw import RawTable, open_raw
 from foucault.logs.titles import unit_in
+from foucault.models.geodesy import displacement
+from foucault.models.rotation import turned
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,6 +35,7 @@ _TITLES = {
     "velocity_east": ("velocityeast", "velocitye", "eastvelocity", "ve", "veast"),
     "velocity_north": ("velocitynorth", "velocityn", "northvelocity", "vn", "vnorth"),
     "velocity_up": ("velocityup", "velocityu", "upvelocity", "vu", "vup"),
+    "velocity_down": ("velocitydown", "velocityd", "downvelocity", "vd", "vdown"),
     "heading": ("heading", "yaw", "trueheading"),
     "pitch": ("pitch",),
     "roll": ("roll",),
@@ -40,7 +43,7 @@ _TITLES = {
 """Column -> how it may be titled, spaces and signs left out."""
 
 _KINDS = {"time": "time", "height": "length"} | dict.fromkeys(
-    ("velocity_east", "velocity_north", "velocity_up"), "velocity"
+    ("velocity_east", "velocity_north", "velocity_up", "velocity_down"), "velocity"
 )
 _ENDINGS = {
     "time": {"s": "s", "ms": "ms", "us": "us"},
@@ -48,6 +51,9 @@ _ENDINGS = {
     "length": {"m": "m", "km": "km"},
     "velocity": {"mps": "m/s", "m_s": "m/s", "ms": "m/s"},
 }
+BESIDE = 2.0
+"""On the move a place is interpolated between epochs that are no farther apart [s]."""
+
 _VELOCITY = ("velocity_east", "velocity_north", "velocity_up")
 _ANGLES = ("heading", "pitch", "roll")
 
@@ -98,6 +104,59 @@ class Reference:
         position = np.tile([latitude, longitude, height], (len(time), 1))
         return cls(np.asarray(time, float), position, np.zeros((len(time), 3)), still=True)
 
+    def place(self, start: float, end: float) -> FloatArray | None:
+        """Return latitude, longitude [rad] and height [m] at the end of a rest, shape (3,).
+
+        Parameters
+        ----------
+        start, end : float
+            The rest; the same where it moves [s].
+
+        Returns
+        -------
+        ndarray or None
+            None where the reference says nothing of that time.
+        """
+        if self.position is None:
+            return None
+        known = np.isfinite(self.position).all(axis=1)
+        time, position = self.time[known], self.position[known]
+        before = int(np.searchsorted(time, end, side="right")) - 1
+        if before >= 0 and time[before] >= start:
+            return np.asarray(position[before])
+        i = min(max(before, 0), len(time) - 2)
+        if i < 0 or time[i + 1] - time[i] > BESIDE:
+            return None
+        part = (end - time[i]) / (time[i + 1] - time[i])
+        if not -1 <= part <= 2:  # an epoch more than it has
+            return None
+        step = position[i + 1] - position[i]
+        step[1:2] = turned(step[1:2])
+        return np.asarray(position[i] + part * step)
+
+    def velocity(self, time: float) -> FloatArray | None:
+        """Return the velocity E N U at a time, shape (3,) [m/s].
+
+        Parameters
+        ----------
+        time : float, shape ()
+            When [s].
+
+        Returns
+        -------
+        ndarray or None
+            As given, zero where a component is not; else by the positions around it, where they
+            are close enough; else None.
+        """
+        if self.velocity_n is not None:
+            return np.array(
+                [np.interp(time, self.time, v) for v in np.nan_to_num(self.velocity_n).T]
+            )
+        before, after = (self.place(t, t) for t in (time - BESIDE / 2, time + BESIDE / 2))
+        if before is None or after is None:
+            return None
+        return np.asarray(displacement(*before, *after) / BESIDE)
+
 
 def read(path: str | Path) -> Reference:
     """Read a reference; the titles of its columns carry the units.
@@ -118,6 +177,8 @@ def read(path: str | Path) -> Reference:
     rows = np.concatenate([*raw.blocks([number for number, _ in where.values()])])
     scale = [size for _, size in where.values()]
     columns = dict(zip(where, (rows * scale).T, strict=True))
+    if "velocity_down" in columns:
+        columns.setdefault("velocity_up", -columns["velocity_down"])
     time = columns["time"]
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise error("reference.time", file=path.name, rows=len(time))

@@ -1,7 +1,8 @@
 """What the titles of the columns of a file say: which axis, and in which unit.
 
-``gyro_x (deg/s)``, ``acc_x [g]``, ``time_ms``. Used only for a log that nobody described; what
-a campaign declares is never overruled.
+``gyro_x (deg/s)``, ``acc_x [g]``, ``time_ms``. A triad in a unit of increments, such as ``gyro_x
+(rad)`` and ``accel_x (m/s)``, holds increments, if all triads do. Used only for a log that nobody
+described; what a campaign declares is never overruled.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.logs import columns
+from foucault.logs.layout import scaled_unit
 from foucault.logs.own import sampled_of
 from foucault.logs.raw import RawTable, open_raw
 
@@ -26,6 +28,9 @@ _ENDINGS = {
     "temperature": {"c": "degC", "degc": "degC", "k": "K"},
 }
 """How names end that carry their unit without brackets: ``time_ms``, ``gyro_x_dps``."""
+
+_INCREMENTS = {"gyro": "angle increment", "accel": "velocity increment"}
+"""What triads measure whose rows are integrals over the interval before."""
 
 
 def description_of(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
@@ -58,7 +63,10 @@ def description_of(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
         raise error("log.bare", reason=problem.message.rstrip("."), **words) from None
     except ValueError as problem:
         raise error("log.bare", reason=problem, **words) from None
-    units = ", ".join(f"{name} in {block['unit']}" for name, block in said.items())
+    units = ", ".join(
+        f"{name} in {about['unit']}" + " (increments)" * ("kind" in about)
+        for name, about in said.items()
+    )
     return described, (finding("log.units_from_titles", file=path.name, units=units),)
 
 
@@ -85,7 +93,19 @@ def _blocks(raw: RawTable, path: Path) -> dict[str, dict[str, Any]]:
         raise ValueError("no column has a usual name of time")
     if not found.keys() & {"gyro", "accel"}:
         raise ValueError("no three columns have usual names of gyro or accelerometer")
+    triads = {name: said for name, said in found.items() if name in _INCREMENTS}
+    if all(_measures(said["unit"], _INCREMENTS[name]) for name, said in triads.items()):
+        for said in triads.values():
+            said["kind"] = "increment"
     return found
+
+
+def _measures(unit: str, kind: str) -> bool:
+    try:
+        scaled_unit(unit, kind)
+    except FoucaultError:
+        return False
+    return True
 
 
 def unit_in(title: str, endings: dict[str, str]) -> str | None:

@@ -274,7 +274,15 @@ def sensor_errors(
         Noise of the sensors; None for none [SI].
     gyro_bias_sd, accel_bias_sd : float, shape ()
         Standard deviation of the bias of each sensor [rad/s], [m/s^2].
+
+    Raises
+    ------
+    FoucaultError
+        ``alignment.sd``: one of them is negative, or no number.
     """
+    for what, sd in (("gyro_bias_sd", gyro_bias_sd), ("accel_bias_sd", accel_bias_sd)):
+        if not 0 <= sd < np.inf:
+            raise error("alignment.sd", what=what, given=plain(sd))
     interval, length = float(np.median(increments.dt)), float(increments.dt.sum())
     return SensorErrors.declared(noise or ImuNoise(), interval, length, gyro_bias_sd, accel_bias_sd)
 
@@ -289,8 +297,42 @@ def _by_two_vectors(part: Increments, site: Site, sensors: SensorErrors) -> Alig
     C_nb = two_vector(f_b, w_ib_b)
     covs = noise.mean_cov(float(part.dt.sum()))
     cov = two_vector_covariance(C_nb, known_latitude(site), site.gravity, *covs)
+    cov = cov + _scatter(part, C_nb, sensors.gyro_psd)
     found = _found(part, "two_vector", C_nb, cov)
     return replace(found, gravity_seen=float(np.linalg.norm(f_b)))
+
+
+def _scatter(part: Increments, C_nb: FloatArray, gyro_psd: FloatArray) -> FloatArray:
+    """Return the covariance of the attitude about its mean, (3, 3), where it is more than noise.
+
+    What is found from means is the mean attitude; at the end of the window a body that sways has
+    another one, which is off by as much as any of the window.
+    """
+    length = float(part.dt.sum())
+    rate = part.dtheta_b.sum(axis=0) / length
+    angle = np.cumsum(part.dtheta_b - rate * part.dt[:, None], axis=0)
+    peak = np.abs(angle).max(axis=0)
+    if np.all(peak <= bridge_peak(gyro_psd, length)):
+        return np.zeros((3, 3))
+    return np.asarray(C_nb @ np.cov(angle.T) @ C_nb.T)
+
+
+def bridge_peak(psd: FloatArray, length: float, false_alarm: float = 0.01) -> FloatArray:
+    """Return what white noise hardly lets the angle of a window part from its straight line [rad].
+
+    The angle less its trend from end to end is a Brownian bridge; its peak is beyond x with the
+    probability ``2 exp(-2 x^2 / (psd length))``.
+
+    Parameters
+    ----------
+    psd : ndarray, shape (3,)
+        White noise of the gyros [rad^2/s].
+    length : float, shape ()
+        Length of the window [s].
+    false_alarm : float, shape ()
+        Probability that any axis is beyond [1].
+    """
+    return np.asarray(np.sqrt(psd * length * np.log(2 * len(psd) / false_alarm) / 2))
 
 
 def _in_inertial_space(

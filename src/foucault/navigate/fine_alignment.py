@@ -29,6 +29,7 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.inertial_frame import InertialFit, inertial_frame, known_latitude
 from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.state import State
+from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -152,7 +153,8 @@ def two_position(
     inside = len(ends) and ends[0] >= increments.time[0] - 2 * slack
     inside = inside and ends[-1] <= increments.time[-1] + slack
     if len(rests) < 2 or np.any(np.diff(ends) <= 0) or not inside:
-        raise _not_two(f"The rests given are {list(rests)}")
+        given = ", ".join(f"{plain(a, 8)} s to {plain(b, 8)} s" for a, b in rests)
+        raise _not_two(f"The rests given are {given}" if given else "No rests are given")
     parts = [np.flatnonzero((increments.time > a) & (increments.time <= b)) for a, b in rests]
     fits = [inertial_frame(increments[p[0] : p[-1] + 1], site, sensors) for p in parts]
     rows = [p[0] + _epoch_rows(increments[p[0] : p[-1] + 1], f)
@@ -164,7 +166,10 @@ def two_position(
     updates = Updates.at_rest(
         np.concatenate(rows)[1:].astype(np.int64), velocity_sd=np.concatenate(sd)[1:]
     )
-    return _fine(increments, site, sensors, fits[0], rows[0][0], updates, np.zeros(3))
+    # Gravity is what the accelerometers saw in the first rest, their bias along up included; in
+    # another attitude that is another one, so the vertical says nothing here.
+    updates.sd[:, 2] = np.inf
+    return _fine(increments, site, sensors, fits[0], rows[0][0], updates, np.zeros(3), held=True)
 
 
 def _not_two(what: str) -> Exception:
@@ -190,6 +195,8 @@ def _fine(
     first: int,
     updates: Updates,
     velocity_n: FloatArray,
+    *,
+    held: bool = False,
 ) -> FineFit:
     latitude = known_latitude(site)
     model = Sensors.of(BIASES)
@@ -205,6 +212,7 @@ def _fine(
         first=int(first),
         # The accelerometers cannot tell gravity from their own scale: what they see is taken.
         gravity_offset=fit.gravity_seen - gravity(latitude, site.height),
+        held=held,
     )
     late = slice(SETTLING, None)
     C_nb = found.trajectory.C_nb[-1]

@@ -143,9 +143,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     return Increments(log.time, dt, total[:, :3].copy(), total[:, 3:].copy(), joined, found)
 
 
-def bend_weights(
-    dt: FloatArray, joined: npt.NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray]:
+def bend_weights(dt: FloatArray, joined: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Return the weights k'/2 and -k''/2 of the rows before and after, shape (n,) each [1].
 
     With a rate that changes linearly over an interval and one beside it, ``dt^3 / 12 w x w'`` is

@@ -9,11 +9,13 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from foucault.diagnose import alignment_checks
+from foucault.diagnose import alignment_agreement, alignment_checks
+from foucault.diagnose.rest_noise import noise_of
 from foucault.errors import Finding
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
@@ -26,12 +28,13 @@ from foucault.navigate.align import (
     sensor_errors,
     window,
 )
-from foucault.navigate.increments import increments_of
+from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.inertial_frame import known_latitude
+from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
 from foucault.procedures.navigation_run import bias_sds
 from foucault.procedures.navigation_settings import Settings
-from foucault.procedures.navigation_start import opening
+from foucault.procedures.navigation_start import LEAST, opening
 from foucault.result import Result
 from foucault.tables import Log
 
@@ -86,6 +89,7 @@ def align_log(
     gyro_bias_sd: float | None = None,
     accel_bias_sd: float | None = None,
     calibration: Result | None = None,
+    gaps: Literal["stop", "bridge"] = "stop",
 ) -> Comparison:
     """Align a log by several methods.
 
@@ -101,7 +105,7 @@ def align_log(
         The rest, from the start of the log; None: the first that is found [s].
     rests : sequence of (float, float)
         Two or more rests at different headings, from the start of the log [s]. Methods for one
-        rest take the last of them.
+        rest take the last of them. One alone is the window.
     noise : ImuNoise or None
         White noise of the sensors; None measures it in the rest [SI].
     gyro_bias_sd, accel_bias_sd : float or None
@@ -109,6 +113,8 @@ def align_log(
         [rad/s], [m/s^2].
     calibration : Result or None
         Of this instrument; its errors are taken out first.
+    gaps : {"stop", "bridge"}
+        What is done where samples are missing.
 
     Raises
     ------
@@ -116,45 +122,86 @@ def align_log(
         No rest, no latitude, or axes, units and signs that are wrong: see `foucault.symptoms`.
     """
     known_latitude(site)
-    two: tuple[Method, ...] = ("two_position",) if len(rests) else ()
+    if len(rests):
+        start, end = rests[-1]
+    given = [(float(log.time[0] + a), float(log.time[0] + b)) for a, b in rests]
+    spans = given if len(given) > 1 else []
+    two: tuple[Method, ...] = ("two_position",) if spans else ()
     chosen = tuple(methods) or two + METHODS
     for method in chosen:
         check_method(method)
-    begin = float(log.time[0])
-    spans = [(begin + a, begin + b) for a, b in rests]
-    if spans:
-        start, end = rests[-1]
     clean = log if calibration is None else calibration.apply(log)
-    whole = increments_of(clean)
-    said, part = None, log
-    if start is not None or end is not None:
-        from_, until = start or 0.0, log.duration if end is None else end
-        window(whole, begin + from_, begin + until)  # refuses what lies outside the log
-        said, part = until - from_, log[int(np.searchsorted(log.time, begin + from_)) :]
-    seen = opening(part, Settings(align=said))
-    stop = float(log.time[-1]) if seen.still and said is None else seen.end
+    whole = increments_of(clean, gaps=gaps)
+    from_, until = _rest(log, whole, start, end)
     of_gyro, of_accel = bias_sds(None if calibration is None else calibration.coefficients)
     gyro_sd = of_gyro if gyro_bias_sd is None else gyro_bias_sd
     accel_sd = of_accel if accel_bias_sd is None else accel_bias_sd
-    taken = noise or seen.noise
-    rows = whole[window(whole, seen.start, stop)]
+    taken, told = (noise, ()) if noise is not None else _measured(log, from_, until)
+    rows = whole[window(whole, from_, until)]
     sensors = sensor_errors(rows, taken, gyro_sd, accel_sd)
     # What is plainly wrong is said before any method fails over it.
-    alignment_checks.contradictions(rows, site, sensors)
+    for span in spans or [(from_, until)]:
+        alignment_checks.contradictions(whole[window(whole, *span)], site, sensors)
     if spans:
         alignment_checks.check_turns(whole, spans)
     found = tuple(
         align(
-            whole, site, method=method, start=seen.start, end=stop, noise=taken,
+            whole, site, method=method, start=from_, end=until, noise=taken,
             gyro_bias_sd=gyro_sd, accel_bias_sd=accel_sd,
-            rests=spans if method == "two_position" else (),
+            rests=given if method == "two_position" else (),
         )
         for method in chosen
     )  # fmt: skip
-    one = next((a for a in found if a.method != "two_position"), found[0])
-    told = alignment_checks.checked(rows, site, replace(one, findings=()), sensors).findings
     f_b, w_ib_b, _ = measured_errors(rows, sensors)
     return Comparison(
         found, float(np.linalg.norm(w_ib_b)), latitude_seen(f_b, w_ib_b), site, taken,
-        noise is None, gyro_sd, accel_sd, (*log.findings, *whole.findings, *told),
+        noise is None, gyro_sd, accel_sd,
+        (*log.findings, *told, *judged(found, whole, site, sensors)),
     )  # fmt: skip
+
+
+def _rest(
+    log: Log, whole: Increments, start: float | None, end: float | None
+) -> tuple[float, float]:
+    """Return where the rest begins and ends, as given or the first that is found [s]."""
+    begin = float(log.time[0])
+    if start is not None or end is not None:
+        span = begin + (start or 0.0), begin + (log.duration if end is None else end)
+        window(whole, *span)  # refuses what lies outside the log
+        return span
+    seen = opening(log, Settings())
+    return seen.start, float(log.time[-1]) if seen.still else seen.end
+
+
+def _measured(log: Log, start: float, end: float) -> tuple[ImuNoise | None, tuple[Finding, ...]]:
+    """Return the white noise measured in a rest, and a note where it was not quiet."""
+    rows = slice(*np.searchsorted(log.time, [start, end]))
+    short = (rows.stop - rows.start) * log.interval < LEAST
+    return (None, ()) if short else noise_of(log[rows])
+
+
+def judged(
+    found: Sequence[Alignment], whole: Increments, site: Site, sensors: SensorErrors
+) -> tuple[Finding, ...]:
+    """Return what the data, the covariances and the methods among themselves tell.
+
+    Parameters
+    ----------
+    found : sequence of Alignment
+        By each method.
+    whole : Increments
+        The log [rad], [m/s].
+    site : Site
+        Where it stood; the latitude must be known.
+    sensors : SensorErrors
+        What the instrument errs by.
+    """
+    one = next((a for a in found if a.rests), found[0])  # what holds all rests, if any does
+    told = alignment_checks.checked(whole, site, one, sensors).findings
+    codes = {f.code for f in told}
+    swayed = bool(codes & {"alignment.sway", "alignment.turned"})
+    return (
+        *told,
+        *alignment_agreement.disagreement(found, swayed=swayed),
+        *alignment_agreement.innovations(found),
+    )

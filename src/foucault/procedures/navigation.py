@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.navigation import Growth, NavigationError, error_of, growth
+from foucault.diagnose import reference_checks
+from foucault.diagnose.navigation import Growth, NavigationError, covered, error_of, growth
 from foucault.diagnose.navigation_budget import Budget
 from foucault.diagnose.north_noise import noise_of
 from foucault.diagnose.schuler import SchulerFit
@@ -27,6 +28,7 @@ from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures import navigation_evidence as evidence
+from foucault.procedures import navigation_place as places
 from foucault.procedures.hand_rotated import Progress, silent
 from foucault.procedures.navigation_run import Made, Task, without
 from foucault.procedures.navigation_settings import Settings
@@ -178,15 +180,25 @@ def navigate_log(
     increments_of(part, gaps=settings.gaps)  # refuses what cannot be navigated at all
     progress(0.1, "finding the rest")
     seen = opening(part, settings)
-    site, longitude = _place(site, longitude, reference, seen.end)
-    reference = _reference(reference, part, seen, settings, site, longitude)
-    settings = replace(settings, vertical=_vertical(settings, reference))
+    if reference is not None:
+        covered(reference, seen.end, float(part.time[-1]))
+        places.resting(reference, seen)
+    given = site
+    site, place = places.place_of(site, longitude, reference, seen)
+    reference = places.reference_of(reference, part, seen, settings, site, longitude)
+    settings = replace(settings, vertical=places.vertical_of(settings, reference))
     noise, source = _noise(noise, seen, calibration)
-    told += (finding("navigate.no_noise"),) if source == "none" else ()
+    if source == "none":
+        told += (finding("navigate.no_noise"),)
+    elif seen.noise is not None and (
+        noise.accel is seen.noise.accel or noise.gyro is seen.noise.gyro
+    ):
+        told += seen.told
     told += (finding("navigate.no_reference"),) if reference is None else ()
-    task = Task(part, site, longitude, settings, seen, noise, reference)
+    task = Task(part, site, place, settings, seen, noise, reference)
     progress(0.2, "aligning and navigating")
     main = Made.of(task, calibration)
+    told += places.pushed(settings, main.trajectory)
     runs = [main]
     also: list[Finding] = []
     if calibration is not None:
@@ -197,13 +209,17 @@ def navigate_log(
     vector = None if calibration is None else calibration.coefficients
     budget = evidence.budget_of(task, main, vector)
     difference = _difference(runs, budget.time)
-    checks = evidence.checks(main.errors, budget, main.start, source, calibration is not None)
+    checks = evidence.checks(main.errors, budget, source, calibration is not None)
+    if main.errors is not None and reference is not None:
+        told += reference_checks.course(main.errors, reference)
+        told += reference_checks.clock(main.errors, reference)
     why = evidence.not_stationary(reference, main.trajectory, main.errors)
     progress(1.0, "done")
+    also += places.latitude_told(given, place, main.told)
     return NavigationTest(
         tuple(_kept(task, made, why) for made in runs), reference, budget, difference, seen,
-        settings, site, longitude, noise, source, _about(calibration), vector, why, checks,
-        Verdict.of(checks), (*told, *main.told, *also), about,
+        settings, site, place[1], noise, source, _about(calibration), vector, why, checks,
+        Verdict.of(checks), _once(*told, *main.told, *also), about,
         provenance(log.source, clock.monotonic() - began),
     )  # fmt: skip
 
@@ -218,49 +234,6 @@ def _part(log: Log, settings: Settings) -> Log:
                     duration=plain(log.duration))  # fmt: skip
     rows = np.searchsorted(log.time, [begin + start, begin + end + 0.5 * log.interval])
     return log[int(rows[0]) : int(rows[1])]
-
-
-def _place(
-    site: Site | None, longitude: float, reference: Reference | None, time: float
-) -> tuple[Site, float]:
-    """Return where it starts: as given, else as the reference says."""
-    if site is not None and site.latitude is not None:
-        return site, longitude
-    if reference is None or reference.position is None:
-        raise error("navigate.place")
-    i = int(np.argmin(np.abs(reference.time - time)))
-    latitude, lon, height = (float(v) for v in reference.position[i])
-    if site is not None:  # gravity was measured
-        return replace(site, latitude=latitude, height=height), lon
-    return Site.at(latitude, height), lon
-
-
-def _reference(
-    given: Reference | None, log: Log, seen: Opening, settings: Settings, site: Site,
-    longitude: float,
-) -> Reference | None:  # fmt: skip
-    """Return what to compare with: the file, or the known site where it never moved."""
-    if given is not None:
-        if settings.still:
-            raise error("navigate.two_references")
-        return given
-    if not (settings.still or seen.still):
-        return None
-    assert site.latitude is not None
-    return Reference.site(log.time, site.latitude, longitude, site.height)
-
-
-def _vertical(settings: Settings, reference: Reference | None) -> Any:
-    """Return what is done with the vertical channel."""
-    heights = reference is not None and reference.position is not None and reference.has_height
-    if settings.vertical == "aided" and not heights:
-        what = "there is no reference" if reference is None else "the reference has none"
-        raise error("navigate.aided", what=what)
-    if settings.vertical is not None:
-        return settings.vertical
-    if reference is not None and reference.still:
-        return "held"
-    return "aided" if heights else "free"
 
 
 def _noise(
@@ -319,6 +292,11 @@ def _about(calibration: Result | None) -> dict[str, Any]:
         "site": dict(calibration.site),
         "coefficients": len(calibration.coefficients),
     }
+
+
+def _once(*findings: Finding) -> tuple[Finding, ...]:
+    """Return findings without those that say the same again."""
+    return tuple({(f.code, f.message): f for f in findings}.values())
 
 
 def _difference(runs: list[Made], time: FloatArray) -> FloatArray | None:

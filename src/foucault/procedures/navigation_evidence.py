@@ -13,18 +13,19 @@ from foucault.diagnose.alignment_checks import POOR
 from foucault.diagnose.free_inertial import Place
 from foucault.diagnose.navigation import NavigationError
 from foucault.diagnose.navigation_budget import Budget, budget, normalised_square
-from foucault.estimate import ins_filter
+from foucault.estimate import free_run
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.logs.reference import Reference
-from foucault.models.earth import Site
-from foucault.models.imu import ImuModel
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures.navigation_run import Made, Task
-from foucault.procedures.navigation_start import Start, start_of
+from foucault.procedures.navigation_start import start_of
 from foucault.result import Check, Level
+from foucault.tables import Log
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,6 +35,9 @@ EPOCHS = 150
 
 TURNS = np.radians(2.0)
 """A body that turns by more does not keep its sensor errors constant in a level frame [rad]."""
+
+SMALL = 1e-4
+"""A coefficient is changed by what moves readings by this part of gravity or Earth's rate [1]."""
 
 QUIETEST = (1e-9, 1e-7)
 """White noise that a fit takes at least [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]."""
@@ -56,11 +60,11 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
     if vector is None:
         vector = CoefficientVector.zeros(sensors.layout)
     vector = _ordered(vector, sensors)
-    sense = ins_filter.sensitivity(
+    sense = free_run.sensitivity(
         made.increments, made.state, sensors, rows, first=made.first,
         gravity_offset=task.gravity_offset, held=task.held,
     )  # fmt: skip
-    noise = ins_filter.spread(
+    noise = free_run.spread(
         made.increments, made.state, Sensors.of(()), rows, np.zeros((9, 9)), task.noise,
         first=made.first, gravity_offset=task.gravity_offset, held=task.held,
     )  # fmt: skip
@@ -96,24 +100,35 @@ def _aligned(task: Task, made: Made, vector: CoefficientVector) -> FloatArray:
     # Rows beside the window feed the integration at its ends.
     rest = made.log[max(0, int(rows[0]) - 3) : int(rows[1]) + 4]
     for k, name in enumerate(vector.names):
-        step = _step(name, vector, k)
-        model = ImuModel.from_coefficients(
-            CoefficientVector(vector.layout.subset([name]), np.array([step]))
-        )
-        assert rest.accel is not None
-        assert rest.gyro is not None
-        accel, gyro = model.measure(rest.accel, rest.gyro)
+        step = _step(name, rest, task.site.gravity)
+        accel, gyro = _model(name, step).measure(*_readings(rest))
         shifted = replace(rest, accel=accel, gyro=gyro)
         found = start_of(shifted, task.site, task.seen, task.settings, task.noise)
         out[:, k] = -rotation_vector(found.C_nb @ made.start.C_nb.T) / step
     return out
 
 
-def _step(name: str, vector: CoefficientVector, k: int) -> float:
-    """Return a step small enough for the response to be linear, large enough to be seen."""
-    usual = {"gyro.bias": 1e-8, "accel.bias": 1e-4}.get(name.rpartition(".")[0], 1e-5)
-    sd = float(vector.sd[k])
-    return sd if np.isfinite(sd) and sd > 0 else usual
+def _model(name: str, value: float) -> ImuModel:
+    return ImuModel.from_coefficients(CoefficientVector(LAYOUT.subset([name]), np.array([value])))
+
+
+def _readings(rest: Log) -> tuple[FloatArray, FloatArray]:
+    assert rest.accel is not None
+    assert rest.gyro is not None
+    return rest.accel, rest.gyro
+
+
+def _step(name: str, rest: Log, gravity: float) -> float:
+    """Return a step small enough for the response to be linear, large against rounding."""
+    size = (gravity, EARTH_RATE)
+    # Beside the readings gravity and rate along every axis, one of which may read nothing.
+    probes = [
+        np.concatenate([x, v * np.ones((1, 3))]) for x, v in zip(_readings(rest), size, strict=True)
+    ]
+    moved = _model(name, 1.0).measure(*probes)
+    change = max(float(np.abs(m - x).max()) / v
+                 for m, x, v in zip(moved, probes, size, strict=True))  # fmt: skip
+    return SMALL / change
 
 
 def not_stationary(
@@ -151,9 +166,8 @@ def schuler_of(
 
 
 def checks(
-    errors: NavigationError | None, budget: Budget, start: Start, noise_source: str,
-    calibrated: bool,
-) -> tuple[Check, ...]:  # fmt: skip
+    errors: NavigationError | None, budget: Budget, noise_source: str, calibrated: bool
+) -> tuple[Check, ...]:
     """Test whether the start is known, and whether the error is what was predicted.
 
     Parameters
@@ -162,37 +176,67 @@ def checks(
         Error of the run.
     budget : Budget
         What was predicted.
-    start : Start
-        Where it started.
     noise_source : str
         "none" where the prediction lacks the noise.
     calibrated : bool
-        Without a calibration the prediction lacks the errors of the sensors, and is not tested.
+        Without a calibration the prediction lacks the errors of the sensors.
     """
-    sd = float(np.degrees(np.hypot(np.sqrt(start.phi_cov[2, 2]), start.bias_sd)))
+    sd = float(np.degrees(np.sqrt(budget.start[2, 2])))
     limit = float(np.degrees(POOR))
     out = [
         Check("heading at the start", sd, None, limit, sd <= limit,
               f"The heading at the start is known to {plain(sd, 3)} deg (sd).", Level.UNUSABLE)
     ]  # fmt: skip
-    if errors is None or not calibrated or noise_source == "none":
+    ends = [] if errors is None else _ends(errors, budget)
+    lacking = _lacking(bool(ends), budget, noise_source, calibrated)
+    if lacking:
+        out.append(_not_judged(lacking, ends))
         return tuple(out)
-    parts = [
-        ("position at the end", errors.position[-1, :2], budget.cov[-1, 6:8, 6:8], "m"),
-        ("velocity at the end", errors.velocity[-1, :2], budget.cov[-1, 3:5, 3:5], "m/s"),
-    ]
-    known = [(n, e, P, u) for n, e, P, u in parts if np.isfinite(e).all()]
-    heading = errors.angles[-1, 0]
-    if np.isfinite(heading):
-        known.append(("heading at the end", np.degrees([heading]),
-                      np.degrees(np.degrees(budget.cov[-1, 2:3, 2:3])), "deg"))  # fmt: skip
-    for name, e, P, unit in known:
+    for name, e, P, unit in ends:
         square = normalised_square(e, P)
-        most = chi_square_limits(len(e), 0.02, len(known))[1]  # only too large is a mistake
-        size, sd = float(np.linalg.norm(e)), float(np.sqrt(np.trace(P)))
+        most = chi_square_limits(len(e), 0.02, len(ends))[1]  # only too large is a mistake
         passed = square <= most
         beside = "as predicted" if passed else "more than noise and calibration explain"
-        sentence = (f"{name.capitalize()}: off by {plain(size, 3)} {unit}, predicted "
-                    f"{plain(sd, 3)} {unit} (sd): {beside}.")  # fmt: skip
-        out.append(Check(name, square, None, most, passed, sentence))
+        sentence = f"{_off(name, e, P, unit, 'predicted')}: {beside}."
+        out.append(Check(f"{name} at the last epoch", square, None, most, passed, sentence))
     return tuple(out)
+
+
+End = tuple[str, FloatArray, FloatArray, str]
+
+
+def _ends(errors: NavigationError, budget: Budget) -> list[End]:
+    """Return name, error, predicted covariance and unit of what is known at the last epoch."""
+    last = budget.cov[-1]
+    parts = [
+        ("position", errors.position[-1, :2], last[6:8, 6:8], "m"),
+        ("velocity", errors.velocity[-1, :2], last[3:5, 3:5], "m/s"),
+        ("heading", np.degrees(errors.angles[-1, :1]),
+         np.degrees(np.degrees(last[2:3, 2:3])), "deg"),
+    ]  # fmt: skip
+    return [(n, e, P, u) for n, e, P, u in parts if np.isfinite(e).all()]
+
+
+def _lacking(compared: bool, budget: Budget, noise_source: str, calibrated: bool) -> str:
+    """Return why a run cannot be judged; empty where it can."""
+    if not compared:
+        return "there is nothing to compare with at the last epoch"
+    if not calibrated:
+        return "without a calibration nothing is known of the errors of the sensors"
+    if np.isnan(budget.sd).any():
+        return "the calibration does not say how sure its coefficients are"
+    return "the noise of the sensors is not known" if noise_source == "none" else ""
+
+
+def _not_judged(why: str, ends: list[End]) -> Check:
+    """Return a check that cannot be made: nothing of it may look like a certificate."""
+    sentence = f"Not judged: {why}."
+    if ends:
+        sentence += f" {_off(*ends[0], 'what is known makes')}."
+    return Check("error at the last epoch", float("nan"), None, None, False, sentence)
+
+
+def _off(name: str, e: FloatArray, P: FloatArray, unit: str, words: str) -> str:
+    size, sd = float(np.linalg.norm(e)), float(np.sqrt(np.trace(P)))
+    return (f"{name.capitalize()} at the last epoch: off by {plain(size, 3)} {unit}, "
+            f"{words} {plain(sd, 3)} {unit} (sd)")  # fmt: skip

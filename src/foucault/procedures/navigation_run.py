@@ -25,6 +25,11 @@ from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
 
+Place = tuple[float, float, float]
+
+SLOW = 1.0
+"""A slower start of what seems to rest is at rest [m/s]."""
+
 WITH, WITHOUT, AS_MEASURED = "with calibration", "without calibration", "as measured"
 """Names of the runs."""
 
@@ -39,8 +44,8 @@ class Task:
         The part that is used, as measured [SI].
     site : Site
         Where it starts.
-    longitude : float
-        There [rad].
+    place : (float, float, float)
+        Latitude, longitude [rad] and height [m] there.
     settings : Settings
         What was chosen.
     seen : Opening
@@ -53,7 +58,7 @@ class Task:
 
     log: Log
     site: Site
-    longitude: float
+    place: Place
     settings: Settings
     seen: Opening
     noise: ImuNoise
@@ -70,22 +75,17 @@ class Task:
 
     def state(self, start: Start) -> State:
         """Return the state at which a run starts."""
-        assert self.site.latitude is not None
-        place = (self.site.latitude, self.longitude, self.site.height)
-        known = self.reference
-        if known is not None and known.position is not None:
-            i = int(np.argmin(np.abs(known.time - start.time)))
-            latitude, lon, height = (float(v) for v in known.position[i])
-            place = (latitude, lon, height if known.has_height else self.site.height)
-        return State(*place, self._velocity(start.time), start.C_nb)
+        return State(*self.place, self._velocity(start.time), start.C_nb)
 
     def _velocity(self, time: float) -> FloatArray:
         """Return zero after a rest, else what the reference says."""
-        known = self.reference
-        if self.seen.end > self.seen.start or known is None or known.velocity_n is None:
+        if self.seen.end > self.seen.start or self.reference is None:
             return np.zeros(3)
-        columns = np.nan_to_num(known.velocity_n).T
-        return np.array([np.interp(time, known.time, v) for v in columns])
+        known = self.reference.velocity(time)
+        # A steady drive reads as a rest does; positions of one that stands scatter.
+        if known is None or (self.seen.found and np.linalg.norm(known) < SLOW):
+            return np.zeros(3)
+        return known
 
 
 @dataclass(frozen=True)
@@ -130,11 +130,12 @@ class Made:
         log = task.log if calibration is None else calibration.apply(task.log)
         start = start_of(log, task.site, task.seen, task.settings, task.noise)
         bias_sd = bias_sds(None if calibration is None else calibration.coefficients)
-        start = judged(start, log, task.site, task.seen, task.noise, bias_sd)
+        rests = task.reference is None or task.reference.still
+        start = judged(start, log, task.site, task.seen, task.noise, bias_sd, rests)
         made = cls.navigated(task, AS_MEASURED if calibration is None else WITH, log, start)
         told = start.findings
         known = task.reference
-        given = known is not None and known.velocity_n is not None
+        given = known is not None and known.velocity(start.time) is not None
         if task.seen.start == task.seen.end and not (task.seen.found or given):
             told += (finding("navigate.speed_at_start"),)
         return replace(made, told=told)

@@ -10,12 +10,13 @@ import numpy.typing as npt
 
 from foucault.diagnose import alignment_checks
 from foucault.diagnose.alignment_checks import POOR
+from foucault.diagnose.rest_noise import noise_of
 from foucault.diagnose.rests import Rests, find_rests
 from foucault.errors import Finding, error
 from foucault.models.attitude import matrix_of
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
-from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.noise import ImuNoise
 from foucault.navigate.align import Alignment, align, sensor_errors, window
 from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.navigation_settings import Settings
@@ -32,9 +33,6 @@ PART = 1 / 3
 
 LEAST = 10.0
 """Shortest rest that is used without being told [s]."""
-
-BLOCKS = 16
-"""Noise is measured over averaging times of which a rest holds so many [1]."""
 
 WHOLE = 0.95
 """A rest that covers this part of a log: the log does not move [1]."""
@@ -60,6 +58,8 @@ class Opening:
         Whether the rest was found in the readings, or said.
     noise : ImuNoise or None
         White noise measured in the rest [SI].
+    told : tuple of Finding
+        What is doubtful about that noise.
     """
 
     start: float
@@ -67,6 +67,7 @@ class Opening:
     still: bool
     found: bool
     noise: ImuNoise | None
+    told: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,6 @@ class Start:
         When it holds [s].
     method : str
         How it was found: a method of alignment, "level and given heading", or "given".
-    bias_sd : float
-        Heading error that the gyro biases of the calibration may make [rad].
     velocity_sd : float
         Standard deviation of each component of the velocity, taken as zero [m/s].
     findings : tuple of Finding
@@ -95,7 +94,6 @@ class Start:
     phi_cov: FloatArray
     time: float
     method: str
-    bias_sd: float = 0.0
     velocity_sd: float = 0.0
     findings: tuple[Finding, ...] = ()
 
@@ -123,7 +121,7 @@ def opening(log: Log, settings: Settings) -> Opening:
         return _said(log, first, first + settings.align, still, rests)
     if settings.attitude_given:
         quiet = len(rests) > 0 and rests.first[0] <= rests.window
-        return Opening(first, first, still, quiet, _noise(log, rests, None))
+        return Opening(first, first, still, quiet, *_noise(log, rests, None))
     if still:
         return _said(log, first, first + min(USUAL, PART * log.duration), still, rests)
     lengths = log.time[np.maximum(rests.last - 1, 0)] - log.time[rests.first]
@@ -132,7 +130,7 @@ def opening(log: Log, settings: Settings) -> Opening:
         raise error("navigate.no_rest", least=plain(LEAST), where="in the log")
     a, b = int(rests.first[long[0]]), int(rests.last[long[0]]) - 1
     return Opening(float(log.time[a]), float(log.time[b]), still, True,
-                   _noise(log, rests, (a, b + 1)))  # fmt: skip
+                   *_noise(log, rests, (a, b + 1)))  # fmt: skip
 
 
 def _constant(log: Log) -> bool:
@@ -142,38 +140,19 @@ def _constant(log: Log) -> bool:
 
 def _said(log: Log, start: float, end: float, still: bool, rests: Rests) -> Opening:
     rows = np.searchsorted(log.time, [start, end])
-    return Opening(start, end, still, False, _noise(log, rests, (int(rows[0]), int(rows[1]))))
+    return Opening(start, end, still, False, *_noise(log, rests, (int(rows[0]), int(rows[1]))))
 
 
-def _noise(log: Log, rests: Rests, rows: tuple[int, int] | None) -> ImuNoise | None:
-    """Measure white noise in a rest, in the longest where none is given.
-
-    By the differences of successive means, all axes together, over the averaging time at which
-    they are smallest: quantisation and dither raise the short ones, motion the long ones.
-    """
+def _noise(
+    log: Log, rests: Rests, rows: tuple[int, int] | None
+) -> tuple[ImuNoise | None, tuple[Finding, ...]]:
+    """Measure white noise in a rest, in the longest where none is given."""
     if rows is None and len(rests):
         k = int(np.argmax(rests.last - rests.first))
         rows = (int(rests.first[k]), int(rests.last[k]))
     if rows is None or (rows[1] - rows[0]) * log.interval < LEAST:
-        return None
-    found = []
-    for x in (log.accel, log.gyro):
-        assert x is not None
-        part = x[rows[0] : rows[1]]
-        sizes = 2 ** np.arange(max(1, int(np.log2(len(part) / BLOCKS)) + 1))
-        psd = np.array([_allan(part, int(n)) * n for n in sizes]) * log.interval
-        # Of n means on three axes a variance is known to sqrt(1/n): the long times, of few means,
-        # must be smaller by more than three of that.
-        surely = psd * (1 + 3 * np.sqrt(sizes / len(part)))
-        found.append(TriadNoise(white=float(np.sqrt(psd[np.argmin(surely)]))))
-    return ImuNoise(*found)
-
-
-def _allan(x: FloatArray, block: int) -> float:
-    """Return the Allan variance of means of `block` samples, all axes together."""
-    count = len(x) // block
-    means = x[len(x) - count * block :].reshape(count, block, -1).mean(axis=1)
-    return float(np.mean(np.diff(means, axis=0) ** 2) / 2)
+        return None, ()
+    return noise_of(log[slice(*rows)])
 
 
 def start_of(log: Log, site: Site, seen: Opening, settings: Settings, noise: ImuNoise) -> Start:
@@ -230,7 +209,7 @@ def _levelled(log: Log, site: Site, seen: Opening, settings: Settings, noise: Im
 
 def judged(
     start: Start, log: Log, site: Site, seen: Opening, noise: ImuNoise,
-    bias_sd: tuple[float, float],
+    bias_sd: tuple[float, float], rests: bool = True,
 ) -> Start:  # fmt: skip
     """Return a start with what its data say of axes, units, motion and heading.
 
@@ -248,6 +227,8 @@ def judged(
         Noise of the sensors [SI].
     bias_sd : (float, float)
         How well the biases of gyros [rad/s] and accelerometers [m/s^2] are known.
+    rests : bool
+        Whether a log that looks still is; a steady drive does so too.
 
     Raises
     ------
@@ -255,24 +236,29 @@ def judged(
         ``navigate.heading``: the gyros do not show north, and no heading is given; or axes, units
         or signs that are wrong.
     """
-    if seen.end <= seen.start:
-        return start
+    if seen.end <= seen.start:  # the attitude is given
+        if not (seen.still and rests):
+            return start
+        seen = replace(seen, end=float(log.time[-1]))
     part = _window(log, seen, "bridge")
     sensors = sensor_errors(part, noise, *bias_sd)
     assert site.latitude is not None
-    if start.method in ("given", "level and given heading"):
-        return start
-    shows_north(log, site, seen, start, bias_sd[0])
     limit = azimuth_from_gyro_bias(bias_sd[0], site.latitude)
     alone = Alignment(start.C_nb, start.phi_cov, start.method, start.time, seen.start, seen.end,
                       limit, start.findings)  # fmt: skip
+    # Wrong units show no north either: they are told first.
     found = alignment_checks.checked(part, site, alone, sensors)
-    return replace(start, bias_sd=alone.azimuth_bias_sd, findings=found.findings)
+    if start.method in ("given", "level and given heading"):  # of north nothing is asked
+        told = [f for f in found.findings if f.code not in ("alignment.azimuth", "alignment.sway")]
+        return replace(start, findings=tuple(told))
+    shows_north(log, site, seen, start, bias_sd[0], found.findings)
+    return replace(start, findings=found.findings)
 
 
 def shows_north(
-    log: Log, site: Site, seen: Opening, start: Start, gyro_bias_sd: float = 0.0
-) -> None:
+    log: Log, site: Site, seen: Opening, start: Start, gyro_bias_sd: float = 0.0,
+    told: tuple[Finding, ...] = (),
+) -> None:  # fmt: skip
     """Refuse a heading that the rest does not show.
 
     Parameters
@@ -287,6 +273,8 @@ def shows_north(
         What was found.
     gyro_bias_sd : float
         How well the gyro biases are known [rad/s].
+    told : tuple of Finding
+        What was noticed in the rest.
 
     Raises
     ------
@@ -309,4 +297,7 @@ def shows_north(
             f"the gyros read {seen_rate} deg/h at rest where the Earth turns at {earth} deg/h, and "
             "show no north"
         )
+    moved = [f for f in told if f.code in ("alignment.left_place", "alignment.turned")]
+    if moved:
+        why += f". It was no rest: {moved[0].message.rstrip('.')}"
     raise error("navigate.heading", why=why)

@@ -77,6 +77,7 @@ def paths(
     caption: str,
     share: int = 100,
     what: str = "",
+    predicted: str = "predicted",
 ) -> Figure:
     """Draw paths [m], east to the right, on equal axes.
 
@@ -92,7 +93,7 @@ def paths(
     for k, (east, north, cov) in enumerate(ellipses):
         x, y = ellipse(cov)
         data.append(
-            _line("±2 sd, predicted", (east + x) / size, (north + y) / size, FIRST,
+            _line(f"±2 sd, {predicted}", (east + x) / size, (north + y) / size, FIRST,
                   line={"width": 1}, fill="toself", fillcolor="var(--band)", showlegend=k == 0,
                   legendgroup="ellipse", hoverinfo="skip")
         )  # fmt: skip
@@ -132,16 +133,18 @@ def paths(
 
 
 def growth(
-    age: FloatArray, lines: Sequence[tuple[str, FloatArray, str]], sd: FloatArray, share: int = 100
-) -> Figure:
+    age: FloatArray, lines: Sequence[tuple[str, FloatArray, str]],
+    expected: tuple[str, FloatArray], share: int = 100,
+) -> Figure:  # fmt: skip
     """Draw the horizontal error [m] against `age` [s], with the radius that holds half of it."""
+    predicted, sd = expected
     t_unit, t = time_unit(float(age[-1]))
     largest = max((float(np.nanmax(y, initial=0.0)) for _, y, _ in lines), default=0.0)
     unit, size = length_unit(max(largest, float(np.nanmax(sd, initial=0.0))))
     data = [
-        _line("predicted, half of all runs", age / t, sd / size, SOFT,
+        _line(f"{predicted}, half of all runs", age / t, sd / size, SOFT,
               line={"width": 1.6, "dash": "dash"},
-              hovertemplate=f"%{{x:.3g}} {t_unit}: %{{y:.4g}} {unit}<extra>predicted</extra>")
+              hovertemplate=f"%{{x:.3g}} {t_unit}: %{{y:.4g}} {unit}<extra>{predicted}</extra>")
     ]  # fmt: skip
     for name, y, colour in lines:
         data.append(
@@ -160,13 +163,14 @@ def growth(
 
 
 def logarithmic(
-    age: FloatArray, lines: Sequence[tuple[str, FloatArray, str]], half: FloatArray,
-    t_unit: tuple[str, float], share: int = 100,
+    age: FloatArray, lines: Sequence[tuple[str, FloatArray, str]],
+    expected: tuple[str, FloatArray], t_unit: tuple[str, float], share: int = 100,
 ) -> Figure:  # fmt: skip
     """Draw the same on logarithmic axes; a slope of 1 is a drift, 2 a tilt, 3 a gyro bias."""
+    predicted, half = expected
     late = age > 0.005 * age[-1]
     dashed = {"width": 1.6, "dash": "dash"}
-    data = [_line("predicted", age[late] / t_unit[1], half[late], SOFT, line=dashed,
+    data = [_line(predicted, age[late] / t_unit[1], half[late], SOFT, line=dashed,
                   showlegend=False)]  # fmt: skip
     data += [
         _line(name, age[late] / t_unit[1], np.maximum(y[late], 1e-9), colour, showlegend=False,
@@ -195,6 +199,7 @@ def banded(
     height: int = 150,
     alt: str = "",
     names: tuple[str, str] = ("error", "without calibration"),
+    predicted: str = "predicted",
 ) -> Figure:
     """Draw errors with the bands of one and two standard deviations, one panel below the other.
 
@@ -209,7 +214,7 @@ def banded(
     for k, (title, y, sd, other) in enumerate(panels):
         ref = str(n - k) if n - k > 1 else ""
         place = {"yaxis": f"y{ref}"}
-        for times, name in ((2, "±2 sd, predicted"), (1, "±1 sd")):
+        for times, name in ((2, f"±2 sd, {predicted}"), (1, "±1 sd")):
             data.append(_band(x, times * sd, name, k == 0) | place)
         if other is not None:
             data.append(

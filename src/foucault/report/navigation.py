@@ -91,20 +91,22 @@ def _map(seen: Seen) -> Section:
         path = seen.path(k)
         dash = "dot" if moved and e is not None else "solid"
         lines.append((seen.names[k], path["east"], path["north"], (FIRST, SECOND)[k], dash))
-    path = seen.path(0)
+    marks = detail.marks(seen, seen.path(0)) if moved else []  # else time stands beside it
     blocks: list[Block] = []
     caption = "East and north of the start. "
     if moved:
-        caption += "Shaded: two standard deviations as predicted, about the path."
+        caption += f"Shaded: two standard deviations {seen.by_what}, about the path."
         centres = detail.spread(seen, ELLIPSES, about_path=True)
     else:
-        caption += "It stood still: what is drawn is error. Shaded: where 86 % of all runs end."
+        caption += "It stood still: what is drawn is error. Shaded: where 86 % of all runs end "
+        caption += f"{seen.by_what}."
         centres = detail.spread(seen, 1, about_path=False)
     beside: list[Block] = []
     if e is not None and np.isfinite(e["east"]).any():
         beside = [_error_map(seen) if moved else _over_time(seen)]
     share = 50 if beside else 100
-    blocks.append(figures.paths(lines, centres, detail.marks(seen, path), caption, share=share))
+    blocks.append(figures.paths(lines, centres, marks, caption, share=share,
+                                predicted=seen.predicted))  # fmt: skip
     blocks += beside
     blocks.append(Facts(detail.numbers_of(seen)))
     lead = "The path that the readings give"
@@ -122,8 +124,9 @@ def _error_map(seen: Seen) -> Figure:
         if f"{before}east" in e
     ]
     centres = detail.spread(seen, 1, about_path=False)
-    caption = "Estimate minus reference. Shaded: where 86 % of all runs end, as predicted."
-    return figures.paths(lines, centres, [], caption, share=50, what="error ")
+    caption = f"Estimate minus reference. Shaded: where 86 % of all runs end {seen.by_what}."
+    return figures.paths(lines, centres, [], caption, share=50, what="error ",
+                         predicted=seen.predicted)  # fmt: skip
 
 
 def _over_time(seen: Seen) -> Figure:
@@ -135,7 +138,7 @@ def _over_time(seen: Seen) -> Figure:
         for k, (name, before) in enumerate(zip(seen.names, ("", "without_"), strict=False))
         if f"{before}east" in e
     ]
-    return figures.growth(e["age"], lines[::-1], detail.half(e), share=50)
+    return figures.growth(e["age"], lines[::-1], (seen.predicted, detail.half(e)), share=50)
 
 
 def _growth(seen: Seen) -> Section | None:
@@ -153,7 +156,7 @@ def _growth(seen: Seen) -> Section | None:
         "Estimate minus reference. The bands are what noise, alignment and the uncertainty of the "
         "calibration let expect."
     )
-    if not seen.about["calibration"]:
+    if not seen.calibrated:
         lead = "Estimate minus reference. The bands hold noise and alignment only: errors of the "
         lead += "sensors are not calibrated, and nothing is known of their size."
     return Section("Growth of the error", lead, blocks)
@@ -161,28 +164,29 @@ def _growth(seen: Seen) -> Section | None:
 
 def _table(seen: Seen) -> Table:
     """Errors at some ages."""
-    both = len(seen.names) > 1 and bool(seen.growth(1))
     free = seen.about["settings"]["vertical"] == "free"
-    turned = any(row["heading"] is not None for row in seen.growth(0))
     columns = [
-        Column("after", "short"), Column("horizontal [m]", "number"),
-        *([Column("without calibration [m]", "number")] if both else []),
-        Column("predicted, half of all runs [m]", "number"),
-        *([Column("vertical [m]", "number", aside=True)] if free else []),
-        Column("velocity [m/s]", "number"),
-        *([Column("heading [arcmin]", "number", aside=True)] if turned else []),
+        (Column("after", "short"), [minutes(row["age"]) for row in seen.growth(0)]),
+        (Column("horizontal [m]", "number"), _cells(seen, 0, "horizontal")),
+        (Column("without calibration [m]", "number"), _cells(seen, 1, "horizontal")),
+        (Column(f"{seen.predicted}, half of all runs [m]", "number"),
+         [detail.number(detail.half_at(seen, row["age"])) for row in seen.growth(0)]),
+        (Column("vertical [m]", "number", aside=True),
+         _cells(seen, 0, "vertical") if free else []),
+        (Column("velocity [m/s]", "number"), _cells(seen, 0, "velocity")),
+        (Column("heading [arcmin]", "number", aside=True),
+         _cells(seen, 0, "heading", 60 * float(np.degrees(1.0)))),
     ]  # fmt: skip
-    others = {row["age"]: row for row in seen.growth(1)}
-    rows = []
-    for row in seen.growth(0):
-        cells = [minutes(row["age"]), detail.number(row["horizontal"])]
-        cells += [detail.number(others.get(row["age"], {}).get("horizontal"))] * both
-        cells.append(detail.number(detail.half_at(seen, row["age"])))
-        cells += [detail.number(row["vertical"])] * free + [detail.number(row["velocity"])]
-        heading = None if row["heading"] is None else 60 * float(np.degrees(row["heading"]))
-        cells += [detail.number(heading)] * turned
-        rows.append(cells)
-    return Table(columns, rows)
+    shown = [(column, cells) for column, cells in columns if any(cells)]
+    rows = zip(*(cells for _, cells in shown), strict=True)
+    return Table([column for column, _ in shown], [list(row) for row in rows])
+
+
+def _cells(seen: Seen, run: int, key: str, size: float = 1.0) -> list[str]:
+    """Return a column of errors of a run at the ages of the first, empty where not known."""
+    known = {row["age"]: row[key] for row in seen.growth(run)}
+    values = [known.get(row["age"]) for row in seen.growth(0)]
+    return [detail.number(None if v is None else size * v) for v in values]
 
 
 def _findings(about: Mapping[str, Any]) -> Section | None:

@@ -27,10 +27,13 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 Table_ = Mapping[str, npt.NDArray[Any]]
 
+TINY = 0.001
+"""Numbers of a smaller size are not written out [any]."""
+
 METHODS = {
-    "inertial_frame": "gravity in inertial space",
-    "two_vector": "gravity and the Earth's rate as means",
-    "kalman": "Kalman filter with zero velocity",
+    "inertial_frame": "inertial frame",
+    "two_vector": "two vectors",
+    "kalman": "Kalman, zero velocity",
     "given": "given",
     "level and given heading": "levelled at rest, heading given",
 }
@@ -61,6 +64,21 @@ class Seen:
         """Table of the errors, where there are any."""
         return self.tables.get("errors")
 
+    @property
+    def calibrated(self) -> bool:
+        """Whether the errors of the sensors are in what was predicted."""
+        return bool(self.about["calibration"])
+
+    @property
+    def predicted(self) -> str:
+        """What the predicted error is to be called."""
+        return "predicted" if self.calibrated else "noise and alignment alone"
+
+    @property
+    def by_what(self) -> str:
+        """What is predicted, or by what."""
+        return "as predicted" if self.calibrated else "by noise and alignment alone"
+
     def path(self, run: int) -> Table_:
         """Return the trajectory of a run."""
         return self.tables[("trajectory", "trajectory_without")[run]]
@@ -89,7 +107,9 @@ def number(value: float | None) -> str:
     """Write a number to three digits, empty where there is none."""
     if value is None or not math.isfinite(value):
         return ""
-    return signed(plain(value, 3)) if abs(value) >= 1e-6 else "0"
+    if 0 < abs(value) < TINY:
+        return f"< {TINY}"
+    return signed(plain(value, 3))
 
 
 def in_words(seen: Seen) -> list[str]:
@@ -104,7 +124,7 @@ def in_words(seen: Seen) -> list[str]:
         out.append(f"All {len(checks)} checks passed.")
     if seen.about["reference"] is None:
         out.append("Nothing was compared: there is no reference.")
-    if not seen.about["calibration"]:
+    if not seen.calibrated:
         out.append("Nothing is known of the errors of the sensors: there is no calibration.")
     elif end["cep"]:
         age = minutes(seen.about["predicted"]["age"])
@@ -129,9 +149,9 @@ def numbers_of(seen: Seen) -> list[tuple[str, str]]:
             out.append((f"radial error over time, {run['name']}", text))
     end = about["predicted"]["all"]
     if end["cep"]:
-        out.append(("predicted, half of all runs end within", metres(end["cep"])))
+        out.append((f"{seen.predicted}, half of all runs end within", metres(end["cep"])))
         text = f"{metres(end['east_sd'])} east, {metres(end['north_sd'])} north"
-        out.append(("predicted sd at the end", text))
+        out.append((f"{seen.predicted}, sd at the end", text))
     if about["settings"]["vertical"] == "held":
         out.append(("vertical channel", "height held"))
     else:
@@ -190,7 +210,7 @@ def growth_figure(seen: Seen, unit: tuple[str, float], share: int) -> Figure:
         if f"{before}east" in e:
             y = np.hypot(e[f"{before}east"], e[f"{before}north"])
             lines.append((seen.names[k], y, (FIRST, SECOND)[k]))
-    return figures.logarithmic(e["age"], lines[::-1], half(e), unit, share)
+    return figures.logarithmic(e["age"], lines[::-1], (seen.predicted, half(e)), unit, share)
 
 
 def error_panels(seen: Seen, unit: tuple[str, float]) -> list[Block]:
@@ -222,7 +242,7 @@ def error_panels(seen: Seen, unit: tuple[str, float]) -> list[Block]:
         return []
     alt = "Errors against time with the bands of one and two standard deviations"
     names = (seen.names[0], "without calibration")
-    return [figures.banded(e["age"], panels, unit, 150, alt, names)]
+    return [figures.banded(e["age"], panels, unit, 150, alt, names, seen.predicted)]
 
 
 def _degrees(x: Any) -> FloatArray | None:
@@ -235,6 +255,8 @@ def motion(seen: Seen) -> Section:
     age = path["time"] - path["time"][0]
     unit = figures.time_unit(float(age[-1]))
     velocity = [(a, path[f"velocity_{a}"]) for a in ("east", "north", "up")]
+    if seen.about["settings"]["vertical"] != "free":
+        del velocity[2]
     heading = np.degrees(np.unwrap(path["heading"]))
     level = [(a, np.degrees(path[a])) for a in ("pitch", "roll")]
     panels: list[Any] = [("velocity [m/s]", velocity), ("heading [°]", [("heading", heading)]),
@@ -264,17 +286,14 @@ def start(seen: Seen) -> Section:
             _sd(float(np.hypot(sd[0], sd[1]) / math.sqrt(2))),
             METHODS.get(s["method"], s["method"]),
         ])  # fmt: skip
-    first = seen.about["runs"][0]["start"]
     opening = seen.about["opening"]
-    lead = "Standard deviations are those that noise, and what was given, make."
+    lead = "Standard deviations are those of sensor noise and of what was given"
     if opening["end"] > opening["start"]:
-        lead = (
-            f"Aligned at rest for {minutes(opening['end'] - opening['start'])}. Standard "
-            "deviations are those that sensor noise, and what was given, make."
-        )
-    if first["heading_bias_sd"]:
-        text = _sd(float(np.degrees(first["heading_bias_sd"])))
-        lead += f" The gyro biases of the calibration leave {text} of heading besides."
+        lead = f"Aligned at rest for {minutes(opening['end'] - opening['start'])}. {lead}"
+    if seen.calibrated:
+        lead += ", with calibration those of its coefficients too"
+    lead += "; those of errors that are not calibrated are not known. Heading is clockwise "
+    lead += "from north, pitch nose up, roll right side down."
     return Section("Start", lead, [Table(columns, rows)])
 
 

@@ -18,7 +18,7 @@ from foucault.units import plain
 DRAWN = 14
 """Coefficients that are drawn [1]."""
 
-UNIT = {"velocity": "m/s", "angle": "arcsec", "angular rate": "deg/h"}
+UNIT = {"velocity": "mm/s", "angle": "arcsec", "angular rate": "deg/h"}
 """Unit of each kind of term."""
 
 ACTS = {
@@ -35,7 +35,7 @@ def terms(seen: Seen) -> Section | None:
     """Terms of free inertial drift that the error shows."""
     run = seen.about["runs"][0]
     if "terms" not in run:
-        if seen.errors is None:
+        if seen.errors is None or not seen.still:
             return None
         return Section("Schuler and heading terms",
                        f"Not fitted: {seen.about['stationary']}.", [])  # fmt: skip
@@ -79,7 +79,7 @@ def _term_table(seen: Seen) -> Table:
     for k, row in enumerate(both[0]):
         unit = UNIT[row["kind"]]
         value, sd = (units.convert(row[c], row["kind"], unit) for c in ("value", "sd"))
-        cells = [row["name"], _to(value, sd), plain(sd, 2)]
+        cells = [row["name"], _to(value, sd), _to(sd, sd)]
         if len(both) > 1:
             cells.append(_to(units.convert(both[1][k]["value"], row["kind"], unit), sd))
         seen_well = abs(row["value"]) > 2 * row["sd"]
@@ -172,7 +172,7 @@ def sources(seen: Seen) -> Section:
     whole = sum(end["all"][f"{a}_sd"] ** 2 for a in ("east", "north"))
     rows = []
     for key, (name, what) in SOURCES.items():
-        if key == "coefficients" and not seen.about["calibration"]:
+        if key == "coefficients" and not seen.calibrated:
             continue
         s = end[key]
         part = sum(s[f"{a}_sd"] ** 2 for a in ("east", "north")) / whole if whole else 0.0
@@ -189,4 +189,9 @@ def sources(seen: Seen) -> Section:
         f"Predicted error after {minutes(end['age'])}, by source. Slow wandering of the biases "
         "after the calibration is not in it."
     )
+    if not seen.calibrated:
+        lead = (
+            f"What noise and alignment alone make after {minutes(end['age'])}. Errors of the "
+            "sensors are not in it: there is no calibration."
+        )
     return Section("Where the predicted error comes from", lead, [Table(columns, rows)])

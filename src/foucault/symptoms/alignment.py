@@ -11,7 +11,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("alignment.no_latitude", "error",
      "An alignment without a latitude",
      "The latitude of the site is unknown; how the Earth turns is what shows north.",
-     "Give `latitude` in [site]."),
+     "Give --latitude '47.3 deg', or `latitude` in [site]."),
     ("alignment.window", "error",
      "A window of alignment outside the log",
      "The alignment was to last from {start} s to {end} s; the log has {first} s to {last} s.",
@@ -25,6 +25,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A mean rate of {rate:.3g} rad/s and a mean specific force of {force:.3g} m/s^2 are parallel "
      "or zero: they show no north.",
      "Check that gyros and accelerometers are read; at a pole of the Earth there is no heading."),
+    ("alignment.sd", "error",
+     "A negative standard deviation of a bias",
+     "{what} is {given}; a standard deviation is zero or more.",
+     "Give how well the biases are known, such as 0.01 deg/h; zero says that they are known "
+     "exactly."),
     ("alignment.rest", "error",
      "A rest without start and end",
      "--rest '{given}' does not say when it starts and when it ends.",
@@ -38,6 +43,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Increments read as rates or the reverse, seen at alignment",
      "The mean specific force is {given} m/s^2, {ratio} times local gravity: {cause}.",
      "Correct `kind`, `unit` or `scale` in [log.accel], and `kind` in [log.gyro] with it."),
+    ("alignment.gravity", "warning",
+     "A rest whose specific force is not local gravity",
+     "The mean specific force at rest is {seen} m/s^2 where gravity is {given} m/s^2, {off} % off.",
+     "Check `gravity` and `height` of the site, or calibrate the scale factors and biases of the "
+     "accelerometers."),
     ("alignment.gyro_unit", "error",
      "Gyros at rest that read the Earth's rate times a factor",
      "The gyros at rest read {given} deg/h instead of the Earth's {earth} deg/h; multiplied by "
@@ -48,20 +58,21 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Along up the gyros read {given} deg/h where {wanted} deg/h were expected (sd {sd}): the sign "
      "is reversed.",
      "One of these is so: `latitude` has the wrong sign; the accelerometers read gravity instead "
-     'of specific force (reads = "gravity" in [log.accel]); all gyros are reversed, or both triads '
-     "mirrored alike (two columns swapped or one sign wrong, in both)."),
+     'of specific force (reads = "gravity" in [log.accel]); all gyros are reversed.'),
     ("alignment.axes", "error",
      "Gyro axes not in the order or sense of the accelerometer axes, seen at rest",
      "Along up the gyros read {given} deg/h where {wanted} deg/h were expected (sd {sd}). With "
      "{exchange} (body axis = declared gyro column) they would read that{more}.",
      "Correct `columns` of [log.gyro] or of [log.accel]. A rest shows only what lies along up: "
-     "two rests with a turn between them decide among several exchanges (`foucault inspect`). If "
-     "the axes are right, the latitude is not: the data say {latitude} deg north or south."),
+     "two rests with a turn between them that tilts the instrument decide among several exchanges "
+     "(`foucault inspect`). If the axes are right, the latitude is not: the data say {latitude} "
+     "deg north or south."),
     ("alignment.latitude", "warning",
      "A latitude that the Earth's rate contradicts",
      "Gravity and the Earth's rate show a latitude of {seen} deg (sd {sd}); {declared} deg was "
      "given.",
-     "Check `latitude` in [site], and the declared bias of the gyros."),
+     "Check the latitude, the declared bias of the gyros, and the order of their axes: level axes "
+     "that are swapped show little in one rest, and none that are swapped in both triads."),
     ("alignment.earth_rate", "warning",
      "Gyros at rest that read neither the Earth's rate nor a simple multiple of it",
      "The gyros at rest read {given} deg/h, {vertical} deg/h of it along up; the Earth turns at "
@@ -81,10 +92,33 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Choose a window in which the vehicle stands, or give its velocity."),
     ("alignment.sway", "note",
      "Sway during an alignment",
-     "The instrument swayed: its velocity by {speed} mm/s (sd), its attitude by {angle} arcsec "
-     "between start and end, which is {azimuth} deg of azimuth to the mean of two vectors.",
-     "Alignment in inertial space and the Kalman filter withstand it; for two_vector choose a "
-     "calmer window."),
+     "The instrument swayed: its velocity by {speed} mm/s (sd), its attitude by {peak} arcsec on "
+     "the way and its level by {angle} arcsec between start and end, which is {azimuth} deg of "
+     "azimuth to the mean of two vectors.",
+     "Alignment in inertial space and the Kalman filter withstand it. two_vector finds the mean "
+     "attitude and not that of the end; its standard deviations hold the sway. Choose a calmer "
+     "window for it."),
+    ("alignment.noise", "note",
+     "Sensor noise measured in a rest that was not quiet",
+     "The white noise was measured in the rest, and motion or rounding lies beside it: gyros "
+     "{gyro} deg/sqrt(h), accelerometers {accel} ug/sqrt(Hz).",
+     "Give the noise of the sensors, from the data sheet or from a quiet log (`foucault allan`): "
+     "--gyro-noise and --accel-noise, or [noise] of a campaign. Standard deviations are too large "
+     "otherwise if motion passed for noise, and too small if the sensors filter their output."),
+    ("alignment.disagree", "warning",
+     "Methods of alignment that contradict one another",
+     "The attitudes by {one} and by {other} differ by {angle} deg about {axis}; their standard "
+     "deviations together allow {sd} deg (sd).",
+     "One of these is so: the vehicle moved steadily, crept or settled (a constant horizontal "
+     "velocity does not show in the specific force as motion); biases or noise are larger than was "
+     "declared or measured (--gyro-bias-sd, --accel-bias-sd, --gyro-noise); with two positions, "
+     "both triads are mirrored (two columns swapped or one sign wrong, in both)."),
+    ("alignment.innovations", "warning",
+     "A fine alignment that contradicts its own readings",
+     "The velocities that {method} met are {given} times as large, squared, as it predicted; at "
+     "most {most} is chance.",
+     "The vehicle moved, or biases or noise are larger than was declared: choose a rest, or give "
+     "--gyro-bias-sd, --accel-bias-sd, --gyro-noise and --accel-noise."),
     ("alignment.azimuth", "warning",
      "Gyros too poor to find north",
      "The azimuth is known to {sd} deg (sd); bias of the gyros alone makes {bias} deg.",

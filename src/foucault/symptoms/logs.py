@@ -58,7 +58,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "'{file}' has {have}; that does not say what they are: {reason}.",
      "Describe it in a campaign file: `foucault init hand_rotated -o campaign.toml`, then fill in "
      "[log]; or give the columns titles with their units, such as time (s), gyro_x (deg/s), "
-     "accel_x (m/s^2)."),
+     "accel_x (m/s^2), or of increments of both triads (kind = \"increment\" in [log]): gyro_x "
+     "(rad), accel_x (m/s)."),
     ("log.units_from_titles", "note", "A log given alone, its units taken from its titles",
      "Nothing describes '{file}', so its units were taken from the titles of its columns: {units}.",
      "Check that they are right; a campaign file declares them for good."),

@@ -29,11 +29,52 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The latitude is not known; without it neither gravity nor the Earth's rate is.",
      'Give --latitude "47.3 deg" (and --longitude, --height), latitude in [site] of a campaign '
      "file, or a reference with positions."),
+    ("navigate.place_later", "error",
+     "A reference that does not say where a navigation starts",
+     "The navigation starts at {start} s; the reference lasts from {first} s to {last} s and has "
+     "no position of that time.",
+     "Give --latitude, --longitude and --height of the start, or a reference that begins with the "
+     "log."),
+    ("navigate.elsewhere", "error",
+     "A reference of another place",
+     "The place given is {given}, but the reference starts at latitude {latitude} deg, longitude "
+     "{longitude} deg.",
+     "Check the order of latitude and longitude in the reference, their unit, and --latitude and "
+     "--longitude."),
+    ("navigate.moving", "error",
+     "A rest during which the reference moves",
+     "The instrument seemed to rest from {start} s to {end} s, but the reference moves by {way} m "
+     "meanwhile.",
+     'Say where it rests with --from and --align "60 s", or give the start attitude with '
+     "--heading, --pitch and --roll; or the clocks of log and reference differ."),
+    ("navigate.not_still", "warning",
+     "A log that moves, and --still",
+     "--still says that the instrument never left its site, but its velocity changes by {change} "
+     "m/s within {time} s.",
+     "Leave --still out and give --reference FILE."),
+    ("navigate.latitude", "warning",
+     "A latitude of a reference that the Earth's rate contradicts",
+     "The start was taken from the reference: latitude {latitude} deg, longitude {longitude} deg.",
+     "Check that its columns of latitude and longitude are not exchanged and that their unit is "
+     "the one in the titles, or give --latitude."),
+    ("navigate.course", "warning",
+     "A navigation that sets out in another direction than its reference",
+     "The path that was computed sets out at {seen} deg where the reference goes at {wanted} deg, "
+     "{off} deg apart.",
+     "The heading at the start is wrong: by the bias of the gyros, by axes (two columns swapped or "
+     "one sign wrong in both triads does not show at rest), or by a reference of another drive."),
+    ("navigate.clock", "warning",
+     "A reference whose clock may be off",
+     "The error goes with the velocity, as if the clock of the reference were about {offset} s "
+     "{way}; that makes {distance} m.",
+     "Compare the clocks: the times of the reference should be {offset} s {change}. A reference "
+     "point {distance} m {place} the instrument looks alike at a steady speed."),
     ("navigate.no_rest", "error",
      "No rest to align in",
      "No rest of {least} s or more was found {where}.",
-     'Say how long the start is a rest with --align "300 s", or give the start attitude with '
-     "--heading, --pitch and --roll."),
+     'Say where the instrument rests: `foucault navigate` takes --align "300 s" (the start is a '
+     "rest for so long), or the start attitude with --heading, --pitch and --roll; `foucault "
+     'align` takes --from "0 s" --until "300 s".'),
     ("navigate.heading", "error",
      "Gyros that do not show north, and no start heading",
      "The start attitude is missing: {why}.",

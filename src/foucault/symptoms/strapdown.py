@@ -7,7 +7,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("strapdown.no_triad", "error",
      "A log that lacks one of the two triads",
      "The log has no {missing}; navigation needs accelerometers and gyros.",
-     "Add [log.{missing}] to the description of the log."),
+     "Add [log.{missing}] to the description of the log, or its columns, titled with their units, "
+     "to a log that is given alone."),
     ("strapdown.averaged", "error",
      "A log of means where every sample is needed",
      "Every row of the log is the mean over a position; navigation needs the samples.",

@@ -1,0 +1,42 @@
+"""Options that carry a unit, turned into SI numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+KINDS = {
+    "height": "length", "gravity": "gravity", "gyro_noise": "angle random walk",
+    "accel_noise": "velocity random walk", "gyro_bias_sd": "angular rate",
+    "accel_bias_sd": "specific force", "align": "time", "from": "time", "until": "time",
+    "rate": "frequency",
+}  # fmt: skip
+"""Kind of quantity of every option; the others are angles."""
+
+POSITIVE = (
+    "latitude_sd", "level_sd", "heading_sd", "accuracy", "index_sd", "gyro_noise", "accel_noise",
+    "align", "until", "rate",
+)  # fmt: skip
+"""Options that must be greater than zero."""
+
+NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd")
+"""Options that may be zero, but no less."""
+
+
+def parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
+    """Turn options with units into SI numbers; a mistake names its option."""
+    from foucault.campaign.mistakes import parse_at
+    from foucault.errors import error
+
+    out = {}
+    for key, text in texts.items():
+        if text is None:
+            continue
+        option = "--" + key.replace("_", "-")
+        out[key] = value = parse_at(option, text, KINDS.get(key, "angle"))
+        least = "greater than 0" if key in POSITIVE and not value > 0 else ""
+        least = "0 or more" if key in NOT_NEGATIVE and not value >= 0 else least
+        if least:
+            raise error("campaign.value", key=option, given=repr(text), hint="", more="",
+                        reason=f"it should be {least}")  # fmt: skip
+    return out
