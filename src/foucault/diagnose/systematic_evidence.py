@@ -107,6 +107,8 @@ def _innovations(e: Evidence) -> Check:
     limit = chi_square_limits(dof, 2 * EACH)[1]
     fine = total <= limit
     words = f"What is seen at rest scatters {np.sqrt(total / dof):.3f} times as much as allowed for"
+    if total < dof / 2:
+        words += "; it stands stiller than velocity_sd and position_sd say, which does no harm"
     if not fine:
         words += (
             ": the instrument stands less still than velocity_sd and position_sd say, is noisier, "

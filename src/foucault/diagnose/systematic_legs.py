@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -45,7 +46,7 @@ class Legs:
         What is promised of `after` [m/s].
     C_nb : ndarray, shape (m, 3, 3)
         Attitude at its end [1].
-    first_C_nb : ndarray, shape (3, 3)
+    begin : ndarray, shape (3, 3)
         Attitude in the rest that the first leg begins in [1].
     """
 
@@ -56,7 +57,7 @@ class Legs:
     after: FloatArray
     sd: FloatArray
     C_nb: FloatArray
-    first_C_nb: FloatArray
+    begin: FloatArray
 
 
 def legs_of(
@@ -92,7 +93,7 @@ def legs_of(
     rows = [increments.row_at(float(t)) for t in found.time[epoch[there]]]
     each = max(1, round(EPOCH / float(np.median(increments.dt))))
     before, after, sd = [], [], []
-    for k, (a, b) in enumerate(zip(rows[:-1], rows[1:], strict=True)):
+    for k, (a, b) in enumerate(pairwise(rows)):
         state = State.at_rest(C_nb[k], site.latitude, 0.0, site.height)
         raw = navigate(increments, state, first=a, last=b, gravity_offset=offset)
         before.append(raw.velocity_n[-1])
@@ -106,7 +107,7 @@ def legs_of(
         after.append(free.trajectory.velocity_n[-1])
         sd.append(free.sd[-1, 3:6])
     time = increments.time[rows]
+    before_n, after_n, sd_n = (np.reshape(v, (-1, 3)) for v in (before, after, sd))
     return Legs(
-        there[1:], time[:-1], time[1:], *(np.reshape(v, (-1, 3)) for v in (before, after, sd)),
-        C_nb[1:], C_nb[0],
+        there[1:], time[:-1], time[1:], before_n, after_n, sd_n, C_nb[1:], C_nb[0]
     )  # fmt: skip

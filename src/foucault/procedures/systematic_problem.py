@@ -90,12 +90,22 @@ class SystematicProblem:
         """Row at whose end the filter starts."""
         return self.rests[0][0]
 
-    def start_cov(self) -> FloatArray:
-        """Return the covariance at the start, shape (9 + p, 9 + p) [SI]."""
+    def start_cov(
+        self, phi_sd: FloatArray | None = None, sd: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the covariance at the start, shape (9 + p, 9 + p) [SI].
+
+        Parameters
+        ----------
+        phi_sd : ndarray, shape (3,), or None
+            Uncertainty of the attitude; None for the one of the problem [rad].
+        sd : ndarray, shape (p,), or None
+            Standard deviations of the coefficients; None for those of the prior [SI].
+        """
+        phi = self.phi_sd if phi_sd is None else phi_sd
+        known = self.prior.prior_sd if sd is None else sd
         rest = self.at_rest
-        return start_cov(
-            np.diag(self.phi_sd**2), rest.velocity_sd, rest.position_sd, self.prior.prior_sd
-        )
+        return start_cov(np.diag(phi**2), rest.velocity_sd, rest.position_sd, known)
 
 
 def problem_of(

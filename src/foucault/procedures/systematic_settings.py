@@ -145,13 +145,13 @@ class Settings(BaseModel):
     )
     passes: int = Field(
         default=3, ge=1, le=20,
-        description="How often the session is gone through, each time linear about the last result.",
+        description="How often the session is gone through, each time linear about its result.",
     )  # fmt: skip
     velocity_sd: Annotated[float, Quantity("velocity")] = Field(
-        default=1e-3, gt=0, description="How still the instrument stands at rest, each component."
+        default=1e-4, gt=0, description="How still the instrument stands at rest, each component."
     )
     position_sd: Annotated[float, Quantity("length")] = Field(
-        default=1e-2, gt=0, description="How well it comes back to its place after every turn."
+        default=1e-2, gt=0, description="How near the same place it comes to rest after every turn."
     )
     interval: Seconds = Field(default=1.0, gt=0, description="Time between updates at rest.")
     decorrelate: bool | None = Field(

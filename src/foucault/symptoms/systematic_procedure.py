@@ -44,7 +44,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("systematic.deflection_unseen", "error",
      "A model of deflection that the session cannot see",
      "The model of deflection '{model}' has {count} parameters, and this session tells {rank} "
-     "combinations of them. It cannot see: {blind}.",
+     "combinations of them better than 3 arcsec/g. It cannot see: {blind}.",
      "Add {wanted}; or choose a model with fewer parameters (coupled6 is seen whole by the 19 "
      'positions and the six spins); or give what is known of them in [prior] "deflection".'),
     ("systematic.deflection_prior", "warning",
