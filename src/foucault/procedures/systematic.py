@@ -52,7 +52,10 @@ FRAME = "body axes, as the accelerometers define them (see gauge)"
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients of the result.
+    """Return the coefficients of the result that do not follow from others.
+
+    A model of deflection makes more coefficients than it has parameters: of each parameter one is
+    named here.
 
     Parameters
     ----------
@@ -60,7 +63,10 @@ def names_of(settings: Settings) -> tuple[str, ...]:
         What was chosen.
     """
     model = settings.model
-    return named(settings.sensors.layout.names, () if model is None else model.names)
+    deflections = [] if model is None else [
+        model.names[int(np.flatnonzero(column)[0])] for column in model.slope.T
+    ]  # fmt: skip
+    return named(settings.sensors.layout.names, deflections)
 
 
 def calibrate(
