@@ -33,6 +33,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.systematic_log import log_table as log_table
 from foucault.procedures.systematic_navigation import navigation_tests
 from foucault.procedures.systematic_problem import SystematicProblem, problem_of
 from foucault.procedures.systematic_settings import LAYOUT as LAYOUT
