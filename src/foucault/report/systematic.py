@@ -45,7 +45,7 @@ def velocities(result: Result) -> Section | None:
 
 
 def _speed(value: float) -> str:
-    return f"{1e3 * value:.3g} mm/s"
+    return f"{value:.3g} m/s" if value >= 1 else f"{1e3 * value:.3g} mm/s"
 
 
 def sequence(result: Result) -> Section | None:
