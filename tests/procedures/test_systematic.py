@@ -386,3 +386,40 @@ def test_what_is_usual_covers_what_is_estimated():
     assert np.isfinite(known.prior_sd).all()
     assert len(full.sensors) == 24 + 18 + 3 + 3 + 6 + 1
     assert len(NAMES) == 9
+
+
+def test_a_rest_that_moves_is_left_out(nineteen):
+    """It tilts by 20 arcsec in every second of its thirty."""
+    log = nineteen.log
+    rest = nineteen.told.positions[4]
+    inside = (log.time >= rest.start) & (log.time <= rest.end)
+    accel, gyro = log.accel.copy(), log.gyro.copy()
+    rate = 20 * ARCSEC
+    axis = int(np.abs(log.accel[inside].mean(axis=0)).argmin())
+    up = int(np.abs(log.accel[inside].mean(axis=0)).argmax())
+    third = 3 - axis - up
+    gyro[inside, axis] += rate
+    # df / dt = f x w; it goes on tilted, as the gyro says.
+    sign = 1.0 if (third + 1) % 3 == up else -1.0
+    tilt = rate * np.clip(log.time - rest.start, 0.0, rest.end - rest.start)
+    still = log.time <= rest.end
+    accel[still, third] -= sign * tilt[still] * log.accel[still, up]
+    moving = replace(nineteen, log=replace(log, accel=accel, gyro=gyro))
+    result = trial(moving, Settings(sequence=()))
+    assert "systematic.rest_moves" in codes(result)
+    assert result.diagnostics["sequence"]["rests"] == 18
+    assert "rest 5" not in result.diagnostics["sequence"]["labels"]
+
+
+def test_no_deflection_where_there_is_none():
+    """Six parameters of a rigid instrument, four sessions: inside their promise about zero."""
+    settings, score = Settings(sequence=BOTH, deflection="coupled6"), 0.0
+    # Nothing to speak of, so that `simulate` draws no deflection of its own.
+    for seed in range(4):
+        rigid = replace(systematic.draw_errors("navigation", seed), deflection=np.full(
+            (3, 3, 3), 1e-30))  # fmt: skip
+        result = trial(simulated(settings, seed=seed, model=rigid), settings)
+        names = [n for n in systematic.names_of(settings) if "deflection" in n]
+        score += nees(result, rigid, names)
+    low, high = chi_square_limits(6 * 4)
+    assert low < score < high

@@ -144,9 +144,12 @@ class Settings(BaseModel):
         "after the first part, whose result starts the second with the published uncertainties.",
     )
     passes: int = Field(
-        default=3, ge=1, le=20,
-        description="How often the session is gone through, each time linear about its result.",
-    )  # fmt: skip
+        default=6,
+        ge=1,
+        le=20,
+        description="Most passes through the session, each linear about the result before; 1: the "
+        "first alone, which a wide prior spoils.",
+    )
     velocity_sd: Annotated[float, Quantity("velocity")] = Field(
         default=1e-4, gt=0, description="How still the instrument stands at rest, each component."
     )

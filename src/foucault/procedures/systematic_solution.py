@@ -13,7 +13,7 @@ from foucault.errors import Status, error
 from foucault.estimate.ins_filter import FilterRun
 from foucault.estimate.smoother import smooth
 from foucault.estimate.systematic import SystematicRun, solve
-from foucault.estimate.systematic_published import solve_published
+from foucault.estimate.systematic_published import second_step
 from foucault.models import imu
 from foucault.plans.systematic_sequences import built_in
 from foucault.procedures.systematic_problem import SystematicProblem
@@ -64,14 +64,23 @@ def solved(p: SystematicProblem, settings: Settings) -> Solution:
         What was chosen.
     """
     if settings.steps == "published":
-        few = settings.model_copy(update={"deflection": "none", "steps": "joint"}).sensors
-        found = solve_published(
-            p.increments, p.start.C_nb, p.site, (few, p.sensors), p.rests, _first_part(p, settings),
-            p.start_cov(), p.noise, at_rest=p.at_rest, estimate=p.prior.values,
-        )  # fmt: skip
-        states = replace(found.estimate, prior_sd=p.prior.prior_sd)
-        return _solution(found, states, Status.CONVERGED)
+        return _published(p, settings)
     return _joint(p, settings.passes)
+
+
+def _published(p: SystematicProblem, settings: Settings) -> Solution:
+    """Filter the first sequence without deflection, and go on with it over the others."""
+    few = settings.model_copy(update={"deflection": "none", "steps": "joint"}).sensors
+    prior = p.prior
+    at = [prior.layout.index(name) for name in few.layout.names]
+    known = CoefficientVector(few.layout, prior.values[at], prior_sd=prior.prior_sd[at])
+    part = replace(p, sensors=few, prior=known, rests=p.rests[: _first_part(p, settings)])
+    one = _joint(part, settings.passes)
+    two = second_step(
+        p.increments, p.site, SystematicRun(one.run, one.states, one.passes), p.sensors, p.rests,
+        prior, p.noise, at_rest=p.at_rest,
+    )  # fmt: skip
+    return _solution(two, replace(two.estimate, prior_sd=prior.prior_sd), one.status)
 
 
 def _joint(p: SystematicProblem, passes: int) -> Solution:
@@ -91,18 +100,20 @@ def _joint(p: SystematicProblem, passes: int) -> Solution:
     seen = smooth(found.run)
     sd = np.minimum(p.prior.prior_sd, NARROWED * found.estimate.sd)
     phi_sd = np.minimum(p.phi_sd, NARROWED * np.sqrt(np.diag(seen.cov[0])[:3]))
-    later = solve(
-        p.increments, seen.trajectory.C_nb[0], p.site, p.sensors, p.rests,
-        p.start_cov(phi_sd, sd), p.noise, first=p.first, at_rest=p.at_rest,
-        estimate=found.estimate.values, passes=passes - 1, keep=True,
-    )  # fmt: skip
-    values = (*found.passes, *later.passes)
-    estimate = exchanged(later.estimate, (values[-2], sd), p.prior)
-    moved = float((np.abs(values[-1] - values[-2]) / estimate.sd).max())
-    # Two passes have nothing to be compared with but the first, which is far off.
-    settled = passes == 2 or moved < SETTLED
-    return _solution(replace(later, passes=values), estimate,
-                     Status.CONVERGED if settled else Status.NOT_CONVERGED)  # fmt: skip
+    P0, C_nb, values = p.start_cov(phi_sd, sd), seen.trajectory.C_nb[0], [*found.passes]
+    while True:
+        found = solve(
+            p.increments, C_nb, p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
+            at_rest=p.at_rest, estimate=values[-1], keep=True,
+        )  # fmt: skip
+        moved = float((np.abs(found.estimate.values - values[-1]) / found.estimate.sd).max())
+        values.append(found.estimate.values)
+        if moved < SETTLED or len(values) == passes:
+            break
+        C_nb = smooth(found.run).trajectory.C_nb[0]
+    estimate = exchanged(found.estimate, (values[-2], sd), p.prior)
+    status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
+    return _solution(replace(found, passes=tuple(values)), estimate, status)
 
 
 def exchanged(
