@@ -130,6 +130,7 @@ def solve(
     first: int = 0,
     estimate: FloatArray | None = None,
     passes: int = 1,
+    keep: bool = False,
 ) -> SystematicRun:
     """Estimate all coefficients in one filter over the whole session.
 
@@ -159,6 +160,8 @@ def solve(
         How often the session is gone through; each later pass starts from the coefficients and
         the attitude that the one before has found, so that the equations are linear about them
         [1].
+    keep : bool
+        Whether the last pass keeps what a smoother needs.
 
     Notes
     -----
@@ -175,7 +178,7 @@ def solve(
         again = k + 1 < passes
         found = run(
             increments, state, sensors, updates, P0, noise, first=first, estimate=estimate,
-            gravity_offset=offset, keep=again,
+            gravity_offset=offset, keep=keep or again,
         )  # fmt: skip
         estimate = found.coefficients[-1]
         seen.append(estimate)
