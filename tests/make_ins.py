@@ -27,7 +27,7 @@ FLIGHT: Plan = [
 ]  # fmt: skip
 
 UNITS = {"bias": 1e-7, "scale": 1e-5, "misalignment": 1e-5, "asymmetry": 1e-5, "cubic": 1e-5,
-         "quadratic": 1e-6, "cross": 1e-6, "g_sensitivity": 1e-8}  # fmt: skip
+         "quadratic": 1e-6, "cross": 1e-6, "g_sensitivity": 1e-8, "deflection": 1e-6}  # fmt: skip
 """Sizes of coefficients at which a run stays linear [SI]."""
 
 

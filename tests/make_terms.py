@@ -21,6 +21,7 @@ SIZES = {
     "accel.quadratic": 3e-4, "accel.cross": 2e-4,
     "gyro.bias": 0.02, "gyro.scale": 0.02, "gyro.misalignment": 0.01,
     "gyro.g_sensitivity": 2e-4, "gyro.asymmetry": 0.01, "gyro.cubic": 1e-4,
+    "accel.asymmetry": 0.01, "gyro.deflection": 2e-4,
 }  # fmt: skip
 """Large, so that a wrong sign or transpose shows [SI]."""
 

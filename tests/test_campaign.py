@@ -198,7 +198,7 @@ MISTAKES = [
         MINIMAL + '[prior]\n"gyro" = { mean = "0 deg/h", sd = "1 deg/h" }\n',
         "prior.kind",
         'prior."gyro" holds coefficients of several kinds: angular rate, scale factor error, '
-        "misalignment, g-sensitivity, cubic.",
+        "misalignment, g-sensitivity, cubic, deflection.",
         '"gyro.bias" and "gyro.scale"',
     ),
     (

@@ -79,6 +79,8 @@ def test_arcsec_per_g_is_a_deflection_not_a_quadratic_term() -> None:
     assert units._factor_and_dimension("arcsec/g")[0] == pytest.approx(DEG / 3600 / G, rel=1e-14)
     with pytest.raises(FoucaultError, match="does not measure quadratic"):
         units.parse("1 arcsec/g", "quadratic")
+    assert units.parse("1 arcsec/g", "deflection") == pytest.approx(DEG / 3600 / G, rel=1e-14)
+    assert units.display_unit("deflection", 1e-6) == "arcsec/g"
 
 
 @pytest.mark.parametrize("kind", units.KINDS)

@@ -97,6 +97,7 @@ KINDS: dict[str, Kind] = _kinds(
         ("quadratic", "1/(m/s^2)", "ug/g^2 mg/g^2", "10 ug/g^2"),
         ("cubic", "1/(rad/s)^2", "ppb/(deg/s)^2 ppm/(deg/s)^2", "5 ppb/(deg/s)^2"),
         ("g-sensitivity", "rad/s/(m/s^2)", "deg/h/g deg/s/g", "1 deg/h/g"),
+        ("deflection", "rad/(m/s^2)", "arcsec/g arcmin/g", "3 arcsec/g"),
         ("g-squared sensitivity", "rad/s/(m/s^2)^2", "deg/h/g^2 deg/s/g^2", "0.01 deg/h/g^2"),
         ("velocity random walk", "m/s^2/sqrt(Hz)", "ug/sqrt(Hz) mg/sqrt(Hz)", "100 ug/sqrt(Hz)"),
         ("angle random walk", "rad/s/sqrt(Hz)", "deg/sqrt(h)", "0.003 deg/sqrt(h)"),

@@ -84,7 +84,8 @@ def run_c(folder: Path, accel: np.ndarray, gyro: np.ndarray, function: str) -> n
 def test_c(which: str, request: Any, readings: Readings, tmp_path: Path, same: Same) -> None:
     result: Result = request.getfixturevalue(which)
     header = write(result, "c", tmp_path / "calibration.h").read_text()
-    assert ("foucault_solve_quadratic" in header) == (which == "full")
+    assert ("foucault_solve_force" in header) == (which == "full")
+    assert ("foucault_deflection" in header) == (which == "full")
     assert ("foucault_sensed_rate" in header) == (which == "full")
     assert "m/s^2" in header
     assert "malloc" not in header
@@ -117,6 +118,30 @@ def test_c_from_counts(
     text = (tmp_path / "calibration.h").read_text()
     names = [COUNTS.accel.columns[i].removeprefix("-") for i in order]
     assert f"in this order: {', '.join(names)}" in text
+
+
+@pytest.mark.parametrize("receiver", ["c", "python"])
+@pytest.mark.parametrize(
+    "families",
+    [("accel.asymmetry",), ("gyro.deflection",), ("accel.asymmetry", "gyro.deflection"),
+     ("accel.quadratic", "gyro.asymmetry"), ("accel.asymmetry", "gyro.cubic", "gyro.deflection")],
+)  # fmt: skip
+def test_each_part_of_the_code_works_without_the_others(
+    receiver: str, families: tuple[str, ...], readings: Readings, tmp_path: Path, same: Same
+) -> None:
+    result = with_terms("accel.bias", "gyro.scale", *families)
+    name = {"c": "calibration.h", "python": "calibration.py"}[receiver]
+    text = write(result, receiver, tmp_path / name).read_text()
+    assert ("deflection[3]" in text or "DEFLECTION" in text) == ("gyro.deflection" in families)
+    if receiver == "c":
+        got = run_c(tmp_path, *readings, "foucault_compensate")
+    else:
+        module = load(tmp_path / name)
+        pairs = zip(*(r.tolist() for r in readings), strict=True)
+        got = np.array([np.concatenate(module.compensate(a, g)) for a, g in pairs])
+    f_b, w_b = result.model.compensate(*readings)
+    same(got[:, :3], f_b)
+    same(got[:, 3:], w_b)
 
 
 def test_c_survives_what_a_user_may_call_his_instrument(tmp_path: Path) -> None:
@@ -182,18 +207,22 @@ def test_json(full: Result, readings: Readings, tmp_path: Path, same: Same) -> N
     f = (accel - go["accel_bias"]) @ back["accel_inverse"].T
     for _ in range(60):  # as the file says: repeated until f stands still
         rest = accel - go["accel_bias"] - q(f) @ np.transpose(go["accel_quadratic"])
-        f = rest @ back["accel_inverse"].T
+        f = rest / (1 + go["accel_asymmetry"] * np.sign(rest)) @ back["accel_inverse"].T
     y = gyro - go["gyro_bias"] - f @ np.transpose(go["g_sensitivity"])
     r = y
     for _ in range(60):
         r = (y - go["gyro_cubic"] * r**3) / (1 + go["gyro_asymmetry"] * np.sign(r))
+    D = np.einsum("ijk,nk->nij", go["deflection"], f)
     w = r @ back["gyro_inverse"].T
+    for _ in range(60):
+        w = (r - np.einsum("nij,nj->ni", D, w)) @ back["gyro_inverse"].T
     f_b, w_b = full.model.compensate(accel, gyro)
     same(f, f_b)
     same(w, w_b)
-    again = f @ np.transpose(go["accel_matrix"]) + go["accel_bias"]
+    p = f @ np.transpose(go["accel_matrix"])
+    again = p + go["accel_asymmetry"] * np.abs(p) + go["accel_bias"]
     same(again + q(f) @ np.transpose(go["accel_quadratic"]), accel)
-    r = w @ np.transpose(go["gyro_matrix"])
+    r = w @ np.transpose(go["gyro_matrix"]) + np.einsum("nij,nj->ni", D, w)
     back_again = r + go["gyro_asymmetry"] * np.abs(r) + go["gyro_cubic"] * r**3
     same(back_again + go["gyro_bias"] + f @ np.transpose(go["g_sensitivity"]), gyro)
     assert doc["units"] == {"accel": "m/s^2", "gyro": "rad/s"}

@@ -13,9 +13,11 @@ from foucault.models.imu import (
     PRODUCTS,
     Gauge,
     ImuModel,
+    gravity_slope,
     products,
     products_slope,
 )
+from foucault.models.rotation import exp
 from foucault.tables import AXES, Log
 
 AT = {a: i for i, a in enumerate(AXES)}
@@ -26,7 +28,7 @@ W = RNG.uniform(-4.0, 4.0, (50, 3))
 
 def _size(name: str) -> float:
     """A large but invertible value: a tenth of the signal, at |f| up to 12 and |w| up to 4."""
-    second = ("quadratic", "cross", "g_sensitivity", "cubic")
+    second = ("quadratic", "cross", "g_sensitivity", "cubic", "deflection")
     return 1e-3 if name.split(".")[1] in second else 0.1
 
 
@@ -50,6 +52,8 @@ def _expected(name: str, value: float) -> tuple[np.ndarray, np.ndarray]:
         out[:, o] += value * np.abs(true[:, o])
     elif group == "cubic":
         out[:, o] += value * true[:, o] ** 3
+    elif group == "deflection":
+        out[:, o] += value * F[:, AT[axes[2]]] * W[:, AT[axes[1]]]
     else:
         out[:, o] += value * F[:, AT[axes[1]]]
     return accel, gyro
@@ -112,8 +116,13 @@ def test_shapes_may_have_any_leading_axes_and_either_triad_may_be_missing() -> N
     np.testing.assert_allclose(f_b, F.reshape(5, 10, 3), atol=5e-14)
     linear = _model({"gyro.bias.x": 0.1})
     assert linear.compensate(None, W)[0] is None
-    with pytest.raises(ValueError, match="g-sensitivity needs the accelerometer"):
-        model.compensate(None, W)
+    for name in ("gyro.g_sensitivity.xy", "gyro.deflection.xyz"):
+        assert not linear.gyros_feel_force
+        assert _model({name: 1e-6}).gyros_feel_force
+        with pytest.raises(ValueError, match="g-sensitivity or deflection needs the accelerometer"):
+            _model({name: 1e-6}).compensate(None, W)
+    one = model.compensate(accel[0, 0], gyro[0, 0])
+    np.testing.assert_allclose(one, [F[0], W[0]], atol=5e-14)
 
 
 def test_apply_compensates_a_log_and_keeps_the_rest() -> None:
@@ -146,6 +155,48 @@ def test_a_gauge_is_triangular_and_describes_the_same_instrument(gauge: Gauge) -
     again, C_same = turned.in_gauge(gauge)
     np.testing.assert_allclose(C_same, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(again.gyro_matrix, turned.gyro_matrix, atol=1e-15)
+
+
+def test_any_rotation_of_the_axes_leaves_the_readings_as_they_are() -> None:
+    model = _everything()
+    C_cb = exp(np.array([0.4, -1.1, 0.7]))  # nothing small
+    turned = model.rotated(C_cb)
+    for got, want in zip(turned.measure(F @ C_cb.T, W @ C_cb.T), model.measure(F, W), strict=True):
+        np.testing.assert_allclose(got, want, rtol=0, atol=5e-14)
+    # Bendings become scale factors that change with the force; between gauges they are nothing.
+    assert np.abs(np.einsum("iik->ik", turned.deflection)).max() > 1e-5
+    small, _ = _model({"accel.misalignment.xy": 5e-4, "gyro.deflection.xyy": 1e-6}).in_gauge(
+        Gauge.LOWER
+    )
+    assert 0 < np.abs(np.einsum("iik->ik", small.deflection)).max() < 1e-9
+
+
+def test_asymmetry_is_half_the_difference_of_the_scale_factors_over_their_mean() -> None:
+    model = _model({"accel.scale.y": 0.01, "accel.asymmetry.y": 300e-6})
+    accel = model.measure(np.array([[0.0, 9.8, 0.0], [0.0, -9.8, 0.0]]), np.zeros((2, 3)))[0][:, 1]
+    plus, minus = accel[0] / 9.8, accel[1] / -9.8
+    assert (plus - minus) / (plus + minus) == pytest.approx(300e-6, rel=1e-12)
+    assert (plus + minus) / 2 == pytest.approx(1.01, abs=1e-15)
+
+
+def test_large_asymmetry_and_quadratic_terms_invert_around_zero() -> None:
+    """Newton's method passes from one sense to the other."""
+    model = _model({"accel.asymmetry.x": 0.5, "accel.asymmetry.z": -0.6,
+                    "accel.misalignment.xz": 0.2, "accel.quadratic.x": 2e-3})  # fmt: skip
+    f = np.concatenate([np.zeros((1, 3)), 10.0 ** np.arange(-12, 2)[:, None] * np.ones(3)])
+    f = np.concatenate([f, -f, f * [1, -1, -1]])
+    back, _ = model.compensate(model.measure(f, f)[0], None)
+    np.testing.assert_allclose(back, f, rtol=1e-14, atol=2e-15)
+
+
+def test_gravity_that_is_assumed_wrong_changes_coefficients_by_its_slope() -> None:
+    """A body with g (1 + e) in every place of f is another model with the g assumed."""
+    model, e = _everything(), 1e-7
+    assumed = model.coefficients()
+    moved = assumed.values + e * gravity_slope(assumed)
+    again = ImuModel.from_coefficients(CoefficientVector(LAYOUT, moved))
+    for got, want in zip(again.measure(F * (1 + e), W), model.measure(F, W), strict=True):
+        np.testing.assert_allclose(got, want, rtol=0, atol=1e-12)
 
 
 def test_lower_gauge_axes_are_the_accelerometers_own() -> None:

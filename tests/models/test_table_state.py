@@ -17,7 +17,9 @@ from foucault.models.table_geometry import Angles, Free, Trust, tangents
 from foucault.models.table_state import State, Unknowns, moved, predict
 
 SITE = Site(9.81, np.radians(48.0))
-NAMES = tuple(n for n in LAYOUT.names if not n.startswith(("gyro.asymmetry", "gyro.cubic")))
+NAMES = tuple(
+    n for n in LAYOUT.names if n.split(".")[1] not in ("asymmetry", "cubic", "deflection")
+)
 N = 6
 SPIN = np.array([False, False, True, True, False, True])
 

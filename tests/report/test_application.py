@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foucault import report
-from foucault.models.imu import LAYOUT, LINEAR_LOWER
+from foucault.models.imu import FULL_EQUATION, LAYOUT, LINEAR_LOWER
 from foucault.report.application import how_to_apply, numbers
 from foucault.report.page import Code, Equation
 from make_result import make_result
@@ -45,6 +45,26 @@ def test_quadratic_terms_are_given_but_not_inverted_by_hand():
     text = numbers(with_coefficients({"accel.quadratic.x": 1e-5}))
     assert "K_a = np.array" in text and "f_b = " not in text
     assert "model.compensate" in text
+
+
+@pytest.mark.parametrize("name", ["accel.asymmetry.y", "gyro.deflection.zxy"])
+def test_what_no_line_inverts_is_given_with_its_matrix(name):
+    result = with_coefficients({name: 1e-5})
+    text = numbers(result)
+    assert "f_b = " not in text and "model.compensate" in text
+    space = run(text)
+    if name.startswith("accel"):
+        np.testing.assert_allclose(space["a_a"], [0, 1e-5, 0])
+    else:
+        np.testing.assert_allclose(space["T"], result.model.deflection)
+        assert space["T"][2, 0, 1] == 1e-5
+
+
+def test_the_full_equation_is_given_with_its_inverse():
+    section = how_to_apply(make_result(equation=FULL_EQUATION))
+    said = [b.lines for b in section.blocks if isinstance(b, Equation)]
+    assert "r = (I + S_g + M_g + D(f)) w" in said[0]
+    assert "w = (I + S_g + M_g + D(f))^-1 r" in said[1]
 
 
 def test_accelerometers_alone_have_no_gyro_lines():

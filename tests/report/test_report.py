@@ -138,7 +138,8 @@ def test_sections_of_the_hand_rotated_procedure(page):
         "Provenance",
     ]
     elsewhere = tuple(
-        f"foucault.report.{n}" for n in ("on_table", "rate_table", "headings", "tumble")
+        f"foucault.report.{n}"
+        for n in ("on_table", "rate_table", "headings", "tumble", "systematic")
     )
     own = [section for section in SECTIONS if section.__module__ not in elsewhere]
     assert len(titles) == len(own)

@@ -241,6 +241,7 @@ def test_means_by_the_equations():
 def test_a_fleet_is_its_instruments():
     model = model_of({"accel.quadratic.x": 1e-4, "gyro.g_sensitivity.yz": 1e-5,
                       "accel.cross.zxy": 1e-4, "gyro.asymmetry.y": 1e-3,
+                      "accel.asymmetry.z": 1e-3, "gyro.deflection.yzx": 1e-5,
                       "accel.misalignment.xy": 0.01})  # fmt: skip
     models = [draw_errors("mems", 1), model, ImuModel()]
     plan = short_plan()

@@ -84,10 +84,12 @@ def _row(
     columns = {key: np.full(n, np.nan) for key in ("error", "sd", "bound")}
     score = np.nan
     if result is not None and truth is not None and result.coefficients.cov is not None:
-        error_ = result.coefficients.values - truth
-        columns["error"], columns["sd"] = error_, result.coefficients.sd
-        columns["bound"] = np.array(result.diagnostics.get("bound", np.full(n, np.nan)))
-        score = float(nees(error_[None], result.coefficients.cov)[0])
+        found, cov = result.coefficients, result.coefficients.cov
+        at = [found.layout.index(name) for name in names]  # others may follow from these
+        columns["error"], columns["sd"] = found.values[at] - truth, found.sd[at]
+        if "bound" in result.diagnostics:
+            columns["bound"] = np.array(result.diagnostics["bound"])[at]
+        score = float(nees(columns["error"][None], cov[np.ix_(at, at)])[0])
     verdict = str(result.verdict.level) if result is not None else "none"
     row: dict[str, Any] = {"status": status, "verdict": verdict, "nees": score}
     for key, values in columns.items():

@@ -11,8 +11,9 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from foucault.export.numbers import commented, inverse, row, rows
+from foucault.export.numbers import commented, inverse, row, rows, tensor
 from foucault.export.request import FAMILIES, Counts, Request
+from foucault.models.imu import ImuModel
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,7 +26,7 @@ NEWTON_STEPS = 8
 def text(wanted: Request) -> str:
     """Write the header."""
     model = wanted.model
-    quadratic, straight = bool(model.accel_quadratic.any()), model.straight
+    quadratic, bends = bool(model.accel_quadratic.any()), bool(model.deflection.any())
     # What a user has named must not end the comment.
     statement = [line.replace("*/", "* /") for line in wanted.statement()]
     parts = [
@@ -41,12 +42,17 @@ def text(wanted: Request) -> str:
         "/* Inverse of the accelerometer matrix I + S_a + M_a, and bias [m/s^2]. */",
         _matrix("foucault_accel_inverse", inverse(model.accel_matrix)),
         _vector("foucault_accel_bias", model.accel_bias),
-        "/* Inverse of the gyro matrix I + S_g + M_g, and bias [rad/s]. */",
-        _matrix("foucault_gyro_inverse", inverse(model.gyro_matrix)),
+        *_gyro_matrix(model),
         _vector("foucault_gyro_bias", model.gyro_bias),
         "/* g-sensitivity of the gyros [rad/s per m/s^2]. */",
         _matrix("foucault_g_sensitivity", model.g_sensitivity),
     ]
+    if not model.accel_linear:
+        parts += [
+            "/* Asymmetry of the accelerometers' scale factors [1]. */",
+            _vector("foucault_accel_asymmetry", model.accel_asymmetry),
+        ]
+    parts += [_SOLVE] if quadratic or bends else []
     if quadratic:
         parts += [
             "/* Accelerometer matrix [1], and quadratic terms [1/(m/s^2)]: columns fx^2, fy^2,"
@@ -55,15 +61,14 @@ def text(wanted: Request) -> str:
             _matrix("foucault_accel_quadratic", model.accel_quadratic),
             _NEWTON.replace("STEPS", str(NEWTON_STEPS)),
         ]
-    if not straight:
+    if not model.straight:
         parts += [
             "/* Asymmetry [1] and cubic term [1/(rad/s)^2] of the gyros' scale factors. */",
             _vector("foucault_gyro_asymmetry", model.gyro_asymmetry),
             _vector("foucault_gyro_cubic", model.gyro_cubic),
             _SENSED.replace("STEPS", str(NEWTON_STEPS)),
         ]
-    function = _FUNCTION.replace("/*NEWTON*/\n", _CALL if quadratic else "")
-    parts += [function.replace("/*SENSED*/\n", "" if straight else _CALL_SENSED)]
+    parts += [_function(model)]
     parts += _from_counts(wanted.counts)
     parts += ["#endif /* FOUCAULT_CALIBRATION_H */", ""]
     return "\n".join(parts)
@@ -72,6 +77,36 @@ def text(wanted: Request) -> str:
 def _matrix(name: str, matrix: FloatArray) -> str:
     m, n = matrix.shape
     return f"static const double {name}[{m}][{n}] = {{\n{rows(matrix, '{', '}')}}};\n"
+
+
+def _gyro_matrix(model: ImuModel) -> list[str]:
+    """Write the inverse; where the gyros bend, what is inverted at every sample instead."""
+    if not model.deflection.any():
+        return [
+            "/* Inverse of the gyro matrix I + S_g + M_g, and bias [rad/s]. */",
+            _matrix("foucault_gyro_inverse", inverse(model.gyro_matrix)),
+        ]
+    return [
+        "/* Deflection: gyro, direction its axis bends to, specific force [rad/(m/s^2)]. */",
+        "static const double foucault_deflection[3][3][3] = {\n"
+        f"{tensor(model.deflection, '{', '}')}}};\n",
+        "/* Gyro matrix I + S_g + M_g, and bias [rad/s]. */",
+        _matrix("foucault_gyro_matrix", model.gyro_matrix),
+    ]
+
+
+def _function(model: ImuModel) -> str:
+    """Put together what is done with every sample."""
+    steps = {
+        "SENSE": _UNLIKE if model.accel_asymmetry.any() else "",
+        "NEWTON": _CALL if model.accel_quadratic.any() else "",
+        "SENSED": "" if model.straight else _CALL_SENSED,
+        "RATE": _CALL_BENT if model.deflection.any() else _CALL_RATE,
+    }
+    out = _FUNCTION
+    for mark, lines in steps.items():
+        out = out.replace(f"/*{mark}*/\n", lines)
+    return out
 
 
 def _vector(name: str, vector: FloatArray) -> str:
@@ -94,9 +129,33 @@ def _from_counts(counts: Mapping[str, Counts]) -> list[str]:
     return [*out, _COUNTS]
 
 
-_CALL = "    foucault_solve_quadratic(accel_raw, f_b);\n"
+_UNLIKE = """\
+    for (i = 0; i < 3; i++)
+        a[i] /= a[i] < 0.0 ? 1.0 - foucault_accel_asymmetry[i] : 1.0 + foucault_accel_asymmetry[i];
+"""
+
+_CALL = "    foucault_solve_force(accel_raw, f_b);\n"
 
 _CALL_SENSED = "    foucault_sensed_rate(w);\n"
+
+_CALL_RATE = """\
+    for (i = 0; i < 3; i++)
+        w_b[i] = foucault_gyro_inverse[i][0] * w[0] + foucault_gyro_inverse[i][1] * w[1]
+               + foucault_gyro_inverse[i][2] * w[2];
+"""
+
+_CALL_BENT = """\
+    {
+        double s[3][3];
+        int j;
+        for (i = 0; i < 3; i++)
+            for (j = 0; j < 3; j++)
+                s[i][j] = foucault_gyro_matrix[i][j] + foucault_deflection[i][j][0] * f_b[0]
+                        + foucault_deflection[i][j][1] * f_b[1]
+                        + foucault_deflection[i][j][2] * f_b[2];
+        foucault_solve(s, w, w_b);
+    }
+"""
 
 _FUNCTION = """\
 /* True specific force f_b [m/s^2] and angular rate w_b [rad/s] from readings. */
@@ -107,6 +166,7 @@ static inline void foucault_compensate(const double accel_raw[3], const double g
     int i;
     for (i = 0; i < 3; i++)
         a[i] = accel_raw[i] - foucault_accel_bias[i];
+/*SENSE*/
     for (i = 0; i < 3; i++)
         f_b[i] = foucault_accel_inverse[i][0] * a[0] + foucault_accel_inverse[i][1] * a[1]
                + foucault_accel_inverse[i][2] * a[2];
@@ -115,38 +175,50 @@ static inline void foucault_compensate(const double accel_raw[3], const double g
         w[i] = gyro_raw[i] - foucault_gyro_bias[i] - foucault_g_sensitivity[i][0] * f_b[0]
              - foucault_g_sensitivity[i][1] * f_b[1] - foucault_g_sensitivity[i][2] * f_b[2];
 /*SENSED*/
+/*RATE*/
+}
+"""
+
+_SOLVE = """\
+/* Solve s x = m by cofactors. */
+static inline void foucault_solve(double s[3][3], const double m[3], double x[3])
+{
+    double c[3][3], det;
+    int i, j;
+    for (i = 0; i < 3; i++)      /* indices run on in a circle */
+        for (j = 0; j < 3; j++)
+            c[i][j] = s[(i + 1) % 3][(j + 1) % 3] * s[(i + 2) % 3][(j + 2) % 3]
+                    - s[(i + 1) % 3][(j + 2) % 3] * s[(i + 2) % 3][(j + 1) % 3];
+    det = s[0][0] * c[0][0] + s[0][1] * c[0][1] + s[0][2] * c[0][2];
     for (i = 0; i < 3; i++)
-        w_b[i] = foucault_gyro_inverse[i][0] * w[0] + foucault_gyro_inverse[i][1] * w[1]
-               + foucault_gyro_inverse[i][2] * w[2];
+        x[i] = (c[0][i] * m[0] + c[1][i] * m[1] + c[2][i] * m[2]) / det;
 }
 """
 
 _NEWTON = """\
-/* Newton's method for A f + b + K q(f) = reading, a fixed number of steps from f as given. */
-static inline void foucault_solve_quadratic(const double accel_raw[3], double f[3])
+/* Newton's method for p + a |p| + b + K q(f) = reading, p = A f, a fixed number of steps from f. */
+static inline void foucault_solve_force(const double accel_raw[3], double f[3])
 {
     int step, i, j;
     for (step = 0; step < STEPS; step++) {
         const double q[6] = {f[0] * f[0], f[1] * f[1], f[2] * f[2],
                              f[0] * f[1], f[0] * f[2], f[1] * f[2]};
-        double m[3], s[3][3], c[3][3], det;
+        double m[3], s[3][3], change[3];
         for (i = 0; i < 3; i++) {
             const double *k = foucault_accel_quadratic[i];
             const double *a = foucault_accel_matrix[i];
-            m[i] = a[0] * f[0] + a[1] * f[1] + a[2] * f[2] + foucault_accel_bias[i] - accel_raw[i];
+            const double p = a[0] * f[0] + a[1] * f[1] + a[2] * f[2];
+            const double e = foucault_accel_asymmetry[i], scale = p < 0.0 ? 1.0 - e : 1.0 + e;
+            m[i] = scale * p + foucault_accel_bias[i] - accel_raw[i];
             for (j = 0; j < 6; j++)
                 m[i] += k[j] * q[j];
-            s[i][0] = a[0] + 2.0 * k[0] * f[0] + k[3] * f[1] + k[4] * f[2];
-            s[i][1] = a[1] + 2.0 * k[1] * f[1] + k[3] * f[0] + k[5] * f[2];
-            s[i][2] = a[2] + 2.0 * k[2] * f[2] + k[4] * f[0] + k[5] * f[1];
+            s[i][0] = scale * a[0] + 2.0 * k[0] * f[0] + k[3] * f[1] + k[4] * f[2];
+            s[i][1] = scale * a[1] + 2.0 * k[1] * f[1] + k[3] * f[0] + k[5] * f[2];
+            s[i][2] = scale * a[2] + 2.0 * k[2] * f[2] + k[4] * f[0] + k[5] * f[1];
         }
-        for (i = 0; i < 3; i++)      /* cofactors: indices run on in a circle */
-            for (j = 0; j < 3; j++)
-                c[i][j] = s[(i + 1) % 3][(j + 1) % 3] * s[(i + 2) % 3][(j + 2) % 3]
-                        - s[(i + 1) % 3][(j + 2) % 3] * s[(i + 2) % 3][(j + 1) % 3];
-        det = s[0][0] * c[0][0] + s[0][1] * c[0][1] + s[0][2] * c[0][2];
+        foucault_solve(s, m, change);
         for (i = 0; i < 3; i++)
-            f[i] -= (c[0][i] * m[0] + c[1][i] * m[1] + c[2][i] * m[2]) / det;
+            f[i] -= change[i];
     }
 }
 """

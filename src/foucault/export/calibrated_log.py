@@ -141,7 +141,7 @@ def _calibrated(
     model: ImuModel | ClusterModel, logs: Iterator[Log], seen: _Seen, force: bool
 ) -> Iterator[Log]:
     # A cluster always needs them, and says so itself.
-    forced = isinstance(model, ImuModel) and bool(model.g_sensitivity.any())
+    forced = isinstance(model, ImuModel) and model.gyros_feel_force
     for log in logs:
         if own.CALIBRATED in log.source.get("marker", "") and not force:
             raise error("apply.again", file=log.source["file"])

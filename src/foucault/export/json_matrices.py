@@ -26,9 +26,10 @@ def text(wanted: Request) -> str:
         "axes": wanted.axes,
         "units": {"accel": "m/s^2", "gyro": "rad/s"},
         "forward": {
-            "equation": "accel = accel_matrix f + accel_bias + accel_quadratic q(f); "
+            "equation": "accel = p + accel_asymmetry |p| + accel_bias + accel_quadratic q(f), "
+            "axis by axis; p = accel_matrix f; "
             "gyro = r + gyro_asymmetry |r| + gyro_cubic r^3 + gyro_bias + g_sensitivity f, axis "
-            "by axis; r = gyro_matrix w; "
+            "by axis; r = (gyro_matrix + D) w; D_ij = sum over k of deflection_ijk f_k; "
             "q(f) = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)",
             "accel_matrix": model.accel_matrix.tolist(),
             "accel_bias": model.accel_bias.tolist(),
@@ -38,11 +39,15 @@ def text(wanted: Request) -> str:
             "g_sensitivity": model.g_sensitivity.tolist(),
             "gyro_asymmetry": model.gyro_asymmetry.tolist(),
             "gyro_cubic": model.gyro_cubic.tolist(),
+            "accel_asymmetry": model.accel_asymmetry.tolist(),
+            "deflection": model.deflection.tolist(),
         },
         "inverse": {
-            "equation": "f = accel_inverse (accel - accel_bias - accel_quadratic q(f)), repeated "
-            "until f stands still where accel_quadratic is not zero; "
-            "w = gyro_inverse r; r = (gyro - gyro_bias - g_sensitivity f - gyro_cubic r^3) / "
+            "equation": "f = accel_inverse p; p = (accel - accel_bias - accel_quadratic q(f)) / "
+            "(1 + accel_asymmetry sign(p)), axis by axis, repeated until f stands still where "
+            "accel_quadratic is not zero; w = gyro_inverse (r - D w), repeated until w stands "
+            "still where deflection is not zero; "
+            "r = (gyro - gyro_bias - g_sensitivity f - gyro_cubic r^3) / "
             "(1 + gyro_asymmetry sign(r)), axis by axis, repeated until r stands still where "
             "gyro_cubic is not zero",
             "accel_inverse": inverse(model.accel_matrix).tolist(),

@@ -32,6 +32,12 @@ def rows(matrix: FloatArray, opening: str, closing: str, indent: str = "    ") -
     return ",\n".join(lines)
 
 
+def tensor(values: FloatArray, opening: str, closing: str) -> str:
+    """Write `values`, shape (l, m, n) [SI], one matrix after the other between brackets."""
+    parts = [f"    {opening}\n{rows(m, opening, closing, '        ')}" for m in values]
+    return ",\n".join(f"{part},\n    {closing}" for part in parts)
+
+
 def commented(lines: Iterable[str], mark: str) -> str:
     """Put a comment mark before each of `lines`."""
     return "\n".join(f"{mark} {line}".rstrip() for line in lines)

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.export.c_header import NEWTON_STEPS
-from foucault.export.numbers import commented, inverse, row, rows
+from foucault.export.numbers import commented, inverse, row, rows, tensor
 from foucault.export.request import FAMILIES, Request
+from foucault.models.imu import ImuModel
 
 CAN = FAMILIES
 
@@ -18,7 +19,7 @@ CAN = FAMILIES
 def text(wanted: Request) -> str:
     """Write the module."""
     model = wanted.model
-    quadratic, straight = bool(model.accel_quadratic.any()), model.straight
+    quadratic, bends = bool(model.accel_quadratic.any()), bool(model.deflection.any())
     parts = [
         commented(wanted.statement(), "#"),
         "# Readings and results: accelerometers in m/s^2, gyros in rad/s, three numbers each.",
@@ -26,12 +27,16 @@ def text(wanted: Request) -> str:
         "# Inverse of the accelerometer matrix I + S_a + M_a, and bias [m/s^2].",
         _matrix("ACCEL_INVERSE", inverse(model.accel_matrix)),
         f"ACCEL_BIAS = ({row(model.accel_bias)})",
-        "# Inverse of the gyro matrix I + S_g + M_g, and bias [rad/s].",
-        _matrix("GYRO_INVERSE", inverse(model.gyro_matrix)),
+        *_gyro_matrix(model),
         f"GYRO_BIAS = ({row(model.gyro_bias)})",
         "# g-sensitivity of the gyros [rad/s per m/s^2].",
         _matrix("G_SENSITIVITY", model.g_sensitivity),
     ]
+    if not model.accel_linear:
+        parts += [
+            "# Asymmetry of the accelerometers' scale factors [1].",
+            f"ACCEL_ASYMMETRY = ({row(model.accel_asymmetry)})",
+        ]
     if quadratic:
         parts += [
             "# Accelerometer matrix [1] and quadratic terms [1/(m/s^2)]: columns fx^2, fy^2, fz^2,"
@@ -39,17 +44,16 @@ def text(wanted: Request) -> str:
             _matrix("ACCEL_MATRIX", model.accel_matrix),
             _matrix("ACCEL_QUADRATIC", model.accel_quadratic),
         ]
-    if not straight:
+    if not model.straight:
         parts += [
             "# Asymmetry [1] and cubic term [1/(rad/s)^2] of the gyros' scale factors.",
             f"GYRO_ASYMMETRY = ({row(model.gyro_asymmetry)})",
             f"GYRO_CUBIC = ({row(model.gyro_cubic)})",
         ]
-    parts += [_TIMES, _NEWTON.replace("STEPS", str(NEWTON_STEPS)) if quadratic else ""]
-    solve = "    f = _solve_quadratic(accel, f)\n" if quadratic else ""
-    parts += [] if straight else [_SENSED.replace("STEPS", str(NEWTON_STEPS))]
-    function = _FUNCTION.replace("    #NEWTON\n", solve)
-    parts += [function.replace("    #SENSED\n", "" if straight else _CALL_SENSED)]
+    parts += [_TIMES, _SOLVE] if quadratic or bends else [_TIMES]
+    parts += [_NEWTON.replace("STEPS", str(NEWTON_STEPS))] if quadratic else []
+    parts += [] if model.straight else [_SENSED.replace("STEPS", str(NEWTON_STEPS))]
+    parts += [_function(model)]
     if set(wanted.counts) == {"accel", "gyro"}:
         for name in ("accel", "gyro"):
             counts = wanted.counts[name]
@@ -63,6 +67,35 @@ def text(wanted: Request) -> str:
     return "\n".join(parts)
 
 
+def _gyro_matrix(model: ImuModel) -> list[str]:
+    """Write the inverse; where the gyros bend, what is inverted at every sample instead."""
+    if not model.deflection.any():
+        return [
+            "# Inverse of the gyro matrix I + S_g + M_g, and bias [rad/s].",
+            _matrix("GYRO_INVERSE", inverse(model.gyro_matrix)),
+        ]
+    return [
+        "# Deflection: gyro, direction its axis bends to, specific force [rad/(m/s^2)].",
+        f"DEFLECTION = (\n{tensor(model.deflection, '(', ')')},\n)",
+        "# Gyro matrix I + S_g + M_g, and bias [rad/s].",
+        _matrix("GYRO_MATRIX", model.gyro_matrix),
+    ]
+
+
+def _function(model: ImuModel) -> str:
+    """Put together what is done with every sample."""
+    steps = {
+        "SENSE": _UNLIKE if model.accel_asymmetry.any() else "",
+        "NEWTON": _CALL if model.accel_quadratic.any() else "",
+        "SENSED": "" if model.straight else _CALL_SENSED,
+        "RATE": _CALL_BENT if model.deflection.any() else _CALL_RATE,
+    }
+    out = _FUNCTION
+    for mark, lines in steps.items():
+        out = out.replace(f"    #{mark}\n", lines)
+    return out
+
+
 def _matrix(name: str, matrix: npt.NDArray[np.float64]) -> str:
     return f"{name} = (\n{rows(matrix, '(', ')')},\n)"
 
@@ -73,31 +106,35 @@ def _times(matrix, vector):
     return [sum(m * v for m, v in zip(line, vector)) for line in matrix]
 """
 
+_SOLVE = '''
+def _solve(s, m):
+    """Solve s x = m by cofactors; indices run on in a circle."""
+    c = [
+        [s[i - 2][j - 2] * s[i - 1][j - 1] - s[i - 2][j - 1] * s[i - 1][j - 2] for j in range(3)]
+        for i in range(3)
+    ]
+    det = sum(s[0][j] * c[0][j] for j in range(3))
+    return [sum(c[i][j] * m[i] for i in range(3)) / det for j in range(3)]
+'''
+
 _NEWTON = '''
-def _solve_quadratic(accel, f):
-    """Newton's method for A f + b + K q(f) = accel, a fixed number of steps."""
+def _solve_force(accel, f):
+    """Newton's method for p + a |p| + b + K q(f) = accel, p = A f, a fixed number of steps."""
     for _ in range(STEPS):
         x, y, z = f
         q = (x * x, y * y, z * z, x * y, x * z, y * z)
-        linear, square = _times(ACCEL_MATRIX, f), _times(ACCEL_QUADRATIC, q)
-        m = [linear[i] + ACCEL_BIAS[i] + square[i] - accel[i] for i in range(3)]
+        p, square = _times(ACCEL_MATRIX, f), _times(ACCEL_QUADRATIC, q)
+        scale = [1.0 - e if v < 0.0 else 1.0 + e for v, e in zip(p, ACCEL_ASYMMETRY)]
+        m = [scale[i] * p[i] + ACCEL_BIAS[i] + square[i] - accel[i] for i in range(3)]
         s = [
             (
-                a[0] + 2 * k[0] * x + k[3] * y + k[4] * z,
-                a[1] + 2 * k[1] * y + k[3] * x + k[5] * z,
-                a[2] + 2 * k[2] * z + k[4] * x + k[5] * y,
+                t * a[0] + 2 * k[0] * x + k[3] * y + k[4] * z,
+                t * a[1] + 2 * k[1] * y + k[3] * x + k[5] * z,
+                t * a[2] + 2 * k[2] * z + k[4] * x + k[5] * y,
             )
-            for a, k in zip(ACCEL_MATRIX, ACCEL_QUADRATIC)
+            for t, a, k in zip(scale, ACCEL_MATRIX, ACCEL_QUADRATIC)
         ]
-        c = [  # cofactors: indices run on in a circle
-            [
-                s[i - 2][j - 2] * s[i - 1][j - 1] - s[i - 2][j - 1] * s[i - 1][j - 2]
-                for j in range(3)
-            ]
-            for i in range(3)
-        ]
-        det = sum(s[0][j] * c[0][j] for j in range(3))
-        f = [f[j] - sum(c[i][j] * m[i] for i in range(3)) / det for j in range(3)]
+        f = [v - change for v, change in zip(f, _solve(s, m))]
     return f
 '''
 
@@ -111,17 +148,35 @@ def _sensed(y, a, c):
     return r
 '''
 
+_UNLIKE = """\
+    p = [v / (1.0 - e if v < 0.0 else 1.0 + e) for v, e in zip(p, ACCEL_ASYMMETRY)]
+"""
+
+_CALL = "    f = _solve_force(accel, f)\n"
+
+_CALL_RATE = "    return f, _times(GYRO_INVERSE, y)\n"
+
+_CALL_BENT = """\
+    s = [
+        [m + sum(t * v for t, v in zip(bent, f)) for m, bent in zip(*lines)]
+        for lines in zip(GYRO_MATRIX, DEFLECTION)
+    ]
+    return f, _solve(s, y)
+"""
+
 _CALL_SENSED = "    y = [_sensed(y[i], GYRO_ASYMMETRY[i], GYRO_CUBIC[i]) for i in range(3)]\n"
 
 _FUNCTION = '''
 def compensate(accel, gyro):
     """Return true specific force [m/s^2] and angular rate [rad/s] of readings accel and gyro."""
-    f = _times(ACCEL_INVERSE, [a - b for a, b in zip(accel, ACCEL_BIAS)])
+    p = [a - b for a, b in zip(accel, ACCEL_BIAS)]
+    #SENSE
+    f = _times(ACCEL_INVERSE, p)
     #NEWTON
     sensed = _times(G_SENSITIVITY, f)
     y = [gyro[i] - GYRO_BIAS[i] - sensed[i] for i in range(3)]
     #SENSED
-    return f, _times(GYRO_INVERSE, y)
+    #RATE
 '''
 
 _COUNTS = '''

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 
 FAMILIES = tuple(dict.fromkeys(name.rpartition(".")[0] for name in LAYOUT.names))
-"""Kinds of coefficients: accel.bias, accel.scale, ... gyro.g_sensitivity."""
+"""Kinds of coefficients: accel.bias, accel.scale, ... gyro.deflection."""
 
 LINEAR = tuple(f for f in FAMILIES if f.endswith((".bias", ".scale", ".misalignment")))
 """The families every receiver with two full matrices and two biases can take."""
@@ -190,8 +190,8 @@ def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
 
     Notes
     -----
-    The asymmetry and the cubic term of a gyro are those of one output, so that only axes along
-    the old ones can have them; where the sense of an axis changes, so does that of its asymmetry.
+    Asymmetry and the cubic term of a gyro are those of one output, so that only axes along the old
+    ones can have them; where the sense of an axis changes, so does that of its asymmetry.
     """
     turned = model.rotated(C_sb)
     return replace(
@@ -204,6 +204,8 @@ def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
         g_sensitivity=C_sb @ turned.g_sensitivity,
         gyro_asymmetry=C_sb @ turned.gyro_asymmetry,
         gyro_cubic=np.abs(C_sb) @ turned.gyro_cubic,
+        accel_asymmetry=C_sb @ turned.accel_asymmetry,
+        deflection=np.tensordot(C_sb, turned.deflection, 1),
     )
 
 

@@ -32,15 +32,16 @@ from foucault.kernels.strapdown import (
 HALF, WIDE = 64, 128
 """Columns of the transition: from 0 on those that have a share in psi, from HALF on the others."""
 
-INPUTS = 31
+INPUTS = 43
 """Inputs of the terms: 1; w; f; q(f); |w|; w^3; |f|; f_k w_j at 22 + 3 k + j."""
 
 
 @inlined
 def sense(w, s, most):
-    """Fill s (31,), the inputs, from w (6,) rate and specific force; those above `most` are left.
+    """Fill s (INPUTS,) from w (6,) rate and specific force; those above `most` are left.
 
-    The inputs: 1, w (3), f (3), the six products of f as in `models.imu`, |w|, w^3, |f|, f_k w_j.
+    The inputs: 1, w (3), f (3), the six products of f as in `models.imu`, |w|, w^3, |f|, f_k w_j,
+    the six products of w, and, of `changes`, the derivatives of w and f.
     """
     s[0] = 1.0
     for c in range(6):
@@ -57,6 +58,22 @@ def sense(w, s, most):
         for k in range(3):
             for j in range(3):
                 s[22 + 3 * k + j] = w[3 + k] * w[j]
+    if most > 30:
+        s[31], s[32], s[33] = w[0] * w[0], w[1] * w[1], w[2] * w[2]
+        s[34], s[35], s[36] = w[0] * w[1], w[0] * w[2], w[1] * w[2]
+
+
+@inlined
+def changes(dtheta, dvel, dt, left, right, i, s):
+    """Fill s[37:43] with the derivatives of rate and specific force, as measured, at row i."""
+    before, after = i - (left[i] != 0.0), i + (right[i] != 0.0)
+    apart = 0.5 * (dt[before] + dt[after]) + (dt[i] if after - before == 2 else 0.0)
+    for c in range(3):
+        if after == before:
+            s[37 + c] = s[40 + c] = 0.0
+        else:
+            s[37 + c] = (dtheta[after, c] / dt[after] - dtheta[before, c] / dt[before]) / apart
+            s[40 + c] = (dvel[after, c] / dt[after] - dvel[before, c] / dt[before]) / apart
 
 
 @inlined
@@ -432,6 +449,8 @@ def ins_filter(
     d = np.empty(3)
     for t in range(axis.size):
         value[t] = weight[t] * estimate[coefficient[t]]
+    if most > 36:
+        changes(dtheta, dvel, dt, left, right, first, s)
     compensated(dtheta[first], dvel[first], dt[first], axis, entry, value, most, w, s, before)
     i = first
     for k in range(m):
@@ -440,10 +459,14 @@ def ins_filter(
         begin(wide, slot)
         T = 0.0
         if i < epochs[k]:  # with the coefficients as they are now
+            if most > 36:
+                changes(dtheta, dvel, dt, left, right, i + 1, s)
             compensated(dtheta[i + 1], dvel[i + 1], dt[i + 1], axis, entry, value, most, w, s, u)
         while i < epochs[k]:
             i += 1
             if i + 1 < dt.size:
+                if most > 36:
+                    changes(dtheta, dvel, dt, left, right, i + 1, later)
                 compensated(
                     dtheta[i + 1], dvel[i + 1], dt[i + 1], axis, entry, value, most, w, later, after
                 )

@@ -11,6 +11,8 @@ mean (IEEE Std 528 and 647 call the whole difference so). The cubic term c is th
 that is alike in both senses; a term in r^2 is not told from the asymmetry by a few rates, and the
 even part is left to a alone.
 
+Accelerometers that scale unlike in their two senses answer so too, without the cubic term.
+
 r belongs to the instrument whatever axes w is written in, so the terms survive a change of axes or
 of gauge without approximation.
 

@@ -7,7 +7,10 @@ For each triad, with true specific force f and true angular rate w in body axes 
     q(f)  = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)
 
 A gyro whose scale factor is no constant says ``r + A_g |r| + C_g r^3 + b_g + G f`` instead, with
-the rate sensed ``r = (I + S_g + M_g) w`` and diagonal A_g, C_g: see `models.gyro_scale`.
+the rate sensed ``r = (I + S_g + M_g) w`` and diagonal A_g, C_g: see `models.gyro_scale`. An
+accelerometer that scales unlike in its two senses says ``p + A_a |p| + b_a + K_a q(f)`` with
+``p = (I + S_a + M_a) f``. Gyros that bend under specific force sense
+``r = (I + S_g + M_g + D(f)) w`` with ``D_ij(f) = T_ijk f_k``: see `models.deflection`.
 
 S is diagonal (scale factor errors), M has a zero diagonal (misalignments, small angles), G is
 the g-sensitivity (output axis, then accelerometer axis). Counts are turned into SI by the
@@ -33,47 +36,31 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.models import gyro_scale
-from foucault.models.imu_layout import LAYOUT, LINEAR_LOWER, PRODUCTS
+from foucault.models import deflection, gyro_scale
+from foucault.models.imu_equations import (
+    EQUATION,
+    FULL_EQUATION,
+    FULL_INVERSE,
+    INVERSE,
+    INVERSES,
+    SCALE_EQUATION,
+    SCALE_INVERSE,
+)
+from foucault.models.imu_layout import LAYOUT, LINEAR_LOWER, PRODUCTS, coefficient_slot
 from foucault.tables import AXES, Log
 
 __all__ = [
-    "EQUATION", "INVERSE", "LAYOUT", "LINEAR_LOWER", "PRODUCTS", "SCALE_EQUATION",
-    "SCALE_INVERSE", "Gauge", "ImuModel", "coefficient_slot", "gravity_slope", "products",
-    "products_slope",
+    "EQUATION", "FULL_EQUATION", "FULL_INVERSE", "INVERSE", "INVERSES", "LAYOUT", "LINEAR_LOWER",
+    "PRODUCTS", "SCALE_EQUATION", "SCALE_INVERSE", "Gauge", "ImuModel", "coefficient_slot",
+    "gravity_slope", "products", "products_slope",
 ]  # fmt: skip
 
 FloatArray = npt.NDArray[np.float64]
-
-_ACCEL = "accel = (I + S_a + M_a) f + b_a + K_a q(f);  "
-_WORDS = (
-    "f: true specific force, w: true angular rate, both in body axes; "
-    "q(f) = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)"
-)
-_ACCEL_INVERSE = "f = (I + S_a + M_a)^-1 (accel - b_a - K_a q(f));  "
-
-EQUATION = f"{_ACCEL}gyro = (I + S_g + M_g) w + b_g + G f;  {_WORDS}"
-"""The model equation in words, as stored in results."""
-
-INVERSE = f"{_ACCEL_INVERSE}w = (I + S_g + M_g)^-1 (gyro - b_g - G f)"
-"""The same solved for what is true, as `ImuModel.compensate` does it."""
-
-SCALE_EQUATION = (
-    f"{_ACCEL}gyro = r + A_g |r| + C_g r^3 + b_g + G f;  r = (I + S_g + M_g) w;  {_WORDS}; "
-    "A_g and C_g are diagonal, |r| and r^3 are taken axis by axis"
-)
-"""The model equation where a gyro's scale factor is no constant."""
-
-SCALE_INVERSE = (
-    f"{_ACCEL_INVERSE}r + A_g |r| + C_g r^3 = gyro - b_g - G f;  w = (I + S_g + M_g)^-1 r"
-)
-"""The same solved for what is true."""
 
 
 class Gauge(StrEnum):
@@ -105,6 +92,10 @@ class ImuModel:
         Diagonal of A_g, of the rate sensed [1].
     gyro_cubic : ndarray, shape (3,)
         Diagonal of C_g, of the rate sensed [1/(rad/s)^2].
+    accel_asymmetry : ndarray, shape (3,)
+        Diagonal of A_a, of the specific force sensed [1].
+    deflection : ndarray, shape (3, 3, 3)
+        T: gyro, direction it bends to, axis of the specific force [rad/(m/s^2)].
     """
 
     accel_matrix: FloatArray = field(default_factory=lambda: np.eye(3))
@@ -115,6 +106,8 @@ class ImuModel:
     g_sensitivity: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     gyro_asymmetry: FloatArray = field(default_factory=lambda: np.zeros(3))
     gyro_cubic: FloatArray = field(default_factory=lambda: np.zeros(3))
+    accel_asymmetry: FloatArray = field(default_factory=lambda: np.zeros(3))
+    deflection: FloatArray = field(default_factory=lambda: np.zeros((3, 3, 3)))
 
     @classmethod
     def from_coefficients(cls, vector: CoefficientVector) -> ImuModel:
@@ -140,6 +133,16 @@ class ImuModel:
         """Whether the scale factors of the gyros are constants."""
         return not (self.gyro_asymmetry.any() or self.gyro_cubic.any())
 
+    @property
+    def accel_linear(self) -> bool:
+        """Whether what the accelerometers say is linear in the specific force."""
+        return not (self.accel_quadratic.any() or self.accel_asymmetry.any())
+
+    @property
+    def gyros_feel_force(self) -> bool:
+        """Whether the gyros cannot be compensated without the accelerometers."""
+        return bool(self.g_sensitivity.any() or self.deflection.any())
+
     # -- forward and inverse -------------------------------------------------------------
 
     def measure(self, f_b: FloatArray, w_ib_b: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -159,10 +162,10 @@ class ImuModel:
         gyro : ndarray, shape (..., 3)
             Gyro readings [rad/s].
         """
-        accel = f_b @ self.accel_matrix.T + self.accel_bias
-        if self.accel_quadratic.any():
-            accel += products(f_b) @ self.accel_quadratic.T
+        accel = self._accel(f_b)
         gyro = w_ib_b @ self.gyro_matrix.T
+        if self.deflection.any():
+            gyro = gyro + deflection.felt(self.deflection, f_b, w_ib_b)
         if not self.straight:
             gyro = gyro_scale.readout(gyro, self.gyro_asymmetry, self.gyro_cubic)
         gyro = gyro + self.gyro_bias
@@ -175,15 +178,16 @@ class ImuModel:
     ) -> tuple[FloatArray | None, FloatArray | None]:
         """Compute what is true from what the IMU says: the exact inverse of `measure`.
 
-        The linear part is inverted directly; the quadratic part and the gyros' cubic terms by
-        Newton's method, which is exact to rounding for any term that leaves the model invertible.
+        The linear part is inverted directly, at every sample where the gyros bend; the quadratic
+        part of the accelerometers and the gyros' cubic terms by Newton's method, which is exact to
+        rounding for any term that leaves the model invertible.
 
         Parameters
         ----------
         accel : ndarray, shape (..., 3), or None
             Accelerometer readings [m/s^2].
         gyro : ndarray, shape (..., 3), or None
-            Gyro readings [rad/s]. With a g-sensitivity, `accel` must be given too.
+            Gyro readings [rad/s]. With g-sensitivity or deflection, `accel` must be given too.
 
         Returns
         -------
@@ -195,31 +199,46 @@ class ImuModel:
         f_b = None if accel is None else self._compensate_accel(accel)
         if gyro is None:
             return f_b, None
+        if f_b is None and self.gyros_feel_force:
+            raise ValueError(
+                "a gyro with g-sensitivity or deflection needs the accelerometer readings"
+            )
         rate = gyro - self.gyro_bias
-        if self.g_sensitivity.any():
-            if f_b is None:
-                raise ValueError("a gyro with g-sensitivity needs the accelerometer readings")
+        if f_b is not None and self.g_sensitivity.any():
             rate -= f_b @ self.g_sensitivity.T
         if not self.straight:
             rate = gyro_scale.sensed(rate, self.gyro_asymmetry, self.gyro_cubic)
-        return f_b, rate @ np.linalg.inv(self.gyro_matrix).T
+        if f_b is None or not self.deflection.any():
+            return f_b, rate @ np.linalg.inv(self.gyro_matrix).T
+        matrix = self.gyro_matrix + deflection.bending(self.deflection, f_b)
+        return f_b, np.asarray(np.linalg.solve(matrix, rate[..., None])[..., 0], float)
+
+    def _accel(self, f_b: FloatArray) -> FloatArray:
+        sensed = f_b @ self.accel_matrix.T
+        accel = sensed + self.accel_bias
+        if self.accel_asymmetry.any():
+            accel += self.accel_asymmetry * np.abs(sensed)
+        if self.accel_quadratic.any():
+            accel += products(f_b) @ self.accel_quadratic.T
+        return np.asarray(accel)
+
+    def _accel_slope(self, f_b: FloatArray) -> FloatArray:
+        """Derivative of the readings by the specific force, shape (..., 3, 3) [1]."""
+        sense = np.sign(f_b @ self.accel_matrix.T)
+        slope = (1.0 + self.accel_asymmetry * sense)[..., None] * self.accel_matrix
+        slope += np.einsum("ik,...kj->...ij", self.accel_quadratic, products_slope(f_b))
+        return np.asarray(slope)
 
     def _compensate_accel(self, accel: FloatArray) -> FloatArray:
-        inverse = np.linalg.inv(self.accel_matrix).T
-        f_b: FloatArray = (accel - self.accel_bias) @ inverse
+        sensed = accel - self.accel_bias
+        if self.accel_asymmetry.any():
+            sensed = gyro_scale.sensed(sensed, self.accel_asymmetry, np.zeros(3))
+        f_b: FloatArray = sensed @ np.linalg.inv(self.accel_matrix).T
         if not self.accel_quadratic.any():
             return f_b
         for _ in range(20):
-            miss = (
-                f_b @ self.accel_matrix.T
-                + self.accel_bias
-                + products(f_b) @ self.accel_quadratic.T
-                - accel
-            )
-            slope = self.accel_matrix + np.einsum(
-                "ik,...kj->...ij", self.accel_quadratic, products_slope(f_b)
-            )
-            step = np.linalg.solve(slope, miss[..., None])[..., 0]
+            miss = self._accel(f_b) - accel
+            step = np.linalg.solve(self._accel_slope(f_b), miss[..., None])[..., 0]
             f_b = f_b - step
             if np.max(np.abs(step), initial=0.0) <= 4e-16 * np.max(np.abs(f_b), initial=1.0):
                 break
@@ -235,8 +254,12 @@ class ImuModel:
     def rotated(self, C_cb: FloatArray) -> ImuModel:
         """Express the same instrument in body axes c, where ``x_c = C_cb @ x_b``.
 
-        Readings stay what they are, so every input side is multiplied by ``C_bc``. The gyros'
-        asymmetry and cubic terms act on the rate sensed, which is the same in all axes.
+        Readings stay what they are, so every input side is multiplied by ``C_bc``. Asymmetry and
+        the gyros' cubic terms act on what is sensed, which is the same in all axes. Deflection
+        has two input sides, and none of them is the gyro's own axis any more: what was a bending
+        gets a part T_iik, a scale factor that changes with the specific force. The matrices keep
+        it, so that nothing is lost; it has no coefficient, because for the small angles between
+        gauges it is that angle times a bending, some 1e-9 per g.
 
         Parameters
         ----------
@@ -250,6 +273,7 @@ class ImuModel:
             gyro_matrix=self.gyro_matrix @ C_bc,
             g_sensitivity=self.g_sensitivity @ C_bc,
             accel_quadratic=_rotate_quadratic(self.accel_quadratic, C_bc),
+            deflection=np.einsum("ijk,jm,kn->imn", self.deflection, C_bc, C_bc),
         )
 
     def in_gauge(self, gauge: Gauge) -> tuple[ImuModel, FloatArray]:
@@ -266,7 +290,8 @@ def gravity_slope(vector: CoefficientVector) -> FloatArray:
     """Return how coefficients found by the norm of gravity change with the g that was assumed.
 
     A g assumed larger by the fraction e makes every specific force larger by it, and so the
-    accelerometer matrix and the g-sensitivity smaller by e and the quadratic terms by 2 e.
+    accelerometer matrix, the g-sensitivity and the deflection smaller by e and the quadratic terms
+    by 2 e; an asymmetry stays what it is.
 
     Parameters
     ----------
@@ -280,6 +305,7 @@ def gravity_slope(vector: CoefficientVector) -> FloatArray:
     """
     model = ImuModel.from_coefficients(vector)
     powers = {"accel_matrix": -1.0, "g_sensitivity": -1.0, "accel_quadratic": -2.0}
+    powers["deflection"] = -1.0
     out = np.zeros(len(vector))
     for i, name in enumerate(vector.names):
         block, where = coefficient_slot(name)
@@ -314,41 +340,3 @@ def _rotate_quadratic(K: FloatArray, C_bc: FloatArray) -> FloatArray:
             share = quadratic_form[p, q] * (0.5 if p == q else 1.0)
             out[:, target] += K[:, column] * share
     return out
-
-
-_TRIAD_BLOCKS: dict[str, dict[str, str]] = {
-    "accel": {"bias": "accel_bias", "scale": "accel_matrix", "misalignment": "accel_matrix"},
-    "gyro": {"bias": "gyro_bias", "scale": "gyro_matrix", "misalignment": "gyro_matrix"},
-}
-
-
-def _slots() -> dict[str, tuple[str, Any]]:
-    """Where each coefficient of `LAYOUT` lives: attribute of `ImuModel` and index."""
-    out: dict[str, tuple[str, Any]] = {}
-    at = {a: i for i, a in enumerate(AXES)}
-    for triad, blocks in _TRIAD_BLOCKS.items():
-        for a in AXES:
-            out[f"{triad}.bias.{a}"] = (blocks["bias"], at[a])
-            out[f"{triad}.scale.{a}"] = (blocks["scale"], (at[a], at[a]))
-            for i in AXES:
-                if i != a:
-                    out[f"{triad}.misalignment.{a}{i}"] = (blocks["scale"], (at[a], at[i]))
-    for o in AXES:
-        out[f"accel.quadratic.{o}"] = ("accel_quadratic", (at[o], at[o]))
-        for k, (i, j) in enumerate(PRODUCTS):
-            if not o == i == j:
-                out[f"accel.cross.{o}{i}{j}"] = ("accel_quadratic", (at[o], k))
-        for i in AXES:
-            out[f"gyro.g_sensitivity.{o}{i}"] = ("g_sensitivity", (at[o], at[i]))
-        out[f"gyro.asymmetry.{o}"] = ("gyro_asymmetry", at[o])
-        out[f"gyro.cubic.{o}"] = ("gyro_cubic", at[o])
-    return out
-
-
-_SLOTS = _slots()
-
-
-def coefficient_slot(name: str) -> tuple[str, Any]:
-    """Return the attribute of `ImuModel` and the index in it where coefficient `name` lives."""
-    LAYOUT.index(name)  # raises with a suggestion
-    return _SLOTS[name]

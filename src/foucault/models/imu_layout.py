@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from foucault.coefficients import Coefficient, Layout
 from foucault.tables import AXES
 
 PRODUCTS = (("x", "x"), ("y", "y"), ("z", "z"), ("x", "y"), ("x", "z"), ("y", "z"))
 """The second-order inputs q(f), in the order of the columns of K_a."""
+
+BENDINGS = tuple((o, i, k) for o in AXES for i in AXES if i != o for k in AXES)
+"""Gyro, direction that its input axis bends to, axis of the specific force: the 18 of T."""
 
 
 def _triad_coefficients(triad: str, letter: str, kind: str, what: str) -> list[Coefficient]:
@@ -60,6 +65,16 @@ LAYOUT = Layout(
             for i, j in PRODUCTS
             if not o == i == j
         ),
+        *(
+            Coefficient(
+                f"accel.asymmetry.{a}",
+                f"a_a{a}",
+                "scale factor error",
+                f"accelerometer {a}: half the difference of the scale factors for positive and "
+                "negative specific force, per scale factor",
+            )
+            for a in AXES
+        ),
         *_triad_coefficients("gyro", "g", "angular rate", "gyro"),
         *(
             Coefficient(
@@ -90,6 +105,15 @@ LAYOUT = Layout(
             )
             for a in AXES
         ),
+        *(
+            Coefficient(
+                f"gyro.deflection.{o}{i}{k}",
+                f"t_{o}{i}{k}",
+                "deflection",
+                f"gyro {o}: angle its input axis bends towards {i} per specific force along {k}",
+            )
+            for o, i, k in BENDINGS
+        ),
     )
 )
 """Every coefficient the model knows. A procedure estimates a subset; the rest is zero."""
@@ -101,3 +125,44 @@ LINEAR_LOWER = tuple(
     and not (n.startswith("accel.misalignment.") and n[-2] < n[-1])
 )
 """Names of the 21 linear coefficients in the gauge `Gauge.LOWER`."""
+
+
+_TRIAD_BLOCKS: dict[str, dict[str, str]] = {
+    "accel": {"bias": "accel_bias", "scale": "accel_matrix", "misalignment": "accel_matrix"},
+    "gyro": {"bias": "gyro_bias", "scale": "gyro_matrix", "misalignment": "gyro_matrix"},
+}
+
+
+def _slots() -> dict[str, tuple[str, Any]]:
+    """Where each coefficient of `LAYOUT` lives: attribute of `models.imu.ImuModel`, index."""
+    out: dict[str, tuple[str, Any]] = {}
+    at = {a: i for i, a in enumerate(AXES)}
+    for triad, blocks in _TRIAD_BLOCKS.items():
+        for a in AXES:
+            out[f"{triad}.bias.{a}"] = (blocks["bias"], at[a])
+            out[f"{triad}.scale.{a}"] = (blocks["scale"], (at[a], at[a]))
+            for i in AXES:
+                if i != a:
+                    out[f"{triad}.misalignment.{a}{i}"] = (blocks["scale"], (at[a], at[i]))
+    for o in AXES:
+        out[f"accel.quadratic.{o}"] = ("accel_quadratic", (at[o], at[o]))
+        for column, (i, j) in enumerate(PRODUCTS):
+            if not o == i == j:
+                out[f"accel.cross.{o}{i}{j}"] = ("accel_quadratic", (at[o], column))
+        for i in AXES:
+            out[f"gyro.g_sensitivity.{o}{i}"] = ("g_sensitivity", (at[o], at[i]))
+        out[f"accel.asymmetry.{o}"] = ("accel_asymmetry", at[o])
+        out[f"gyro.asymmetry.{o}"] = ("gyro_asymmetry", at[o])
+        out[f"gyro.cubic.{o}"] = ("gyro_cubic", at[o])
+    for o, i, k in BENDINGS:
+        out[f"gyro.deflection.{o}{i}{k}"] = ("deflection", (at[o], at[i], at[k]))
+    return out
+
+
+_SLOTS = _slots()
+
+
+def coefficient_slot(name: str) -> tuple[str, Any]:
+    """Return the attribute of `models.imu.ImuModel` and the index where coefficient `name` is."""
+    LAYOUT.index(name)  # raises with a suggestion
+    return _SLOTS[name]

@@ -33,11 +33,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import Coefficient, Layout
+from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, coefficient_slot
 from foucault.models.rotation import cross_matrix
@@ -59,11 +61,14 @@ STATES = Layout(
 
 # Where the inputs of a term begin in the vector that the kernels make (see `kernels.ins_filter`).
 ONE, RATE, FORCE, PRODUCT, SIZE_OF_RATE, RATE_CUBED = 0, 1, 4, 7, 13, 16
+SIZE_OF_FORCE, FORCE_BY_RATE = 19, 22
 _INPUTS = {
     "accel_matrix": FORCE, "accel_quadratic": PRODUCT,
     "gyro_matrix": RATE, "g_sensitivity": FORCE,
 }  # fmt: skip
-_OWN_AXIS = {"gyro_asymmetry": SIZE_OF_RATE, "gyro_cubic": RATE_CUBED}
+_OWN_AXIS = {
+    "gyro_asymmetry": SIZE_OF_RATE, "gyro_cubic": RATE_CUBED, "accel_asymmetry": SIZE_OF_FORCE,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -111,6 +116,31 @@ class Sensors:
     def __len__(self) -> int:
         return len(self.layout)
 
+    def with_deflection(self, model: DeflectionModel) -> Sensors:
+        """Return these coefficients and the parameters of a model of deflection.
+
+        Parameters
+        ----------
+        model : DeflectionModel
+            Its parameters follow the other coefficients of the gyros; `DeflectionModel.general`
+            turns what is found of them into coefficients of `models.imu.LAYOUT`.
+        """
+        which, out, direction, force = np.nonzero(model.basis)
+        c = self.layout.coefficients
+        start, terms = self.gyros, self.gyro_terms
+        later = np.where(self.axis < 3, 0, len(model))
+
+        def joined(mine: npt.NDArray[Any], new: Any) -> npt.NDArray[Any]:
+            return np.concatenate([mine[:terms], new, mine[terms:]])
+
+        return Sensors(
+            Layout((*c[:start], *model.layout.coefficients, *c[start:])),
+            joined(self.coefficient + later, start + which),
+            joined(self.axis, out),
+            joined(self.entry, FORCE_BY_RATE + 3 * force + direction),
+            joined(self.weight, model.basis[which, out, direction, force]),
+        )
+
     @cached_property
     def gyros(self) -> int:
         """Number of coefficients that act on gyros; they come first."""
@@ -150,9 +180,12 @@ class Sensors:
 def _term(name: str) -> tuple[int, int]:
     """Return output axis and input of a coefficient."""
     block, where = coefficient_slot(name)
-    out, column = where if isinstance(where, tuple) else (where, None)
-    if column is not None:
-        entry = _INPUTS[block] + column
+    out, *inputs = where if isinstance(where, tuple) else (where,)
+    if block == "deflection":
+        direction, force = inputs
+        entry = FORCE_BY_RATE + 3 * force + direction
+    elif inputs:
+        entry = _INPUTS[block] + inputs[0]
     else:
         entry = _OWN_AXIS[block] + out if block in _OWN_AXIS else ONE
     return (out if name.startswith("gyro.") else 3 + out), entry

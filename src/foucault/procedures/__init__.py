@@ -23,6 +23,7 @@ PROCEDURES = {
     "rate_table": "foucault.procedures.rate_table",
     "north_seeking": "foucault.procedures.north_seeking",
     "platform_tumble": "foucault.procedures.platform_tumble",
+    "systematic": "foucault.procedures.systematic",
 }
 """Name in a campaign file -> module."""
 

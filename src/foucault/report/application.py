@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.models import cluster
-from foucault.models.imu import EQUATION, INVERSE, SCALE_EQUATION, SCALE_INVERSE, ImuModel
+from foucault.models.imu import INVERSES, ImuModel
 from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
 from foucault.report.page import Block, Code, Equation, Section, Text
 from foucault.result import Result
@@ -50,7 +50,7 @@ def how_to_apply(result: Result) -> Section | None:
         blocks += [Text("In the field, from the run folder:"), Code(_NORTH)]
         return Section("How to apply it", "The instrument says, for what is true:", blocks)
     commands, python = _COMMANDS, _PYTHON
-    inverse = {EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE}.get(result.equation)
+    inverse = INVERSES.get(result.equation)
     imu = inverse is not None
     lead = "The instrument says, for what is true:"
     if result.equation == cluster.EQUATION:
@@ -87,21 +87,16 @@ def numbers(result: Result) -> str:
         lines += [_array("b_g", model.gyro_bias, "[rad/s]")]
         if model.g_sensitivity.any():
             lines += [_array("G", model.g_sensitivity, "[rad/s/(m/s^2)]")]
-        if not model.straight:
-            lines += [_array("a_g", model.gyro_asymmetry, "diagonal of A_g [1]")]
-            lines += [_array("c_g", model.gyro_cubic, "diagonal of C_g [1/(rad/s)^2]")]
     return "\n".join([*lines, *_use(model, triads)])
 
 
 def _use(model: ImuModel, triads: set[str]) -> list[str]:
-    """Lines that use the matrices; quadratic and cubic terms have no closed inverse."""
-    if model.accel_quadratic.any():
+    """Lines that use the matrices, where a line does it."""
+    if not (model.straight and model.accel_linear) or model.deflection.any():
         return [
-            _array("K_a", model.accel_quadratic, "[1/(m/s^2)], columns q(f)"),
-            "# With quadratic terms use foucault.load_result(...).model.compensate.",
+            *_terms(model),
+            "# With these terms use foucault.load_result(...).model.compensate.",
         ]
-    if not model.straight:
-        return ["# With these terms use foucault.load_result(...).model.compensate."]
     g = " - f_b @ G.T" if model.g_sensitivity.any() else ""
     out = [""]
     if "accel" in triads:
@@ -111,12 +106,25 @@ def _use(model: ImuModel, triads: set[str]) -> list[str]:
     return out
 
 
+def _terms(model: ImuModel) -> list[str]:
+    """What has no closed inverse, or one for every sample."""
+    terms = {
+        "a_a": (model.accel_asymmetry, "diagonal of A_a [1]"),
+        "K_a": (model.accel_quadratic, "[1/(m/s^2)], columns q(f)"),
+        "a_g": (model.gyro_asymmetry, "diagonal of A_g [1]"),
+        "c_g": (model.gyro_cubic, "diagonal of C_g [1/(rad/s)^2]"),
+        "T": (model.deflection, "rows T_xxk, T_xyk, ... [rad/(m/s^2)]"),
+    }
+    return [_array(name, values, unit) for name, (values, unit) in terms.items() if values.any()]
+
+
 def _array(name: str, values: FloatArray, unit: str) -> str:
     """Write an array as Python, to 12 digits."""
     if values.ndim == 1:
         return f"{name} = np.array({_row(values)})  # {unit}"
-    rows = "\n".join(f"    {_row(row)}," for row in values)
-    return f"{name} = np.array([  # {unit}\n{rows}\n])"
+    rows = "\n".join(f"    {_row(row)}," for row in values.reshape(-1, values.shape[-1]))
+    shape = f".reshape{values.shape}" if values.ndim > 2 else ""
+    return f"{name} = np.array([  # {unit}\n{rows}\n]){shape}"
 
 
 def _row(values: FloatArray) -> str:

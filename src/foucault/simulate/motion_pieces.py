@@ -41,7 +41,8 @@ from foucault.plans.manoeuvres import (
     name,
     steep,
 )
-from foucault.simulate.motion_profiles import Oscillation, Profile
+from foucault.plans.profiles import Profile
+from foucault.simulate.motion_profiles import Oscillation
 
 FloatArray = npt.NDArray[np.float64]
 

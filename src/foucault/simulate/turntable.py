@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import numpy.typing as npt
 
+from foucault.models.deflection import felt
 from foucault.models.earth import Site
 from foucault.models.gyro_scale import readout
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel, coefficient_slot, products
@@ -104,9 +105,11 @@ class Fleet:
     ----------
     accel_matrix, gyro_matrix, g_sensitivity : ndarray, shape (N, 3, 3)
         As in `ImuModel` [SI].
-    accel_bias, gyro_bias, gyro_asymmetry, gyro_cubic : ndarray, shape (N, 3)
+    accel_bias, gyro_bias, gyro_asymmetry, gyro_cubic, accel_asymmetry : ndarray, shape (N, 3)
         As in `ImuModel` [SI].
     accel_quadratic : ndarray, shape (N, 3, 6)
+        As in `ImuModel` [SI].
+    deflection : ndarray, shape (N, 3, 3, 3)
         As in `ImuModel` [SI].
     """
 
@@ -118,6 +121,8 @@ class Fleet:
     g_sensitivity: FloatArray
     gyro_asymmetry: FloatArray
     gyro_cubic: FloatArray
+    accel_asymmetry: FloatArray
+    deflection: FloatArray
 
     def __len__(self) -> int:
         return len(self.accel_bias)
@@ -191,10 +196,15 @@ class Fleet:
         w_ib_b : ndarray, shape (N, n, 3) or (1, n, 3)
             True angular rate, frame b [rad/s].
         """
-        accel = f_b @ np.swapaxes(self.accel_matrix, 1, 2) + self.accel_bias[:, None]
+        sensed = f_b @ np.swapaxes(self.accel_matrix, 1, 2)
+        accel = sensed + self.accel_bias[:, None]
+        if self.accel_asymmetry.any():
+            accel = accel + self.accel_asymmetry[:, None] * np.abs(sensed)
         if self.accel_quadratic.any():
             accel = accel + products(f_b) @ np.swapaxes(self.accel_quadratic, 1, 2)
         gyro = w_ib_b @ np.swapaxes(self.gyro_matrix, 1, 2)
+        if self.deflection.any():
+            gyro = gyro + felt(self.deflection, f_b, w_ib_b)
         if self.gyro_asymmetry.any() or self.gyro_cubic.any():
             gyro = readout(gyro, self.gyro_asymmetry[:, None], self.gyro_cubic[:, None])
         gyro = gyro + self.gyro_bias[:, None]

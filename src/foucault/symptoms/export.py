@@ -27,7 +27,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "'{path}' is the log itself.",
      "Choose another name with -o; the recorded log is worth keeping."),
     ("apply.needs_accel", "error",
-     "Gyros with g-sensitivity, or a cluster's, without accelerometers",
+     "Gyros with g-sensitivity or deflection, or a cluster's, without accelerometers",
      "{file} has no accelerometer columns, but the result corrects the gyros for specific "
      "force.",
      "Describe the accelerometers in [log.accel]; an IMU can also be calibrated without "

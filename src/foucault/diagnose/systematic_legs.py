@@ -1,0 +1,113 @@
+"""What a calibration does to the velocity of every rest: navigated there with it and without.
+
+From the end of each rest the instrument is navigated through the turns that follow to the end of
+the next, from the attitude that the smoothed filter has: with the calibration and without it. With
+it the velocity is zero but for noise and for what is still uncertain; the standard deviation
+promised is that of a run whose noise is not known. As the same readings made the calibration the
+errors are a little smaller than that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.estimate.ins_filter import FilterRun, Updates, run
+from foucault.estimate.smoother import smooth
+from foucault.models.earth import Site, gravity
+from foucault.models.noise import ImuNoise
+from foucault.navigate.increments import Increments
+from foucault.navigate.state import State
+from foucault.navigate.strapdown import navigate
+
+FloatArray = npt.NDArray[np.float64]
+
+EPOCH = 10.0
+"""Noise is taken in so often [s]."""
+
+
+@dataclass(frozen=True)
+class Legs:
+    """Navigation from rest to rest.
+
+    Attributes
+    ----------
+    rest : ndarray of int, shape (m,)
+        Number among the rests used of the one that each leg ends with [1].
+    start, end : ndarray, shape (m,)
+        When it begins and ends [s].
+    before, after : ndarray, shape (m, 3)
+        Velocity at its end without and with the calibration: east, north, up [m/s].
+    sd : ndarray, shape (m, 3)
+        What is promised of `after` [m/s].
+    C_nb : ndarray, shape (m, 3, 3)
+        Attitude at its end [1].
+    begin : ndarray, shape (3, 3)
+        Attitude in the rest that the first leg begins in [1].
+    """
+
+    rest: npt.NDArray[np.int64]
+    start: FloatArray
+    end: FloatArray
+    before: FloatArray
+    after: FloatArray
+    sd: FloatArray
+    C_nb: FloatArray
+    begin: FloatArray
+
+
+def legs_of(
+    increments: Increments,
+    rests: Sequence[tuple[int, int]],
+    site: Site,
+    found: FilterRun,
+    noise: ImuNoise,
+) -> Legs:
+    """Navigate from each rest to the next.
+
+    Parameters
+    ----------
+    increments : Increments
+        The session as measured [SI].
+    rests : sequence of (int, int)
+        First and last row of each rest, in order [1].
+    site : Site
+        Where it stood; the latitude must be known.
+    found : FilterRun
+        The last pass of the filter, made with ``keep=True``.
+    noise : ImuNoise
+        White noise [SI].
+    """
+    assert site.latitude is not None
+    seen = smooth(found)
+    offset = site.gravity - float(gravity(site.latitude, site.height))
+    ends = np.array([b for _, b in rests])
+    # The last epoch of the filter in each rest; a filter may have begun after the first ones.
+    epoch = np.searchsorted(found.time, increments.time[ends] + 1e-9, side="right") - 1
+    there = np.flatnonzero(epoch >= 0)
+    C_nb = seen.trajectory.C_nb[epoch[there]]
+    rows = [increments.row_at(float(t)) for t in found.time[epoch[there]]]
+    each = max(1, round(EPOCH / float(np.median(increments.dt))))
+    before, after, sd = [], [], []
+    for k, (a, b) in enumerate(pairwise(rows)):
+        state = State.at_rest(C_nb[k], site.latitude, 0.0, site.height)
+        raw = navigate(increments, state, first=a, last=b, gravity_offset=offset)
+        before.append(raw.velocity_n[-1])
+        P = seen.cov[epoch[there[k]]].copy()
+        P[3:9], P[:, 3:9] = 0.0, 0.0  # at rest, and in its place
+        epochs = np.unique(np.append(np.arange(a, b, each), b))
+        free = run(
+            increments, state, found.sensors, Updates.none(epochs), P, noise, first=a,
+            estimate=found.coefficients[-1], gravity_offset=offset,
+        )  # fmt: skip
+        after.append(free.trajectory.velocity_n[-1])
+        sd.append(free.sd[-1, 3:6])
+    time = increments.time[rows]
+    before_n, after_n, sd_n = (np.reshape(v, (-1, 3)) for v in (before, after, sd))
+    return Legs(
+        there[1:], time[:-1], time[1:], before_n, after_n, sd_n, C_nb[1:], C_nb[0]
+    )  # fmt: skip

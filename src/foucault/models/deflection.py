@@ -1,0 +1,320 @@
+"""Deflection: gyros on dither springs whose input axes bend under specific force.
+
+The input axis of gyro i bends towards axis j by an angle that is proportional to the specific
+force, and the gyro feels so much of the rate about j::
+
+    D_ij(f) = T_ijk f_k,     r = (I + S_g + M_g + D(f)) w
+
+The body moves far more slowly than the spring rings, so that the bending follows the force
+without delay. Of the 27 numbers T_ijk the 18 with j unlike i are bendings; they are the
+coefficients ``gyro.deflection.ijk``. How a dither wheel is made ties them together: a *model* says
+``T = sum_p theta_p B_p`` with a constant B and fewer parameters. With j and k the axes that
+follow i in a circle (x, y, z, x), and c = -1 or 1 for the sense of the wheel's spokes:
+
+coupled6
+    D_ij = a f_j + c b f_k,  D_ik = b f_k - c a f_j: what bends along the force bends across it
+    as much, so that for a = b the wheel has no preferred direction;
+direct6
+    the same without what bends across the force;
+direct6+transverse3
+    the same with a size of its own for it, alike in both directions;
+lateral3+axial6
+    D_ij = l f_j + m f_i,  D_ik = l f_k + n f_i: a wheel as stiff in both directions;
+direct12
+    direct6 and the six from force along the input axis;
+general18
+    all of them;
+symmetric6
+    coupled6 with plus signs throughout. No wheel with spokes does so; it is here because the
+    printed equations of the source do not tell, and one combination of it leaves no tilt.
+
+**After whole turns** about a level axis through the angle theta at the gravity g, with u the
+direction of this axis in the body, the attitude has turned (in the sense of psi and phi, estimate
+against truth) about the axis itself and about up by::
+
+    phi_N = 0,  phi_E = theta (g / 2) u' S u,     axis north
+    phi_E = 0,  phi_N = -theta (g / 2) u' S u,    axis east
+    phi_U = -theta (g / 2) (T_iji u_j - T_ijk u_i u_j u_k),    S_jm = e_ikm T_ijk
+
+A quadratic form has six coefficients, so that no more than six combinations tilt.
+
+References
+----------
+.. [1] Wu, Chen, Yan, Yuan, Guan, "Calibration and compensation of gyro sensitive-axis deflection
+   under continuous rotation", Navigation and Control 2023(5), eqs. (1)-(12), (20)-(26).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.errors import error, suggestion
+from foucault.models.imu_layout import BENDINGS, LAYOUT
+from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
+
+GENERAL = tuple(f"gyro.deflection.{''.join(bending)}" for bending in BENDINGS)
+"""Names of the 18 coefficients of T."""
+
+_AT = tuple(tuple(AXES.index(a) for a in bending) for bending in BENDINGS)
+
+# Parameter -> what it adds to T: the roles of (gyro, direction, force) and a factor. i is the gyro,
+# j and k the two axes after it; a factor "c" is the chirality, "-c" its opposite.
+_Terms = tuple[tuple[str, str], ...]
+_ALONG: dict[str, _Terms] = {"ijj": (("ijj", "1"),), "ikk": (("ikk", "1"),)}
+_AXIAL: dict[str, _Terms] = {"iji": (("iji", "1"),), "iki": (("iki", "1"),)}
+_ACROSS: dict[str, _Terms] = {"ijk": (("ijk", "1"),), "ikj": (("ikj", "1"),)}
+_MODELS: dict[str, dict[str, _Terms]] = {
+    "coupled6": {
+        "ijj": (("ijj", "1"), ("ikj", "-c")),
+        "ikk": (("ikk", "1"), ("ijk", "c")),
+    },
+    "direct6": _ALONG,
+    "direct6+transverse3": {**_ALONG, "transverse.i": (("ijk", "c"), ("ikj", "-c"))},
+    "lateral3+axial6": {"lateral.i": (("ijj", "1"), ("ikk", "1")), **_AXIAL},
+    "direct12": {**_ALONG, **_AXIAL},
+    "general18": {**_ALONG, **_AXIAL, **_ACROSS},
+    "symmetric6": {
+        "ijj": (("ijj", "1"), ("ikj", "1")),
+        "ikk": (("ikk", "1"), ("ijk", "1")),
+    },
+}
+
+MODELS = tuple(_MODELS)
+"""Names of the models."""
+
+_SINGULAR = 1e-9
+"""A singular value below this share of the largest is zero [1]."""
+
+
+def bending(T: FloatArray, f_b: FloatArray) -> FloatArray:
+    """Return D(f), shape (..., 3, 3) [rad].
+
+    Parameters
+    ----------
+    T : ndarray, shape (3, 3, 3)
+        Gyro, direction, axis of the specific force [rad/(m/s^2)].
+    f_b : ndarray, shape (..., 3)
+        Specific force [m/s^2].
+    """
+    return np.asarray((f_b @ T.reshape(9, 3).T).reshape(*f_b.shape[:-1], 3, 3))
+
+
+def felt(T: FloatArray, f_b: FloatArray, w_ib_b: FloatArray) -> FloatArray:
+    """Return D(f) w, what the gyros feel because they bend, shape (..., 3) [rad/s].
+
+    Parameters
+    ----------
+    T : ndarray, shape (..., 3, 3, 3)
+        Gyro, direction, axis of the specific force [rad/(m/s^2)].
+    f_b : ndarray, shape (..., 3)
+        Specific force [m/s^2].
+    w_ib_b : ndarray, shape (..., 3)
+        Rate [rad/s].
+    """
+    products = w_ib_b[..., :, None] * f_b[..., None, :]
+    flat = T.reshape(*T.shape[:-2], 9)
+    return np.asarray(products.reshape(*products.shape[:-2], 9) @ np.swapaxes(flat, -1, -2))
+
+
+@dataclass(frozen=True)
+class DeflectionModel:
+    """How a few parameters make the 18 coefficients of deflection.
+
+    Attributes
+    ----------
+    name : str
+        One of `MODELS`.
+    chirality : int
+        -1 or 1: the sense of the spokes [1].
+    layout : Layout
+        The parameters.
+    basis : ndarray, shape (p, 3, 3, 3)
+        B: what one unit of each parameter adds to T [1].
+    """
+
+    name: str
+    chirality: int
+    layout: Layout
+    basis: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.layout)
+
+    def tensor(self, theta: FloatArray) -> FloatArray:
+        """Return T, shape (3, 3, 3) [rad/(m/s^2)].
+
+        Parameters
+        ----------
+        theta : ndarray, shape (p,)
+            The parameters [rad/(m/s^2)].
+        """
+        return np.asarray(np.tensordot(theta, self.basis, 1))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Those of `GENERAL` that the model does not say to be zero."""
+        return tuple(
+            name
+            for name, (i, j, k) in zip(GENERAL, _AT, strict=True)
+            if self.basis[:, i, j, k].any()
+        )
+
+    @cached_property
+    def slope(self) -> FloatArray:
+        """Derivative of the coefficients `names` by the parameters, shape (len(names), p) [1]."""
+        at = [_AT[GENERAL.index(name)] for name in self.names]
+        return np.array([self.basis[:, i, j, k] for i, j, k in at])
+
+    def general(self, vector: CoefficientVector) -> CoefficientVector:
+        """Put the coefficients `names` in the place of the parameters; nothing else changes.
+
+        What comes out needs no model to be applied: `models.imu` knows every name. Its
+        covariance is singular where the model has fewer parameters than coefficients.
+
+        Parameters
+        ----------
+        vector : CoefficientVector
+            Parameters of this model and whatever else was estimated with them [SI].
+        """
+        mine = np.array([vector.layout.index(name) for name in self.layout.names])
+        rest = np.setdiff1d(np.arange(len(vector)), mine)
+        before = int(np.count_nonzero(rest < mine.min()))
+        new = slice(before, before + len(self.names))
+        J = np.zeros((len(rest) + len(self.names), len(vector)))
+        J[np.r_[: new.start, new.stop : len(J)], rest] = 1.0
+        J[new, mine] = self.slope
+        c = vector.layout.coefficients
+        layout = Layout((
+            *(c[i] for i in rest[:before]),
+            *LAYOUT.subset(self.names).coefficients,
+            *(c[i] for i in rest[before:]),
+        ))  # fmt: skip
+        # No prior (inf) on a parameter is none on what it makes.
+        variance = (
+            np.where(J != 0.0, J**2, 0.0)
+            @ np.where(np.isfinite(vector.prior_sd), vector.prior_sd, 0.0) ** 2
+        )
+        open_ = (J[:, ~np.isfinite(vector.prior_sd)] != 0.0).any(axis=1)
+        return CoefficientVector(
+            layout,
+            J @ vector.values,
+            None if vector.cov is None else J @ vector.cov @ J.T,
+            (J[:, vector.free] != 0.0).any(axis=1),
+            np.where(open_, np.inf, np.sqrt(variance)),
+        )
+
+    def tilt_design(self, u: FloatArray) -> FloatArray:
+        """Return ``u' S u`` of one unit of each parameter, shape (n, p) [1].
+
+        Parameters
+        ----------
+        u : ndarray, shape (n, 3)
+            Axis of the spin in body axes [1].
+        """
+        return np.asarray(np.einsum("nj,pjm,nm->np", u, tilt_form(self.basis), u))
+
+    @property
+    def tilt_rank(self) -> int:
+        """How many combinations of the parameters whole turns can tilt by: no poses see more."""
+        S = tilt_form(self.basis)
+        S = (S + np.swapaxes(S, 1, 2)).reshape(len(self), 9)
+        values = np.linalg.svd(S, compute_uv=False)
+        return int(np.count_nonzero(values > _SINGULAR * max(values[0], 1.0)))
+
+
+def deflection_model(name: str, chirality: int = -1) -> DeflectionModel:
+    """Return a model.
+
+    Parameters
+    ----------
+    name : str
+        One of `MODELS`.
+    chirality : int, shape ()
+        -1 as in the source, or 1: the sense of the spokes. It is a matter of the hardware [1].
+    """
+    if name not in _MODELS:
+        raise error(
+            "deflection.model", name=name, hint=suggestion(name, MODELS), allowed=", ".join(MODELS)
+        )
+    if chirality not in (-1, 1):
+        raise error("deflection.chirality", given=chirality)
+    factor = {"1": 1.0, "c": float(chirality), "-c": float(-chirality)}
+    coefficients, basis = [], []
+    for i in range(3):
+        role = {"i": i, "j": (i + 1) % 3, "k": (i + 2) % 3}
+        for label, terms in _MODELS[name].items():
+            B = np.zeros((3, 3, 3))
+            for where, weight in terms:
+                B[tuple(role[r] for r in where)] = factor[weight]
+            coefficients.append(_parameter(label, role))
+            basis.append(B)
+    return DeflectionModel(name, chirality, Layout(tuple(coefficients)), np.array(basis))
+
+
+def _parameter(label: str, role: dict[str, int]) -> Coefficient:
+    kind, _, _ = label.rpartition(".")
+    if kind:
+        a = AXES[role["i"]]
+        way = {"lateral": "towards", "transverse": "at right angles to"}[kind]
+        meaning = f"gyro {a}: angle its input axis bends {way} a specific force across it"
+        return Coefficient(f"deflection.{kind}.{a}", f"t_{kind[0]}{a}", "deflection", meaning)
+    i, j, k = (AXES[role[r]] for r in label)
+    return replace(
+        LAYOUT.coefficients[LAYOUT.index(f"gyro.deflection.{i}{j}{k}")],
+        name=f"deflection.{i}{j}{k}",
+    )
+
+
+def tilt_form(T: FloatArray) -> FloatArray:
+    """Return S of the text above, shape (..., 3, 3) [unit of T].
+
+    Parameters
+    ----------
+    T : ndarray, shape (..., 3, 3, 3)
+        Gyro, direction, axis of the specific force [rad/(m/s^2)].
+    """
+    e = np.zeros((3, 3, 3))
+    for i in range(3):
+        e[i, i - 2, i - 1], e[i, i - 1, i - 2] = 1.0, -1.0
+    return np.asarray(np.einsum("ikm,...ijk->...jm", e, T))
+
+
+def whole_turns(
+    T: FloatArray, u: FloatArray, angle: float, gravity: float, *, about: str = "north"
+) -> FloatArray:
+    """Return the attitude error that whole turns about a level axis leave, shape (..., 3) [rad].
+
+    Parameters
+    ----------
+    T : ndarray, shape (3, 3, 3)
+        Gyro, direction, axis of the specific force [rad/(m/s^2)].
+    u : ndarray, shape (..., 3)
+        Axis of the turns in body axes [1].
+    angle : float, shape ()
+        Angle turned through, a multiple of 2 pi; its sign is the sense [rad].
+    gravity : float, shape ()
+        Gravity [m/s^2].
+    about : str
+        "north" or "east": the direction of the axis.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        phi about east, north, up [rad].
+    """
+    half = 0.5 * angle * gravity
+    level = half * np.einsum("...j,jm,...m->...", u, tilt_form(T), u)
+    up = -half * (
+        np.einsum("iji,...j->...", T, u) - np.einsum("ijk,...i,...j,...k->...", T, u, u, u)
+    )
+    zero = np.zeros_like(level)
+    if about == "east":
+        return np.stack([zero, -level, up], axis=-1)
+    return np.stack([level, zero, up], axis=-1)

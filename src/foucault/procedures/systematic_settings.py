@@ -1,0 +1,316 @@
+"""What can be chosen of a systematic calibration, and how a session of one is simulated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import reduce
+from typing import Annotated, Literal, get_args
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from foucault import units
+from foucault.coefficients import Layout
+from foucault.errors import FoucaultError, error
+from foucault.models import imu
+from foucault.models.deflection import MODELS, DeflectionModel, deflection_model
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.ins_errors import Sensors
+from foucault.models.noise import ImuNoise
+from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
+from foucault.plans.manoeuvres import Rest
+from foucault.plans.systematic import CalibrationSequence, orientation
+from foucault.plans.systematic_file import ActionTable
+from foucault.plans.systematic_sequences import built_in
+from foucault.simulate import hand_rotated
+from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
+from foucault.units import Quantity
+
+Seconds = Annotated[float, Quantity("time")]
+Angle = Annotated[float, Quantity("angle")]
+Deflection = Literal[
+    "none", "coupled6", "direct6", "direct6+transverse3", "lateral3+axial6", "direct12",
+    "general18", "symmetric6",
+]  # fmt: skip
+assert get_args(Deflection)[1:] == MODELS
+
+NAMES = ("gyro.bias", "gyro.scale", "gyro.misalignment", "accel.bias", "accel.scale",
+         "accel.misalignment.yx", "accel.misalignment.zx", "accel.misalignment.zy",
+         "accel.asymmetry")  # fmt: skip
+"""The 24 errors of the instrument that every session estimates."""
+
+USUAL = {
+    "gyro.bias": "0.2 deg/h",
+    "gyro.scale": "1000 ppm",
+    "gyro.misalignment": "10 arcmin",
+    "gyro.asymmetry": "100 ppm",
+    "deflection": "5 arcsec/g",
+    "accel.bias": "1 mg",
+    "accel.scale": "1000 ppm",
+    "accel.misalignment": "10 arcmin",
+    "accel.asymmetry": "100 ppm",
+    "accel.quadratic": "50 ug/g^2",
+    "accel.lever": "0.1 m",
+    "accel.delay": "0.02 s",
+}
+"""Standard deviations before the session where nothing else is said: zero, give or take these."""
+
+DRAWN = {"accel.asymmetry": 2e-5, "deflection": units.parse("3 arcsec/g", "deflection")}
+"""Standard deviations of what is drawn for a simulation besides the class of the instrument [SI].
+"""
+
+AS_PARAMETERS = Layout(
+    tuple({
+        c.name: c for name in MODELS for c in deflection_model(name).layout.coefficients
+    }.values())
+)  # fmt: skip
+"""Parameters of all models of deflection."""
+
+LAYOUT = Layout(
+    (
+        *imu.LAYOUT.coefficients, *AS_PARAMETERS.coefficients, *LEVER.coefficients,
+        *OFFSET.coefficients,
+    )
+)  # fmt: skip
+"""What a campaign may name in [prior]."""
+
+PRIOR = {
+    group: (0.0, units.parse(sd, LAYOUT.coefficients[LAYOUT.group(group)[0]].kind))
+    for group, sd in USUAL.items()
+}
+"""`USUAL` as mean and standard deviation [SI]."""
+
+PRIOR_LINES = """\
+# What is known beforehand of a coefficient, or of every coefficient of a group. Left out, all are
+# zero, give or take: gyros 0.2 deg/h, 1000 ppm, 10 arcmin; accelerometers 1 mg, 1000 ppm,
+# 10 arcmin, asymmetry 100 ppm, quadratic 50 ug/g^2; deflection 5 arcsec/g, lever arms 10 cm,
+# delay 20 ms.
+# [prior]
+# "gyro.bias" = { mean = "0 deg/h", sd = "1 deg/h" }
+# "deflection" = { mean = "0 arcsec/g", sd = "2 arcsec/g" }
+"""
+"""[prior] of the template."""
+
+SIMULATE = {"grade": "navigation"}
+"""Default of [simulate]: the method is one for instruments that find north."""
+
+
+class Settings(BaseModel):
+    """What can be chosen; the defaults suit an instrument on a table in a laboratory."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    sequence: tuple[str, ...] = Field(
+        default=("19 positions",),
+        examples=[("19 positions", "spins, simple 6")],
+        description="Built-in sequences that were done, in order; the log is compared with them. "
+        "An empty list takes the rests as the log has them.",
+    )
+    start: tuple[str, str, str] = Field(
+        default=("east", "north", "up"),
+        description="Where x, y and z pointed at first in a sequence of your own.",
+    )
+    actions: tuple[ActionTable, ...] = Field(
+        default=(),
+        description="A sequence of your own in place of built-in ones: a list of "
+        '{ rest = "150 s" }, { turn = "90 deg", about = "y" }, { spin = 10, about = "north", '
+        'rate = "18 deg/s" }.',
+    )
+    deflection: Deflection = Field(
+        default="none",
+        description="How the input axes of dithered gyros bend under specific force: "
+        f"none, {', '.join(MODELS)}. It takes spins to see it.",
+    )
+    chirality: Literal[-1, 1] = Field(
+        default=-1, description="Sense of the spokes of the dither wheel, where the model has one."
+    )
+    accel_quadratic: bool = Field(
+        default=False, description="Estimate the accelerometers' quadratic terms too."
+    )
+    gyro_asymmetry: bool = Field(
+        default=False, description="Estimate the gyros' scale factor asymmetry too."
+    )
+    lever_arms: bool = Field(
+        default=False,
+        description="Estimate where the x and y accelerometer sit, from the z accelerometer.",
+    )
+    delay: bool = Field(
+        default=False, description="Estimate how much later the accelerometers read than the gyros."
+    )
+    steps: Literal["joint", "published"] = Field(
+        default="joint",
+        description="joint: all states from the beginning; published: those of the deflection only "
+        "after the first part, whose result starts the second with the published uncertainties.",
+    )
+    passes: int = Field(
+        default=6,
+        ge=1,
+        le=20,
+        description="Most passes through the session, each linear about the result before; 1: the "
+        "first alone, which a wide prior spoils.",
+    )
+    velocity_sd: Annotated[float, Quantity("velocity")] = Field(
+        default=1e-4, gt=0, description="How still the instrument stands at rest, each component."
+    )
+    position_sd: Annotated[float, Quantity("length")] = Field(
+        default=1e-2, gt=0, description="How near the same place it comes to rest after every turn."
+    )
+    interval: Seconds = Field(default=1.0, gt=0, description="Time between updates at rest.")
+    decorrelate: bool | None = Field(
+        default=None,
+        examples=[True],
+        description="Start every rest anew with velocity and position, so that what the lever arms "
+        "of the accelerometers do in turns is not taken for errors of the gyros. Left out: unless "
+        "the lever arms are estimated.",
+    )
+    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
+
+    @field_validator("sequence", mode="after")
+    @classmethod
+    def _known(cls, names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        try:
+            for name in names:
+                built_in(name)
+        except FoucaultError as problem:
+            if "locate" in (info.context or ()):
+                raise ValueError(problem) from None
+            raise
+        return names
+
+    @model_validator(mode="after")
+    def _possible(self) -> Settings:
+        if self.steps == "published" and self.deflection == "none":
+            raise error("systematic.published")
+        return self
+
+    @property
+    def plan(self) -> CalibrationSequence | None:
+        """The sequence that was to be done, None where it is not said."""
+        if self.actions:
+            actions = tuple(table.action() for table in self.actions)
+            return CalibrationSequence("own sequence", orientation(self.start), actions)
+        if not self.sequence:
+            return None
+        return reduce(CalibrationSequence.then, [built_in(name) for name in self.sequence])
+
+    @property
+    def model(self) -> DeflectionModel | None:
+        """The model of deflection, None for none."""
+        if self.deflection == "none":
+            return None
+        return deflection_model(self.deflection, self.chirality)
+
+    @property
+    def restarts(self) -> bool:
+        """Whether every rest starts anew with velocity and position."""
+        return not self.lever_arms if self.decorrelate is None else self.decorrelate
+
+    @property
+    def sensors(self) -> Sensors:
+        """What is estimated, as terms."""
+        sensors = Sensors.of(
+            (
+                *NAMES,
+                *(["accel.quadratic"] if self.accel_quadratic else []),
+                *(["gyro.asymmetry"] if self.gyro_asymmetry else []),
+            )
+        )
+        if self.model is not None:
+            sensors = sensors.with_deflection(self.model)
+        return with_size_effect(sensors, lever=self.lever_arms, delay=self.delay)
+
+
+class Session(BaseModel):
+    """The session that `simulate` makes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rest_time: Seconds | None = Field(
+        default=60.0, gt=0, description="Length of every rest; left out, as the sequence has it."
+    )
+    rate: Annotated[float, Quantity("frequency")] = Field(
+        default=50.0, gt=0, description="Sample rate."
+    )
+    angle_sd: Angle = Field(
+        default=float(np.radians(1 / 60)),
+        ge=0,
+        description="Sd of the error of every turn of the table; errors add up.",
+    )
+    start_sd: Angle = Field(
+        default=float(np.radians(0.5)),
+        ge=0,
+        description="Sd of the attitude at the start from the one of the sequence, each axis.",
+    )
+    arms: Annotated[float, Quantity("length")] = Field(
+        default=0.0,
+        ge=0,
+        description="Sd of the place of the x and y accelerometer from the z accelerometer.",
+    )
+    delay: Seconds = Field(
+        default=0.0, description="How much later accelerometers read than gyros."
+    )
+
+
+def draw_errors(grade: str, seed: int) -> ImuModel:
+    """Draw the errors of one instrument, the asymmetry of its accelerometers included.
+
+    Parameters
+    ----------
+    grade : str
+        One of `models.noise.GRADES`.
+    seed : int, shape ()
+        Seed [1].
+    """
+    sd = DRAWN["accel.asymmetry"]
+    asymmetry = sd * np.random.default_rng([seed, 11]).standard_normal(3)
+    return replace(hand_rotated.draw_errors(grade, seed), accel_asymmetry=asymmetry)
+
+
+def simulate(
+    session: Session,
+    *,
+    settings: Settings | None = None,
+    model: ImuModel,
+    noise: ImuNoise,
+    site: Site,
+    seed: int,
+) -> SystematicSimulation:
+    """Simulate a session.
+
+    Parameters
+    ----------
+    session : Session
+        How it is sampled, and the errors of the table.
+    settings : Settings or None
+        Of the calibration to follow: the sequence, and the model of deflection.
+    model : ImuModel
+        Errors of the instrument; where they have no deflection it is drawn, if there is a model.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity and latitude.
+    seed : int, shape ()
+        Seed of deflection, table and noise [1].
+    """
+    settings = settings or Settings()
+    sequence = settings.plan
+    if sequence is None:
+        raise error("systematic.no_sequence")
+    if session.rest_time is not None:
+        rest = session.rest_time
+        sequence = replace(sequence, actions=tuple(
+            replace(a, time=rest) if isinstance(a, Rest) else a for a in sequence.actions
+        ))  # fmt: skip
+    rng = np.random.default_rng([seed, 12])
+    if settings.model is not None and not model.deflection.any():
+        theta = DRAWN["deflection"] * rng.standard_normal(len(settings.model))
+        model = replace(model, deflection=settings.model.tensor(theta))
+    arms = np.zeros((3, 3))
+    arms[:2] = session.arms * rng.standard_normal((2, 3))
+    east, north, up = (session.start_sd * rng.standard_normal(3)).tolist()
+    return simulate_systematic(
+        sequence, site=site, model=model, noise=noise, rate=session.rate,
+        table=TableErrors(session.angle_sd, (east, north, up)), arms=arms, delay=session.delay,
+        seed=seed,
+    )  # fmt: skip

@@ -1,0 +1,195 @@
+"""Solve a systematic calibration, and name what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.errors import Status, error
+from foucault.estimate.ins_filter import FilterRun
+from foucault.estimate.smoother import smooth
+from foucault.estimate.systematic import SystematicRun, solve
+from foucault.estimate.systematic_published import second_step
+from foucault.models import imu
+from foucault.plans.systematic_sequences import built_in
+from foucault.procedures.systematic_problem import SystematicProblem
+from foucault.procedures.systematic_settings import Settings
+
+FloatArray = npt.NDArray[np.float64]
+
+NARROWED = 30.0
+"""Later passes begin with so many times the uncertainty that the first has left [1]."""
+
+SETTLED = 0.1
+"""Passes have settled where none moves a coefficient by more than this of its uncertainty [1]."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What was found.
+
+    Attributes
+    ----------
+    run : FilterRun
+        The last pass of the filter.
+    states : CoefficientVector
+        The states that are coefficients, with covariance and prior [SI].
+    passes : tuple of ndarray, each shape (p,)
+        The same after each pass [SI].
+    status : Status
+        How the passes ended.
+    log_likelihood : float
+        Of the innovations of the last pass, but for a constant: to compare models [1].
+    """
+
+    run: FilterRun
+    states: CoefficientVector
+    passes: tuple[FloatArray, ...]
+    status: Status
+    log_likelihood: float
+
+
+def solved(p: SystematicProblem, settings: Settings) -> Solution:
+    """Filter in one step or in two.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        What is solved.
+    settings : Settings
+        What was chosen.
+    """
+    if settings.steps == "published":
+        return _published(p, settings)
+    return _joint(p, settings.passes)
+
+
+def _published(p: SystematicProblem, settings: Settings) -> Solution:
+    """Filter the first sequence without deflection, and go on with it over the others."""
+    few = settings.model_copy(update={"deflection": "none", "steps": "joint"}).sensors
+    prior = p.prior
+    at = [prior.layout.index(name) for name in few.layout.names]
+    known = CoefficientVector(few.layout, prior.values[at], prior_sd=prior.prior_sd[at])
+    part = replace(p, sensors=few, prior=known, rests=p.rests[: _first_part(p, settings)])
+    one = _joint(part, settings.passes)
+    two = second_step(
+        p.increments, p.site, SystematicRun(one.run, one.states, one.passes), p.sensors, p.rests,
+        prior, p.noise, at_rest=p.at_rest,
+    )  # fmt: skip
+    return _solution(two, replace(two.estimate, prior_sd=prior.prior_sd), one.status)
+
+
+def _joint(p: SystematicProblem, passes: int) -> Solution:
+    """Filter in one step, again and again.
+
+    A wide prior lets the filter wander far while it has seen little, and what it finds is then not
+    linear in the readings. So later passes have a prior `NARROWED` about the result before, whose
+    information is taken out again in the end.
+    """
+    found = solve(
+        p.increments, p.start.C_nb, p.site, p.sensors, p.rests, p.start_cov(), p.noise,
+        first=p.first, at_rest=p.at_rest, estimate=p.prior.values, keep=True,
+    )  # fmt: skip
+    if passes == 1:
+        return _solution(found, replace(found.estimate, prior_sd=p.prior.prior_sd),
+                         Status.CONVERGED)  # fmt: skip
+    seen = smooth(found.run)
+    sd = np.minimum(p.prior.prior_sd, NARROWED * found.estimate.sd)
+    phi_sd = np.minimum(p.phi_sd, NARROWED * np.sqrt(np.diag(seen.cov[0])[:3]))
+    P0, C_nb, values = p.start_cov(phi_sd, sd), seen.trajectory.C_nb[0], [*found.passes]
+    while True:
+        found = solve(
+            p.increments, C_nb, p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
+            at_rest=p.at_rest, estimate=values[-1], keep=True,
+        )  # fmt: skip
+        moved = float((np.abs(found.estimate.values - values[-1]) / found.estimate.sd).max())
+        values.append(found.estimate.values)
+        if moved < SETTLED or len(values) == passes:
+            break
+        C_nb = smooth(found.run).trajectory.C_nb[0]
+    estimate = exchanged(found.estimate, (values[-2], sd), p.prior)
+    status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
+    return _solution(replace(found, passes=tuple(values)), estimate, status)
+
+
+def exchanged(
+    estimate: CoefficientVector, used: tuple[FloatArray, FloatArray], prior: CoefficientVector
+) -> CoefficientVector:
+    """Return an estimate with another prior than the one it was made with.
+
+    ``P^-1 = P_u^-1 - D_u + D``, ``P^-1 x = P_u^-1 x_u - D_u m_u + D m``, D the information of the
+    priors and m their means.
+
+    Parameters
+    ----------
+    estimate : CoefficientVector
+        With covariance [SI].
+    used : (ndarray, ndarray), each shape (p,)
+        Mean and standard deviation of the prior it was made with [SI].
+    prior : CoefficientVector
+        The prior it shall have: values and prior_sd [SI].
+    """
+    assert estimate.cov is not None
+    unit = estimate.sd
+    mean, sd = used
+    old, new = (unit / sd) ** 2, (unit / prior.prior_sd) ** 2
+    information = np.linalg.inv(estimate.cov / np.outer(unit, unit)) + np.diag(new - old)
+    cov = np.linalg.inv((information + information.T) / 2)
+    pull = new * (prior.values - estimate.values) - old * (mean - estimate.values)
+    values = estimate.values + unit * (cov @ (pull / unit))
+    return replace(
+        estimate, values=values, cov=cov * np.outer(unit, unit), prior_sd=prior.prior_sd
+    )  # fmt: skip
+
+
+def _first_part(p: SystematicProblem, settings: Settings) -> int:
+    """Return how many of the rests belong to the first of several sequences."""
+    if settings.actions or len(settings.sequence) < 2:
+        raise error("systematic.first_part", what="one sequence is declared")
+    moves = len(built_in(settings.sequence[0]).moves)
+    before = np.array([sum(m.after < k for m in p.found.moves) for k in p.numbers])
+    return int(np.count_nonzero(before <= moves))
+
+
+def _solution(found: SystematicRun, states: CoefficientVector, status: Status) -> Solution:
+    run = found.run
+    logs = run.innovation**2 / run.variance + np.log(run.variance)
+    return Solution(run, states, found.passes, status, float(-0.5 * np.nansum(logs)))
+
+
+def named(states: Sequence[str], deflections: Sequence[str]) -> tuple[str, ...]:
+    """Return the coefficients of the result: those that `models.imu` applies, in its order.
+
+    Parameters
+    ----------
+    states : sequence of str
+        What the filter estimates.
+    deflections : sequence of str
+        What its parameters of deflection become.
+    """
+    some = {*states, *deflections}
+    return tuple(name for name in imu.LAYOUT.names if name in some)
+
+
+def public(s: Solution, settings: Settings) -> CoefficientVector:
+    """Return the coefficients of the result [SI].
+
+    Parameters
+    ----------
+    s : Solution
+        What was found.
+    settings : Settings
+        What was chosen.
+    """
+    vector = s.states if settings.model is None else settings.model.general(s.states)
+    names = named(vector.names, ())
+    keep = [vector.layout.index(name) for name in names]
+    assert vector.cov is not None
+    return CoefficientVector(
+        Layout(tuple(vector.layout.coefficients[i] for i in keep)), vector.values[keep],
+        vector.cov[np.ix_(keep, keep)], vector.free[keep], vector.prior_sd[keep],
+    )  # fmt: skip

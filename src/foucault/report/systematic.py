@@ -1,0 +1,150 @@
+"""What a systematic calibration found beside its coefficients: sequence, velocities, navigation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault import units
+from foucault.coefficients import format_value
+from foucault.report import figures_systematic as figures
+from foucault.report.page import Block, Column, Items, Section, Table, Text
+from foucault.report.uncertainty import shown
+from foucault.result import Result
+
+FloatArray = npt.NDArray[np.float64]
+
+ARCSEC = float(np.radians(1.0 / 3600.0))
+COMPENSATED = {
+    "none": "as it is", "all but deflection": "all but deflection compensated",
+    "all": "compensated",
+}  # fmt: skip
+"""What is compensated, in words."""
+
+WAYS = ("east", "north", "up")
+
+
+def velocities(result: Result) -> Section | None:
+    """The velocity at the end of every rest, with the calibration and without it."""
+    table = result.tables.get("velocities")
+    if table is None:
+        return None
+    worst = {
+        name: max(float(np.abs(table[f"{name}_{way}"]).max()) for way in WAYS)
+        for name in ("before", "after")
+    }
+    lead = (
+        "Navigated from the end of each rest through the turns that follow to the end of the next, "
+        "where the velocity should be zero: at most "
+        f"{_speed(worst['before'])} without the calibration and {_speed(worst['after'])} with it."
+    )
+    return Section("Velocity at rest before and after", lead, [figures.velocities(table)])
+
+
+def _speed(value: float) -> str:
+    return f"{value:.3g} m/s" if value >= 1 else f"{1e3 * value:.3g} mm/s"
+
+
+def sequence(result: Result) -> Section | None:
+    """Where the axes of the body pointed in every rest, and how well each rest fits."""
+    table, fits = result.tables.get("attitudes"), result.tables.get("innovations")
+    facts = result.diagnostics.get("sequence")
+    if table is None or fits is None or facts is None:
+        return None
+    labels = list(facts["labels"])
+    blocks: list[Block] = [figures.attitudes(table, labels), figures.innovations(fits, labels)]
+    if passes := _passes(result):
+        blocks.append(Text(passes))
+    lead = (
+        f"Sequence: {facts['name']}; {facts['rests']} rests and {facts['moves']} turns. Which axis "
+        "of the body points east, north and up; where none is within 3° of it, the nearest, in "
+        "brackets."
+    )
+    return Section("The sequence", lead, blocks)
+
+
+def _passes(result: Result) -> str:
+    values = np.array((result.diagnostics.get("passes") or {}).get("values") or [], float)
+    names = (result.diagnostics.get("passes") or {}).get("names") or []
+    if len(values) < 2:
+        return ""
+    c = result.coefficients
+    both = [(k, c.layout.index(n)) for k, n in enumerate(names) if n in c.layout]
+    sd = c.sd[[i for _, i in both]]
+    steps = np.abs(np.diff(values[:, [k for k, _ in both]], axis=0)) / sd
+    words = ", ".join(f"{step.max():.2g}" for step in steps)
+    return (
+        f"Passes through the session: {len(values)}. From one to the next no coefficient moved by "
+        f"more than {words} of its standard deviation."
+    )
+
+
+def navigation(result: Result) -> Section | None:
+    """The navigation test about east and about north."""
+    table, ends = result.tables.get("navigation"), result.diagnostics.get("navigation")
+    if table is None or not ends:
+        return None
+    blocks: list[Block] = [figures.navigation(table, about) for about in ("east", "north")]
+    blocks.append(_ends(ends))
+    lead = (
+        "Simulated: x up, y east, z north; an alignment, ten turns at 18 °/s about east or north, "
+        "then 500 s of rest. The instrument has the errors found here; what is compensated differs "
+        "from them as the uncertainty allows, one draw. Without noise, which is the same either "
+        "way."
+    )
+    return Section("What it is worth in navigation", lead, blocks)
+
+
+def _ends(ends: Sequence[Mapping[str, Any]]) -> Table:
+    columns = [
+        Column("spin about"),
+        Column("instrument"),
+        *[Column(f"tilt {way} [″]", "number") for way in ("east", "north")],
+        *[Column(f"velocity {way} [m/s]", "number") for way in ("east", "north")],
+    ]
+    rows = [
+        [
+            str(end["about"]), COMPENSATED[end["compensated"]],
+            *[_signed(f"{v / ARCSEC:.2f}") for v in end["shift"][:2]],
+            *[_signed(f"{v:.4f}") for v in end["velocity"][:2]],
+        ]
+        for end in ends
+    ]  # fmt: skip
+    return Table(columns, rows)
+
+
+def _signed(text: str) -> str:
+    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
+
+
+def places(result: Result) -> Section | None:
+    """Lever arms and delay of the accelerometers."""
+    rows = result.diagnostics.get("places")
+    if not rows or result.procedure != "systematic":
+        return None
+    columns = [
+        Column("quantity", "name"), Column("value", "number"), Column("± sd", "number"),
+        Column("unit", "short"), Column("meaning", "meaning"),
+    ]  # fmt: skip
+    cells = []
+    for row in rows:
+        unit, size = _unit(row)
+        value, sd = row["value"] / size, row["sd"] / size
+        cells.append([row["name"], _signed(format_value(value, sd)), format_value(sd, sd), unit,
+                      row["meaning"]])  # fmt: skip
+    lead = (
+        "What readings of accelerometers that are not at one place or time show in turns. `apply` "
+        "does not compensate it: it needs the angular acceleration."
+    )
+    notes = Items([("plain", "Places are counted from the z accelerometer.")])
+    return Section("Places and times of the accelerometers", lead, [Table(columns, cells), notes])
+
+
+def _unit(row: Mapping[str, Any]) -> tuple[str, float]:
+    """Return millimetres and microseconds, and what else as it is displayed."""
+    small = {"length": ("mm", 1e-3), "time": ("µs", 1e-6)}
+    unit = str(row["display_unit"])
+    return small.get(row["kind"], (shown(unit), units.factor(unit, row["kind"])))

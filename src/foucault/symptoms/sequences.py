@@ -1,0 +1,107 @@
+"""What can go wrong with the sequence of a systematic calibration, and with a log of one."""
+
+from __future__ import annotations
+
+# fmt: off
+ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("sequence.empty", "error",
+     "A sequence without a rest",
+     "The sequence '{name}' has no rest; velocity errors are seen at rest alone.",
+     "Put a rest of a minute or more before and after every turn."),
+    ("sequence.start", "error",
+     "A start attitude that is no rotation",
+     "The start of the sequence '{name}' is {given}, which is not a right-handed rotation matrix.",
+     "Make it with `orientation`, such as orientation((\"up\", \"east\", \"north\"))."),
+    ("sequence.directions", "error",
+     "Start directions that no body can have",
+     "x, y and z cannot point to {given}.",
+     "Name three perpendicular directions that are right-handed, each one of {allowed}: for "
+     "example [\"up\", \"east\", \"north\"]."),
+    ("sequence.gimbal", "error",
+     "Gimbal positions that are not pairs of angles",
+     "The gimbal positions of '{name}' have {given}; each has to be a finite outer and inner "
+     "angle.",
+     "Give an array of shape (n, 2) in radians: outer, inner."),
+    ("sequence.turns", "error",
+     "A spin of the gimbals' table by part of a turn",
+     "The spins make {given} turns; they have to be whole ones, or the outer axis of the gimbals "
+     "would not be where the next pose needs it.",
+     "Spin by 1 or more whole turns; ten are usual."),
+    ("sequence.unknown", "error",
+     "A sequence that is not built in",
+     "There is no sequence '{name}'.{hint}",
+     "Choose one of {allowed}, or write your own as a file."),
+    ("sequence.file", "error",
+     "A file of a sequence that cannot be read",
+     "The sequence {path} cannot be read: {why}.",
+     "Write it as TOML: a `start` and one [[action]] table for each rest, turn or spin."),
+    ("sequence.entry", "error",
+     "A wrong entry in the file of a sequence",
+     "`{place}` of {path}: {why}.",
+     "Correct it: an action is rest = \"150 s\", or turn = \"90 deg\" with about = \"y\", or "
+     "spin = 10 with about = \"north\"."),
+    ("systematic.site", "error",
+     "A systematic calibration at an unknown place",
+     "The latitude of the site is unknown; {what} needs the Earth's rate.",
+     "Give `latitude` in [site]; a few arc minutes are accurate enough."),
+    ("systematic.value", "error",
+     "A number of a simulated systematic calibration that cannot be",
+     "`{key}` of the simulation is {given}; it has to be {allowed}.",
+     "Correct it. Angles are in radians, lengths in metres, times in seconds."),
+    ("systematic.triads", "error",
+     "A log for systematic calibration without gyros or accelerometers",
+     "The log has no {missing}; a systematic calibration navigates with both.",
+     "Describe both triads in [log]."),
+    ("systematic.no_rests", "error",
+     "A log for systematic calibration with fewer than two rests",
+     "The log has {given} rests of {shortest} s or more.",
+     "Rest a minute or more before and after every turn; look at the log with `foucault inspect`."),
+    ("systematic.start", "error",
+     "The instrument did not start as the sequence says",
+     "The sequence '{name}' starts with x, y, z to {declared}, so that {up} of the body is up; the "
+     "first rest of the log has {measured} up, {angle} deg away.",
+     "Start as declared, or correct `start`; look for swapped accelerometer columns too."),
+    ("systematic.heading", "warning",
+     "The instrument started at another heading than the sequence says",
+     "The Earth's rate in the rests says that the heading at the start was {angle} deg more than "
+     "declared (clockwise), with an uncertainty of {sd} deg.",
+     "Correct `start` if the sequence turns about east or north: those axes are then elsewhere. "
+     "Turns about axes of the body alone are not affected."),
+    ("systematic.count", "error",
+     "A log with more or fewer turns than the sequence",
+     "The sequence '{name}' has {declared} turns, the log {given}. {first}",
+     "Check that log and sequence belong together and that the log holds the whole session; leave "
+     "the sequence out to use the rests as found."),
+    ("systematic.move", "error",
+     "A turn that is not the one of the sequence",
+     "Turn {number} of '{name}', at {time} s, was to be {declared}; it was {measured}.",
+     "Correct the sequence, or leave it out to use the rests as found."),
+    ("systematic.axes", "error",
+     "Axes of the table exchanged or of the wrong sense",
+     "The turns of the log are not those of '{name}' as labelled, but they are if the table turned "
+     "about {words}.",
+     "Correct the axes of the sequence; if the gyro columns may be exchanged, check those of the "
+     "log first."),
+    ("systematic.rest_missing", "warning",
+     "A rest of the sequence in which the log is not at rest",
+     "The rest '{label}' of '{name}', after {moves} turns, was not found in the log.",
+     "Rest longer, and leave the table alone while it lasts; its velocity errors are not used."),
+    ("systematic.rest_moves", "warning",
+     "A rest during which the table creeps or settles",
+     "The rest from {start} to {end} s moves: {what}.",
+     "It is not used as a rest. Clamp the table, and wait until it has settled."),
+    ("systematic.bump", "warning",
+     "A rest that is interrupted by a small movement",
+     "Between the rests that end at {end} s and begin at {start} s the table moved by {angle}: too "
+     "little for a turn.",
+     "Both parts are rests of their own, and the gyros have measured what lies between. Keep "
+     "people and doors away from the table."),
+    ("systematic.upright", "error",
+     "All turns about the vertical: they change nothing but the heading",
+     "In all {given} rests the same direction of the body is up, within {angle} deg; such turns "
+     "say something of the gyros about the vertical and nothing of scale factors and "
+     "misalignments of the accelerometers.",
+     "Turn about level axes too, so that each axis of the body is up and down at least once, as "
+     "the 19 positions do."),
+)
+# fmt: on

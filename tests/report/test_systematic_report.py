@@ -1,0 +1,104 @@
+"""The sections of a systematic calibration: what they draw, and that a run folder is enough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault import run_folder
+from foucault.models.earth import Site
+from foucault.procedures import systematic
+from foucault.report import html
+from foucault.report import systematic as report
+from foucault.report.page import Figure, Table
+from make_sequence import DEG, NOISE
+
+SITE = Site.at(40 * DEG, 100.0)
+
+
+@pytest.fixture(scope="module")
+def result():
+    settings = systematic.Settings(lever_arms=True, delay=True)
+    made = systematic.simulate(
+        systematic.Session(rest_time=30.0, arms=0.02), settings=settings, noise=NOISE, site=SITE,
+        model=systematic.draw_errors("navigation", 2), seed=2,
+    )  # fmt: skip
+    return systematic.calibrate(made.log, site=SITE, settings=settings, noise=NOISE)
+
+
+def figures(section):
+    return [b for b in section.blocks if isinstance(b, Figure)]
+
+
+def test_velocities_before_and_after(result):
+    section = report.velocities(result)
+    (figure,) = figures(section)
+    before = [t for t in figure.data if t["yaxis"] == "y2"]
+    after = [t for t in figure.data if t["yaxis"] == "y"]
+    assert [t["name"] for t in before] == ["east", "north", "up"] == [t["name"] for t in after]
+    assert all(len(t["y"]) == 18 for t in figure.data)
+    worst = max(abs(y) for t in before for y in t["y"])
+    assert f"{worst:.3g} mm/s without" in section.lead
+    for trace, way in zip(after, ("east", "north", "up"), strict=True):
+        sd = result.tables["velocities"][f"sd_{way}"]
+        np.testing.assert_allclose(trace["error_y"]["array"], 2e3 * sd, rtol=1e-5)
+
+
+def test_the_sequence_is_drawn_as_it_was(result):
+    section = report.sequence(result)
+    words = {
+        (x, y): text
+        for t in figures(section)[0].data
+        for x, y, text in zip(t["x"], t["y"], t["text"], strict=True)
+    }
+    assert len(words) == 3 * 19
+    # The published table of the nineteen positions: P1 x up, y east, z north; P2; P8; P11.
+    assert [words[1, way] for way in ("up", "east", "north")] == ["+x", "+y", "+z"]
+    assert [words[2, way] for way in ("up", "east", "north")] == ["+z", "+y", "−x"]
+    assert [words[8, way] for way in ("up", "east", "north")] == ["−y", "+x", "+z"]
+    assert [words[11, way] for way in ("up", "east", "north")] == ["−z", "+x", "−y"]
+    bars = figures(section)[1].data[0]
+    table = result.tables["innovations"]
+    np.testing.assert_allclose(bars["y"], np.sqrt(table["square"] / table["count"]), rtol=1e-5)
+    assert bars["customdata"][0] == "P1"
+    assert "Passes through the session: 3." in section.blocks[-1].text
+
+
+def test_navigation_with_it_and_without(result):
+    section = report.navigation(result)
+    east, north = figures(section)
+    assert east.caption == "Spin about east."
+    assert {t["name"] for t in north.data} == {
+        "east, as it is", "north, as it is", "east, compensated", "north, compensated",
+    }  # fmt: skip
+    table = next(b for b in section.blocks if isinstance(b, Table))
+    assert [row[:2] for row in table.rows] == [
+        [about, way] for about in ("east", "north") for way in ("as it is", "compensated")
+    ]
+    end = result.diagnostics["navigation"][0]["velocity"][0]
+    assert float(table.rows[0][4].replace("−", "-")) == pytest.approx(end, abs=1e-4)
+    assert east.data[0]["y"][-1] == pytest.approx(end, rel=1e-4)
+
+
+def test_places_in_units_that_people_use(result):
+    section = report.places(result)
+    rows = {row[0]: row for row in section.blocks[0].rows}
+    assert len(rows) == 7
+    assert rows["accel.lever.xy"][3] == "mm"
+    assert rows["accel.delay"][3] == "µs"
+    value = next(p for p in result.diagnostics["places"] if p["name"] == "accel.lever.xy")["value"]
+    shown = float(rows["accel.lever.xy"][1].replace("−", "-"))
+    assert shown == pytest.approx(1e3 * value, abs=0.51)
+
+
+def test_nothing_is_shown_that_is_not_there(result):
+    bare = replace(result, tables={}, diagnostics={})
+    for section in (report.velocities, report.sequence, report.navigation, report.places):
+        assert section(bare) is None
+
+
+def test_the_report_is_made_from_the_run_folder(result, tmp_path):
+    run_folder.save(result, tmp_path)
+    assert html(run_folder.load_result(tmp_path)) == html(result)
