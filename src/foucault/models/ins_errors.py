@@ -127,7 +127,7 @@ class Sensors:
         """
         which, out, direction, force = np.nonzero(model.basis)
         c = self.layout.coefficients
-        start, terms = self.gyros, self.gyro_terms
+        start, terms = self.gyros, int(np.sum(self.axis < 3))
         later = np.where(self.axis < 3, 0, len(model))
 
         def joined(mine: npt.NDArray[Any], new: Any) -> npt.NDArray[Any]:
