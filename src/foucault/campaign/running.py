@@ -23,6 +23,7 @@ from foucault.logs.streaming import OnDisk
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import model_of
+from foucault.models.size_effect import SizeEffect
 from foucault.result import Result
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import IndexedLog, Log
@@ -142,7 +143,10 @@ class Session:
         """The coefficients the simulated instrument had, in the body axes of results."""
         model = self.simulation.model
         if isinstance(model, ImuModel):
-            return model.in_gauge(Gauge.LOWER)[0].coefficients()
+            lower, C_cb = model.in_gauge(Gauge.LOWER)
+            size: SizeEffect | None = getattr(self.simulation, "size_effect", None)
+            found = lower.coefficients()
+            return found if size is None else found.with_others(size.rotated(C_cb).coefficients())
         whole: CoefficientVector = getattr(self.simulation, "truth", model.coefficients())
         return whole
 
