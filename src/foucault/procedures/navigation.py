@@ -24,6 +24,7 @@ from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT
+from foucault.models.layouts import of_one_sample
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import Trajectory
@@ -263,7 +264,7 @@ def _calibration(result: Result | None, about: Mapping[str, Any]) -> tuple[Findi
     """Refuse a calibration of something else; say what is doubtful about it."""
     if result is None:
         return (finding("navigate.no_calibration"),)
-    if not all(name in LAYOUT for name in result.coefficients.names):
+    if not all(name in LAYOUT for name in of_one_sample(result.coefficients).names):
         file = str(result.provenance.get("file", "the calibration"))
         raise error("navigate.not_imu", file=file, given=result.procedure)
     told: tuple[Finding, ...] = ()

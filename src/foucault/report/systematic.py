@@ -8,11 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault import units
-from foucault.coefficients import format_value
 from foucault.report import figures_systematic as figures
-from foucault.report.page import Block, Column, Items, Section, Table, Text
-from foucault.report.uncertainty import shown
+from foucault.report.page import Block, Column, Section, Table, Text
 from foucault.result import Result
 
 FloatArray = npt.NDArray[np.float64]
@@ -36,9 +33,14 @@ def velocities(result: Result) -> Section | None:
         name: max(float(np.abs(table[f"{name}_{way}"]).max()) for way in WAYS)
         for name in ("before", "after")
     }
+    run = (
+        "Navigated from the beginning of each rest to its end, "
+        if result.diagnostics["filter"]["decorrelate"]
+        else "Navigated from the end of each rest through the turns that follow to the end of the "
+        "next, "
+    )
     lead = (
-        "Navigated from the end of each rest through the turns that follow to the end of the next, "
-        "where the velocity should be zero: at most "
+        f"{run}where the velocity should be zero: at most "
         f"{_speed(worst['before'])} without the calibration and {_speed(worst['after'])} with it."
     )
     return Section("Velocity at rest before and after", lead, [figures.velocities(table)])
@@ -118,33 +120,3 @@ def _ends(ends: Sequence[Mapping[str, Any]]) -> Table:
 
 def _signed(text: str) -> str:
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
-
-
-def places(result: Result) -> Section | None:
-    """Lever arms and delay of the accelerometers."""
-    rows = result.diagnostics.get("places")
-    if not rows or result.procedure != "systematic":
-        return None
-    columns = [
-        Column("quantity", "name"), Column("value", "number"), Column("± sd", "number"),
-        Column("unit", "short"), Column("meaning", "meaning"),
-    ]  # fmt: skip
-    cells = []
-    for row in rows:
-        unit, size = _unit(row)
-        value, sd = row["value"] / size, row["sd"] / size
-        cells.append([row["name"], _signed(format_value(value, sd)), format_value(sd, sd), unit,
-                      row["meaning"]])  # fmt: skip
-    lead = (
-        "What readings of accelerometers that are not at one place or time show in turns. `apply` "
-        "does not compensate it: it needs the angular acceleration."
-    )
-    notes = Items([("plain", "Places are counted from the z accelerometer.")])
-    return Section("Places and times of the accelerometers", lead, [Table(columns, cells), notes])
-
-
-def _unit(row: Mapping[str, Any]) -> tuple[str, float]:
-    """Return millimetres and microseconds, and what else as it is displayed."""
-    small = {"length": ("mm", 1e-3), "time": ("µs", 1e-6)}
-    unit = str(row["display_unit"])
-    return small.get(row["kind"], (shown(unit), units.factor(unit, row["kind"])))
