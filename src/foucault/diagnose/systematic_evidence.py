@@ -29,8 +29,8 @@ from foucault.result import Check
 
 FloatArray = npt.NDArray[np.float64]
 
-EACH = FALSE_ALARM / 4
-"""False-alarm rate of each of four tests, so that all together keep 1 % [1]."""
+EACH = FALSE_ALARM / 5
+"""False-alarm rate of each of five tests, so that all together keep 1 % [1]."""
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
@@ -158,9 +158,10 @@ def _velocities(e: Evidence) -> Check:
     limit = float(ndtri((1 - EACH) ** (1 / z.size) / 2 + 0.5))
     worst, axis = (int(k) for k in np.unravel_index(np.argmax(z), z.shape))
     fine = bool(z.max() <= limit)
+    run = "through each rest" if e.legs.anew else "from rest to rest"
     words = (
-        f"Navigated from rest to rest with the calibration, the velocity is at most {z.max():.1f} "
-        "times what is promised from zero"
+        f"Navigated {run} with the calibration, the velocity is at most {z.max():.1f} times what "
+        "is promised from zero"
     )
     if not fine:
         words += (
@@ -170,13 +171,14 @@ def _velocities(e: Evidence) -> Check:
     return Check("velocities", float(z.max()), None, limit, fine, words + ".")
 
 
-def _hardly(e: Evidence) -> list[str]:
-    c = e.coefficients
+def hardly(coefficients: CoefficientVector) -> list[str]:
+    """Return the names of `coefficients` that are hardly better known than before."""
+    c = coefficients
     return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
 
 
 def _seen(e: Evidence) -> Check:
-    names = _hardly(e)
+    names = hardly(e.coefficients)
     words = "The session tells something of every coefficient."
     if names:
         words = (
@@ -194,7 +196,18 @@ def findings(e: Evidence) -> list[Finding]:
     e : Evidence
         Session, filter and coefficients.
     """
-    names = _hardly(e)
+    return unseen_of(e.coefficients)
+
+
+def unseen_of(coefficients: CoefficientVector) -> list[Finding]:
+    """Say which coefficients are hardly better known than before, and what would show them.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance and prior [SI].
+    """
+    names = hardly(coefficients)
     if not names:
         return []
     groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in names)]

@@ -6,13 +6,14 @@ Names are unique over the models: one name has one kind, and one meaning.
 from __future__ import annotations
 
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.models import cluster, imu
+from foucault.models import cluster, imu, size_effect
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
 
 EVERY = Layout(
     (
         *imu.LAYOUT.coefficients,
+        *size_effect.LAYOUT.coefficients,
         *(c for c in cluster.LAYOUT.coefficients if c.name not in imu.LAYOUT),
     )
 )
@@ -30,7 +31,17 @@ def is_cluster(vector: CoefficientVector) -> bool:
 
 
 def model_of(vector: CoefficientVector) -> ImuModel | ClusterModel:
-    """Return the model with the coefficients of `vector`; those of an attitude are left out."""
+    """Return the model with the coefficients of `vector`.
+
+    Those of an attitude are left out, and so are lever arms and delay of accelerometers: see
+    `models.size_effect`.
+    """
     if is_cluster(vector):
         return ClusterModel.from_coefficients(vector)
-    return ImuModel.from_coefficients(vector)
+    return ImuModel.from_coefficients(of_one_sample(vector))
+
+
+def of_one_sample(vector: CoefficientVector) -> CoefficientVector:
+    """Return the coefficients of an IMU that one sample shows: not lever arms, nor a delay."""
+    names = [name for name in vector.names if name not in size_effect.LAYOUT]
+    return vector if len(names) == len(vector) else vector.chosen(names)

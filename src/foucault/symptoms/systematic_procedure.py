@@ -47,10 +47,54 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "combinations of them better than 3 arcsec/g. It cannot see: {blind}.",
      "Add {wanted}; or choose a model with fewer parameters (coupled6 is seen whole by the 19 "
      'positions and the six spins); or give what is known of them in [prior] "deflection".'),
+    ("systematic.deflection_planned", "warning",
+     "A planned session that does not see the whole model of deflection",
+     "The model of deflection '{model}' has {count} parameters, and the planned session tells "
+     "{rank} combinations of them better than 3 arcsec/g. A calibration will {then} what it cannot "
+     "see: {blind}.",
+     "Add {wanted}; or choose a model with fewer parameters; or give what is known of them in "
+     '[prior] "deflection".'),
+    ("systematic.accuracy", "error",
+     "A wanted accuracy that is none",
+     "The accuracy wanted of {name} is '{given}'; it has to be above zero, of a coefficient or of "
+     "a group whose members have one unit.",
+     'Give it with its unit, such as accuracy."gyro.bias" = "0.001 deg/h".'),
+    ("systematic.accuracy_unknown", "error",
+     "A wanted accuracy of something that is not estimated",
+     "An accuracy is wanted of {name}, which the procedure as set does not estimate.",
+     "Choose `deflection`, `lever_arms` and the like in [procedure] so that it is estimated, or "
+     "one of {allowed}."),
+    ("systematic.search_published", "error",
+     "A search for a sequence of the published two steps",
+     "A sequence that is found is one list of actions, and steps = \"published\" needs two named "
+     "sequences.",
+     'Take steps = "joint", which is the better filter too.'),
     ("systematic.deflection_prior", "warning",
      "Parameters of the deflection that are known only beforehand",
      "Of {count} parameters of the model of deflection '{model}' this session tells {rank} "
      "combinations. Of these only the prior says anything: {blind}.",
      "Add {wanted}; or choose a model with fewer parameters."),
+    ("systematic.choice_unseen", "error",
+     "A choice between models of deflection of which the session sees none whole",
+     "deflection = \"choose\" needs a session that sees at least one model whole. Of each this one "
+     "tells only so many combinations better than 3 arcsec/g: {ranks}.",
+     'Add {wanted}; or take deflection = "none"; or give what is known of the deflection in '
+     '[prior] "deflection".'),
+    ("systematic.choice_close", "warning",
+     "Models of deflection that the session does not tell apart",
+     "More than one model of deflection explains the session. If none was likelier beforehand: "
+     "{shares}.",
+     "Add spins in six other poses: \"spins, simple 6\" and \"spins, icosahedral 6\" after the 19 "
+     "positions tell them apart; or choose by how the gyros are made."),
+    ("systematic.choice_rival", "warning",
+     "Another model of deflection that fits better",
+     "The readings are {times} likelier with the deflection model {rival} than with {used}: the "
+     "deflection, and what goes with it, is wrong.",
+     "{cure}."),
+    ("systematic.choice_study", "error",
+     "Many sessions compared while the model of deflection is chosen in each",
+     "deflection = \"choose\" may find other coefficients in each session, and here the same ones "
+     "of all are compared.",
+     'Name a model, such as deflection = "coupled6".'),
 )
 # fmt: on
