@@ -267,7 +267,7 @@ def test_states_say_what_the_tensor_says(name: str) -> None:
 def test_a_model_beside_what_it_is_made_of_is_refused() -> None:
     model = deflection_model("coupled6")
     for sensors in (Sensors.of(("gyro",)), Sensors.of(("gyro.bias",)).with_deflection(model)):
-        with pytest.raises(FoucaultError, match="The states hold .*deflection.xy") as caught:
+        with pytest.raises(FoucaultError, match=r"The states hold .*deflection.xy") as caught:
             sensors.with_deflection(model)
         assert caught.value.code == "deflection.twice"
         assert 'A group such as "gyro" holds them all' in caught.value.cure

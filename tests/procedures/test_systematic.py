@@ -88,7 +88,7 @@ def test_a_campaign_from_simulation_to_report(tmp_path):
     result = campaign.calibrate(file, lambda done, what: heard.append((done, what)))
     assert result.verdict.level is Level.PASS, result.verdict.reasons
     assert result.status is Status.CONVERGED
-    assert not result.findings
+    assert codes(result) == ["systematic.stands_for"]
     assert heard[-1] == (1.0, "done")
     names = systematic.names_of(campaign.load(file).settings)
     assert len(names) == 30
@@ -368,6 +368,12 @@ def test_a_log_as_it_is_found_is_recognised(nineteen):
     assert said.message == "The turns of the log are those of the sequence '19 positions'."
     assert result.diagnostics["sequence"]["name"] == "as found"
     assert result.diagnostics["sequence"]["labels"][:2] == ["rest 1", "rest 2"]
+
+
+def test_an_interval_longer_than_the_rests_is_refused(nineteen):
+    with pytest.raises(FoucaultError, match=r"With interval = 70 s rest \d+, of \d+ s") as caught:
+        trial(nineteen, Settings(interval=70.0))
+    assert caught.value.code == "systematic.interval"
 
 
 def test_a_first_rest_that_is_too_short(nineteen):

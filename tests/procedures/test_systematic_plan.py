@@ -100,7 +100,7 @@ def test_a_model_that_is_not_seen_is_named_before():
     said = next(f for f in told.findings if f.code == "systematic.deflection_planned")
     assert "12 parameters" in said.message and "will refuse" in said.message
     assert not told.complete
-    assert not codes(foresee(planned(BENDING)))
+    assert codes(foresee(planned(BENDING))) == ["systematic.stands_for"]
     some = foresee(planned(NINE + '\ndeflection = "coupled6"'))
     assert "systematic.unseen" in codes(some) and some.rank < some.states == 30
 
@@ -109,7 +109,7 @@ def test_noise_that_is_not_said_is_typical():
     text = TEXT.format(procedure=NINE, wanted="")
     before, _, after = text.partition("[noise.accel]")
     asked = campaign.parse(before + after[after.index("[simulate]") :])
-    assert codes(foresee(asked)) == ["preflight.typical"]
+    assert codes(foresee(asked)) == ["preflight.typical", "systematic.stands_for"]
 
 
 # -- the bound -------------------------------------------------------------------------------------

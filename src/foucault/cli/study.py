@@ -60,7 +60,7 @@ def montecarlo(
             (
                 row["name"],
                 f"{row['ratio']:.3f}",
-                f"{row['rms_over_bound']:.3f}",
+                f"{row['rms_over_bound']:.3f}".replace("nan", ""),  # without a bound
                 f"{row['mean_z']:+.2f}",
                 f"{100 * row['coverage_68']:.0f} %",
                 f"{100 * row['coverage_95']:.0f} %",

@@ -46,7 +46,7 @@ def verdict(choice: Choice) -> str:
     if choice.significant(used):
         words = (
             f"The gyros bend: {used.label}, {len(used.model)} coefficients; the probability of so "
-            f"much by chance is {_chance(choice)}"
+            f"much by chance is {likely(choice.chance)}"
         )
     else:
         words = f"The deflection does not differ from zero at 1 %{_bounds(choice)}"
@@ -74,8 +74,15 @@ def _bounds(choice: Choice) -> str:
     return f": {', '.join(words)} ({100 * CONFIDENCE:g} %)"
 
 
-def _chance(choice: Choice) -> str:
-    return f"{choice.chance:.1g}" if choice.chance > 1e-99 else "less than 1e-99"
+def likely(chance: float) -> str:
+    """Write a probability that may be very small.
+
+    Parameters
+    ----------
+    chance : float, shape ()
+        The probability [1].
+    """
+    return f"{chance:.1g}" if chance > 1e-99 else "less than 1e-99"
 
 
 def _times(log_odds: float) -> str:

@@ -114,7 +114,9 @@ def legs_of(
         updates = Updates.none(epochs)
         if at_rest.decorrelate:
             anew = np.searchsorted(epochs, start)
-            updates.restart[anew], updates.sd[anew, :3] = True, at_rest.velocity_sd
+            updates.restart[anew] = True
+            updates.position[anew] = site.latitude, 0.0, site.height
+            updates.sd[anew] = np.repeat([at_rest.velocity_sd, at_rest.position_sd], 3)
         free = run(
             increments, state, found.sensors, updates, P, noise, first=a,
             estimate=found.coefficients[-1], gravity_offset=offset,

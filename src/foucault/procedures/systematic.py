@@ -36,11 +36,12 @@ from foucault.procedures.hand_rotated import Progress, silent
 from foucault.procedures.systematic_bound import bound
 from foucault.procedures.systematic_choice import decided
 from foucault.procedures.systematic_foresight import foresee as foresee
+from foucault.procedures.systematic_left_out import left_out
 from foucault.procedures.systematic_log import log_table as log_table
 from foucault.procedures.systematic_navigation import navigation_tests
 from foucault.procedures.systematic_plan import Wanted as Wanted
 from foucault.procedures.systematic_plan import space as space
-from foucault.procedures.systematic_problem import SystematicProblem
+from foucault.procedures.systematic_problem import SystematicProblem, prior_of
 from foucault.procedures.systematic_settings import LAYOUT as LAYOUT
 from foucault.procedures.systematic_settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.systematic_settings import SIMULATE as SIMULATE
@@ -170,17 +171,20 @@ def _calibrate(
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
     legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
-    e = evidence.Evidence(p.increments, p.rests, run, solution.states, p.prior.values, legs,
-                          solution.status)  # fmt: skip
+    e = evidence.Evidence(p.increments, p.rests, run, solution.states, p.prior.values,
+                          prior_of(p.sensors, {}).prior_sd, legs, solution.status)  # fmt: skip
     checks = evidence.checks(e)
     if choice is not None:
         checks = (*checks, deflection_verdict.check(choice))
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
+    findings = [*log.findings, *problem.findings, *decision.findings, *evidence.findings(e)]
     diagnostics = _diagnostics(problem, solution, settings)
     if choice is not None:
         diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
+        progress(0.7, "looking for what was left out")
+        findings += left_out(decision, given)
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
         tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}
@@ -193,7 +197,7 @@ def _calibrate(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*log.findings, *problem.findings, *decision.findings, *evidence.findings(e)),
+        findings=tuple(findings),
         status=solution.status,
         site=site.as_dict(),
         validity=_validity(log, site),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -136,9 +136,9 @@ def choice_of(
         ``systematic.choice_unseen`` where the session sees no model whole.
     """
     first = settings.model_copy(update={"deflection": FIRST, "steps": "joint"})
-    begun = _with(p, first, given)
+    begun = with_settings(p, first, given)
     base = solved(begun, first)
-    choice = _compared(begun, first, base, given)
+    choice = compared(begun, first, base, given)
     return replace(choice, used=chosen(choice)), begun, first, base
 
 
@@ -154,7 +154,7 @@ def _choose(
     final = settings.model_copy(update=what)
     if final == first:
         return begun, final, base, choice
-    problem = _with(p, final, given)
+    problem = with_settings(p, final, given)
     return problem, final, solved(problem, final), choice
 
 
@@ -163,7 +163,7 @@ def _tested(p: SystematicProblem, settings: Settings, found: Solution, given: Gi
     if settings.steps == "published":  # the second step does not tell what the first has used
         settings = settings.model_copy(update={"steps": "joint"})
         found = solved(p, settings)
-    choice = _compared(p, settings, found, given)
+    choice = compared(p, settings, found, given)
     mine = next(
         c for c in choice.candidates
         if c.model.name == settings.deflection and c.model.chirality == settings.chirality
@@ -171,8 +171,20 @@ def _tested(p: SystematicProblem, settings: Settings, found: Solution, given: Gi
     return replace(choice, used=mine)
 
 
-def _compared(p: SystematicProblem, settings: Settings, found: Solution, given: Given) -> Choice:
-    """Compare all models, from a result with one of them."""
+def compared(p: SystematicProblem, settings: Settings, found: Solution, given: Given) -> Choice:
+    """Compare all models, from a result with one of them or with none.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        What was solved.
+    settings : Settings
+        What was chosen; all in one step.
+    found : Solution
+        What was found.
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
     return judged(
         told(p, settings, found, given), {"deflection": PRIOR["deflection"], **given},
         chirality=settings.chirality, known=len(_without_deflection(given)) < len(given),
@@ -199,25 +211,59 @@ def told(p: SystematicProblem, settings: Settings, found: Solution, given: Given
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     general = settings.model_copy(update={"deflection": GENERAL18.name})
-    problem = _with(p, general, _without_deflection(given))
-    layout = problem.sensors.layout
-    values, sd = problem.prior.values.copy(), problem.prior.prior_sd.copy()
+    problem = with_settings(p, general, _without_deflection(given))
     same = [name for name in found.states.names if name not in AS_PARAMETERS]
+    bent = CoefficientVector(GENERAL18.layout, np.zeros(len(GENERAL18)))
+    if settings.model is not None:
+        mine = [found.states.layout.index(name) for name in settings.model.layout.names]
+        bent = replace(bent, values=in_general(settings.model) @ found.states.values[mine])
+    states = widened(problem, found, same, bent)
+    return Told.of(states, np.zeros(len(GENERAL18)))
+
+
+def widened(
+    p: SystematicProblem,
+    found: Solution,
+    same: Sequence[str],
+    other: CoefficientVector | None = None,
+) -> CoefficientVector:
+    """Return the states of a problem with more of them, from a result with fewer.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        With more states.
+    found : Solution
+        The result with fewer.
+    same : sequence of str
+        What both have.
+    other : CoefficientVector or None
+        Where others begin; None begins at the mean of the prior [SI].
+    """
+    layout = p.sensors.layout
+    values, sd = p.prior.values.copy(), p.prior.prior_sd.copy()
     there, here = ([x.index(name) for name in same] for x in (layout, found.states.layout))
     values[there], sd[there] = found.states.values[here], found.states.sd[here]
-    if settings.model is not None:
-        bent = [layout.index(name) for name in GENERAL18.layout.names]
-        mine = [found.states.layout.index(name) for name in settings.model.layout.names]
-        values[bent] = in_general(settings.model) @ found.states.values[mine]
+    if other is not None:
+        values[[layout.index(name) for name in other.names]] = other.values
     run = found.run  # its first epoch is where it begins
     at_first = attitude_at_start(run, run.trajectory.C_nb[0])
     start = at_first, np.sqrt(np.diag(run.attitude_cov))
     near = CoefficientVector(layout, values, np.diag(sd**2))
-    states = again(problem, near, start, PASSES).states
-    return Told.of(states, np.zeros(len(GENERAL18)))
+    return again(p, near, start, PASSES).states
 
 
-def _with(p: SystematicProblem, settings: Settings, given: Given) -> SystematicProblem:
-    """Return the problem with the coefficients of other settings."""
+def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> SystematicProblem:
+    """Return the problem with the coefficients of other settings.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        The problem.
+    settings : Settings
+        The settings.
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
     sensors = settings.sensors
     return replace(p, sensors=sensors, prior=prior_of(sensors, known_of(sensors.layout, given)))

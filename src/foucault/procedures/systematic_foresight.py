@@ -23,6 +23,7 @@ from foucault.plans.systematic import CalibrationSequence
 from foucault.plans.systematic_search import table_needs
 from foucault.plans.systematic_steps import turns_of
 from foucault.procedures.systematic_bound import Foreseen, Prior, without_prior
+from foucault.procedures.systematic_left_out import foreseen_of
 from foucault.procedures.systematic_plan import (
     HERE,
     Stated,
@@ -104,7 +105,8 @@ def _blind(states: CoefficientVector) -> list[str]:
 def _told(found: Foreseen, settings: Settings, prior: Prior) -> list[Finding]:
     """Say what will not be seen, and whether a calibration will refuse that."""
     states = found.states
-    out = evidence.unseen_of(states)
+    out = evidence.unseen_of(states, prior_of(settings.sensors, {}).prior_sd)
+    out += foreseen_of(found.problem, settings, found.solution, prior)
     if settings.model is None:
         return out
     rank, blind = evidence.told_of(states, settings.model.layout.names)

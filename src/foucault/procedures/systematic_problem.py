@@ -142,6 +142,7 @@ def problem_of(
     matched = None if plan is None else match_sequence(found, plan)
     told = (*doubts, *found.findings, *(() if matched is None else matched.findings))
     rests = tuple((int(found.rests.first[k]), int(found.rests.last[k]) - 1) for k in numbers)
+    _require_updates(rests, settings, log)
     sensors, increments = settings.sensors, increments_of(log)
     used = noise or _measured(log, found)
     prior = prior_of(sensors, given)
@@ -162,6 +163,14 @@ def problem_of(
         increments, site, sensors, rests, numbers, found, matched, start, phi_sd, prior, used,
         noise is None, at_rest, told,
     )  # fmt: skip
+
+
+def _require_updates(rests: tuple[tuple[int, int], ...], settings: Settings, log: Log) -> None:
+    """Refuse rests in which less than two measurements are made."""
+    lasts = np.array([(b - a) * log.interval for a, b in rests])
+    if lasts.min() < 2 * settings.interval:
+        raise error("systematic.interval", interval=f"{settings.interval:g}",
+                    rest=f"{lasts.min():.0f}", number=int(np.argmin(lasts)) + 1)  # fmt: skip
 
 
 def prior_of(sensors: Sensors, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.estimate.ins_filter import Updates, run
-from foucault.estimate.systematic import BETWEEN, AtRest
+from foucault.estimate.systematic import BETWEEN, STAYS, AtRest
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.ins_errors import Sensors, dynamics
 from foucault.models.noise import ImuNoise
@@ -68,8 +68,11 @@ class Still:
     noise: FloatArray
 
 
-Stills = dict[bool, list[Still]]
-"""Whether a rest starts anew with velocity and position -> rests by number of updates."""
+Stills = dict[int, list[Still]]
+"""First error of navigation that a rest starts anew with -> rests by number of updates.
+
+3: velocity and position, which turns tell nothing of; 6: position, once it was measured; 9: none.
+"""
 
 
 @dataclass
@@ -88,7 +91,7 @@ class Quick:
         What is known at rest.
     start : ndarray, shape (9 + p, 9 + p)
         Covariance at the start [SI].
-    rests : dict of bool to list of Still
+    rests : dict of int to list of Still
         Rests that are kept: the same for all that is estimated.
     _turns : dict of bytes to list of (ndarray, ndarray)
         Turns that are kept.
@@ -134,7 +137,7 @@ class Quick:
     # -- rests
 
     def _rested(self, P: FloatArray, rest: Rest, C_nb: FloatArray, *, first: bool) -> FloatArray:
-        still = self._still(rest.time, fresh=self.at_rest.decorrelate and not first)
+        still = self._still(rest.time, 9 if first else 3 if self.at_rest.decorrelate else 6)
         B = np.zeros((15, len(P)))
         B[:9, :9] = np.eye(9)
         key = C_nb.round(12).tobytes()
@@ -167,14 +170,14 @@ class Quick:
         renumbered = np.searchsorted(numbers, s.coefficient[felt])
         return numbers, Sensors(layout, renumbered, s.axis[felt], s.entry[felt], s.weight[felt])
 
-    def _still(self, time: float, *, fresh: bool) -> Still:
-        kept, each = self.rests.setdefault(fresh, []), self.at_rest.interval
+    def _still(self, time: float, anew: int) -> Still:
+        kept, each = self.rests.setdefault(anew, []), self.at_rest.interval
         number = max(1, round(time / each))
         if len(kept) < number:
-            self.rests[fresh] = kept = self._stills(2 * number, fresh)
+            self.rests[anew] = kept = self._stills(2 * number, anew)
         return kept[number - 1]
 
-    def _stills(self, most: int, fresh: bool) -> list[Still]:
+    def _stills(self, most: int, anew: int) -> list[Still]:
         """Return what rests of 1 to `most` updates do."""
         from scipy.linalg import expm
 
@@ -194,15 +197,16 @@ class Quick:
             P = step[:9, :9] @ (P + np.diag(half)) @ step[:9, :9].T + np.diag(half)
             moved = step[:9, :9] @ moved
             moved[:, 9:] += step[:9, 9:]
-            if fresh and k == 0:
-                P[3:], P[:, 3:], moved[3:] = 0.0, 0.0, 0.0
-                P[3:, 3:] = np.diag(sd**2)
-            else:
+            if k > 0 or anew > 3:
                 S = P[3:, 3:] + np.diag(sd**2)
                 gain = np.linalg.solve(S, P[3:]).T
                 told = np.linalg.solve(np.linalg.cholesky(S), moved[3:])
                 root = np.asarray(np.linalg.qr(np.vstack([root, told]), mode="r"))
                 moved, P = moved - gain @ moved[3:], P - gain @ P[3:]
+            if k == 0:
+                P[anew:], P[:, anew:], moved[anew:] = 0.0, 0.0, 0.0
+                known = sd if anew == 3 else np.full(9 - anew, STAYS)
+                P[anew:, anew:] = np.diag(known**2)
             out.append(Still(root, moved, (P + P.T) / 2))
         return out
 

@@ -207,6 +207,8 @@ class Settings(BaseModel):
     def _possible(self) -> Settings:
         if self.steps == "published" and self.deflection == "none":
             raise error("systematic.published")
+        if self.lever_arms and self.decorrelate:
+            raise error("systematic.levers_forgotten")
         return self
 
     @property

@@ -9,17 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.report import figures_systematic as figures
+from foucault.report.figures_systematic import ARCSEC, COMPENSATED
 from foucault.report.page import Block, Column, Section, Table, Text
 from foucault.result import Result
 
 FloatArray = npt.NDArray[np.float64]
-
-ARCSEC = float(np.radians(1.0 / 3600.0))
-COMPENSATED = {
-    "none": "as it is", "all but deflection": "all but deflection compensated",
-    "all": "compensated",
-}  # fmt: skip
-"""What is compensated, in words."""
 
 WAYS = ("east", "north", "up")
 
@@ -77,10 +71,10 @@ def _passes(result: Result) -> str:
     both = [(k, c.layout.index(n)) for k, n in enumerate(names) if n in c.layout]
     sd = c.sd[[i for _, i in both]]
     steps = np.abs(np.diff(values[:, [k for k, _ in both]], axis=0)) / sd
-    words = ", ".join(f"{step.max():.2g}" for step in steps)
+    words = ", then ".join(f"{step.max():.2g}" for step in steps)
     return (
-        f"Passes through the session: {len(values)}. From one to the next no coefficient moved by "
-        f"more than {words} of its standard deviation."
+        f"Passes through the session: {len(values)}. From one to the next coefficients moved by "
+        f"at most {words} standard deviations."
     )
 
 
@@ -89,13 +83,22 @@ def navigation(result: Result) -> Section | None:
     table, ends = result.tables.get("navigation"), result.diagnostics.get("navigation")
     if table is None or not ends:
         return None
-    blocks: list[Block] = [figures.navigation(table, about) for about in ("east", "north")]
+    blocks: list[Block] = [
+        figures.navigation(table, about, what)
+        for what in ("shift", "velocity")
+        for about in ("east", "north")
+    ]
     blocks.append(_ends(ends))
+    key = "; ".join(
+        f"{line}: {COMPENSATED[way]}"
+        for way, line in (("none", "dotted"), ("all but deflection", "dashed"), ("all", "solid"))
+        if any(end["compensated"] == way for end in ends)
+    )
     lead = (
         "Simulated: x up, y east, z north; an alignment, ten turns at 18 °/s about east or north, "
         "then 500 s of rest. The instrument has the errors found here; what is compensated differs "
         "from them as the uncertainty allows, one draw. Without noise, which is the same either "
-        "way."
+        f"way. {key.capitalize()}."
     )
     return Section("What it is worth in navigation", lead, blocks)
 
@@ -104,19 +107,30 @@ def _ends(ends: Sequence[Mapping[str, Any]]) -> Table:
     columns = [
         Column("spin about"),
         Column("instrument"),
-        *[Column(f"tilt {way} [″]", "number") for way in ("east", "north")],
-        *[Column(f"velocity {way} [m/s]", "number") for way in ("east", "north")],
+        *[Column(f"tilt by the spin about {way} [″]", "number") for way in ("east", "north")],
+        Column("less by", "number", aside=True),
+        *[Column(f"velocity at the end, {way} [m/s]", "number") for way in ("east", "north")],
+        Column("less by", "number", aside=True),
     ]
+    asis = {end["about"]: end for end in ends if end["compensated"] == "none"}
     rows = [
         [
             str(end["about"]), COMPENSATED[end["compensated"]],
             *[_signed(f"{v / ARCSEC:.2f}") for v in end["shift"][:2]],
+            _less(end, asis[end["about"]], "shift"),
             *[_signed(f"{v:.4f}") for v in end["velocity"][:2]],
+            _less(end, asis[end["about"]], "velocity"),
         ]
         for end in ends
     ]  # fmt: skip
     return Table(columns, rows)
 
 
+def _less(end: Mapping[str, Any], asis: Mapping[str, Any], what: str) -> str:
+    """Say by how much a level error is less than that of the instrument as it is."""
+    left, before = (float(np.hypot(*run[what][:2])) for run in (end, asis))
+    return "" if end is asis or not before else _signed(f"{100 * (1 - left / before):.1f} %")
+
+
 def _signed(text: str) -> str:
-    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
+    return text.lstrip("-") if float(text.rstrip(" %")) == 0 else text.replace("-", "−")
