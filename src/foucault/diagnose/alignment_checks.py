@@ -24,7 +24,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.axes import exchange_words, exchanges, explain_turns, mistake
-from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.diagnose.force_at_rest import wrong_force
+from foucault.errors import Finding, error, finding
 from foucault.models import rotation
 from foucault.models.earth import EARTH_RATE, Site, earth_rate_n
 from foucault.navigate.align import Alignment, bridge_peak, measured_errors, window
@@ -33,7 +34,7 @@ from foucault.navigate.inertial_frame import InertialFit, inertial_frame
 from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
 from foucault.tables import Log
-from foucault.units import STANDARD_GRAVITY, convert, plain
+from foucault.units import convert, plain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -42,9 +43,6 @@ SURE = 5.0
 
 FALSE_ALARM = 1e-6
 """And so are other findings [1]."""
-
-GRAVITY_BAND = 1.25
-"""The mean specific force is gravity within this factor, whatever the calibration [1]."""
 
 OFF_GRAVITY = 0.002
 """Accelerometers fit to navigate by see gravity within this part, calibrated or not [1]."""
@@ -168,47 +166,12 @@ def contradictions(
 
 def _check_force(means: _Means, interval: float) -> tuple[Finding, ...]:
     seen, given = float(np.linalg.norm(means.f)), means.site.gravity
-    ratio = seen / given
-    if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
-        if abs(seen - given) < max(OFF_GRAVITY * given, SURE * means.f_sd):
-            return ()
-        return (finding("alignment.gravity", seen=f"{seen:.5g}", given=f"{given:.5g}",
-                        off=f"{100 * (ratio - 1):+.2g}"),)  # fmt: skip
-    problem = wrong_force(seen, given, interval)
-    assert problem is not None
-    raise problem
-
-
-def wrong_force(seen: float, gravity: float, interval: float) -> FoucaultError | None:
-    """Return what explains a specific force at rest that is not gravity by far.
-
-    Parameters
-    ----------
-    seen : float, shape ()
-        Its magnitude [m/s^2].
-    gravity : float, shape ()
-        Local gravity [m/s^2].
-    interval : float, shape ()
-        Usual interval between samples [s].
-
-    Returns
-    -------
-    FoucaultError or None
-        None where it is gravity but for errors of accelerometers.
-    """
-    ratio = seen / gravity
-    if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
-        return None
-    causes = {
-        interval: "increments were declared as rates",
-        1 / interval: "rates were declared as increments",
-        1 / STANDARD_GRAVITY: "the unit is g and was declared as m/s^2",
-        STANDARD_GRAVITY: "the unit is m/s^2 and was declared as g",
-    }
-    near = min(causes, key=lambda r: abs(np.log(max(ratio, 1e-300) / r)))
-    known = 1 / GRAVITY_BAND < ratio / near < GRAVITY_BAND
-    return error("alignment.force", given=f"{seen:.4g}", ratio=f"{ratio:.4g}",
-                 cause=causes[near] if known else "no usual mistake makes this")  # fmt: skip
+    if (problem := wrong_force(seen, given, interval)) is not None:
+        raise problem
+    if abs(seen - given) < max(OFF_GRAVITY * given, SURE * means.f_sd):
+        return ()
+    return (finding("alignment.gravity", seen=f"{seen:.5g}", given=f"{given:.5g}",
+                    off=f"{100 * (seen / given - 1):+.2g}"),)  # fmt: skip
 
 
 def _check_rate(means: _Means, interval: float) -> None:

@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.alignment_checks import SURE, wrong_force
+from foucault.diagnose.alignment_checks import SURE
 from foucault.diagnose.axes import SUSPICIOUS, explain_turns, mistake
+from foucault.diagnose.force_at_rest import wrong_force
 from foucault.diagnose.systematic import FoundSequence
 from foucault.errors import Finding, error, finding
 from foucault.models.earth import EARTH_RATE, Site

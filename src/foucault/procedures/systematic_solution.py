@@ -42,7 +42,8 @@ class Solution:
     status : Status
         How the passes ended.
     log_likelihood : float
-        Of the innovations of the last pass, but for a constant: to compare models [1].
+        Of the innovations of the last pass, but for a constant, with the prior that it began
+        with: it ranks models that fit very differently, and `deflection_choice` compares them [1].
     """
 
     run: FilterRun

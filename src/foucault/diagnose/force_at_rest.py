@@ -1,0 +1,43 @@
+"""What explains a specific force at rest that is not gravity: units, or increments and rates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from foucault.errors import FoucaultError, error
+from foucault.units import STANDARD_GRAVITY
+
+GRAVITY_BAND = 1.25
+"""The mean specific force is gravity within this factor, whatever the calibration [1]."""
+
+
+def wrong_force(seen: float, gravity: float, interval: float) -> FoucaultError | None:
+    """Return what explains a specific force at rest that is not gravity by far.
+
+    Parameters
+    ----------
+    seen : float, shape ()
+        Its magnitude [m/s^2].
+    gravity : float, shape ()
+        Local gravity [m/s^2].
+    interval : float, shape ()
+        Usual interval between samples [s].
+
+    Returns
+    -------
+    FoucaultError or None
+        None where it is gravity but for errors of accelerometers.
+    """
+    ratio = seen / gravity
+    if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
+        return None
+    causes = {
+        interval: "increments were declared as rates",
+        1 / interval: "rates were declared as increments",
+        1 / STANDARD_GRAVITY: "the unit is g and was declared as m/s^2",
+        STANDARD_GRAVITY: "the unit is m/s^2 and was declared as g",
+    }
+    near = min(causes, key=lambda r: abs(np.log(max(ratio, 1e-300) / r)))
+    known = 1 / GRAVITY_BAND < ratio / near < GRAVITY_BAND
+    return error("alignment.force", given=f"{seen:.4g}", ratio=f"{ratio:.4g}",
+                 cause=causes[near] if known else "no usual mistake makes this")  # fmt: skip
