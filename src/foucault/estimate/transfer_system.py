@@ -114,8 +114,8 @@ class Free:
         Of the slave, as navigated [m/s].
     C_ns : ndarray, shape (m, 3, 3)
         Attitude of the slave, as navigated [1].
-    place : ndarray, shape (m, 9, 9)
-        From (psi, dv, dr) to (phi, velocity, position) in n [SI].
+    history : ndarray, shape (m, 12)
+        States of `kernels.strapdown` at the rows [SI].
     """
 
     system: LinearSystem
@@ -125,7 +125,7 @@ class Free:
     used: npt.NDArray[np.bool_]
     velocity_n: FloatArray
     C_ns: FloatArray
-    place: FloatArray
+    history: FloatArray
 
 
 def free_run(
@@ -172,7 +172,7 @@ def free_run(
     Phi, half = _carried(layout, found.transitions, steps, slave, mount)
     x0, P0 = _start(layout, at, prior, sd)
     system = LinearSystem(Phi, half, H, z, R, x0, P0)
-    return Free(system, layout, when, rows, used, seen.velocity_n, seen.C_ns, place)
+    return Free(system, layout, when, rows, used, seen.velocity_n, seen.C_ns, history)
 
 
 def _rows(
