@@ -34,7 +34,7 @@ from foucault.coefficients import Layout
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.estimate.linear_filter import LinearSystem
 from foucault.models.attitude import angles_of
-from foucault.models.earth import EARTH_RATE
+from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp, log
@@ -164,7 +164,7 @@ def free_run(
     history = found.trajectory.history
     place = seen_at_place(history)
     seen = _between(slave, states_of(history), rows, when, at.coefficients, matching)
-    H, z = _measured(layout, seen, some, mount, matching, at, place)
+    H, z = _measured(layout, seen, some, mount, matching, at, _by_the_master(history, place))
     R = np.full(z.shape, np.inf)
     R[:, : 3 if matching.vertical else 2] = matching.velocity_sd**2
     R[:, 3:] = matching.attitude_sd**2
@@ -188,6 +188,23 @@ def _rows(
     used = (rows > slave.first) & (valid < time[-1] + usual)
     used[used] = np.diff(rows[used], prepend=slave.first) > 0
     return rows[used].astype(np.int64), used
+
+
+def _by_the_master(history: FloatArray, place: FloatArray) -> FloatArray:
+    """Return `place`, (phi, velocity, position), for axes of the true place.
+
+    East and north of the computed place are turned about up by dr_E tan L / R: in a free run that
+    is hundreds of metres off the master's would be seen as a heading error.
+    """
+    states = states_of(history)
+    turn = np.tan(states["latitude"]) / (SEMI_MAJOR_AXIS + states["height"])
+    turned = turn[:, None] * place[:, 6]  # of the computed axes against the true ones, about up
+    out = place.copy()
+    v = states["velocity_n"]
+    out[:, 2] += turned
+    out[:, 3] += v[:, 1:2] * turned
+    out[:, 4] -= v[:, 0:1] * turned
+    return out
 
 
 @dataclass(frozen=True)
