@@ -80,7 +80,7 @@ class LinearRun:
         Smallest ``1 - l P l' / gamma^2`` of each epoch; NaN for a Kalman filter [1].
     stopped : int or None
         Epoch at which an H-infinity filter of this gamma ceased to exist; nothing is known from
-        there on.
+        there on [1].
     """
 
     states: FloatArray

@@ -145,7 +145,7 @@ class HandOver:
     cov : ndarray, shape (9, 9)
         Covariance of (phi, velocity, position), frame n [SI].
     row : int
-        Row of the increments at whose end all this holds.
+        Row of the increments at whose end all this holds [1].
     """
 
     state: State

@@ -60,7 +60,7 @@ class Slave:
     noise : ImuNoise
         Its noise [SI].
     first : int
-        Row at whose end the run starts.
+        Row at whose end the run starts [1].
     gravity_offset : float
         Measured local minus normal gravity [m/s^2].
     """
@@ -107,7 +107,7 @@ class Free:
     time : ndarray, shape (m,)
         When the messages hold [s].
     rows : ndarray of int, shape (m,)
-        Rows of the increments next to that.
+        Rows of the increments next to that [1].
     used : ndarray of bool, shape (k,)
         Which messages are used: those that hold after the start, one for each row.
     velocity_n : ndarray, shape (m, 3)
@@ -216,7 +216,7 @@ class _Seen:
     rate_n: FloatArray
     acceleration_n: FloatArray
     w_ib_b: FloatArray
-    load: FloatArray
+    f_b: FloatArray
 
 
 def _between(
@@ -243,7 +243,7 @@ def _between(
     pull = force - 2.0 * np.cross(earth, v)
     pull[:, 2] -= 9.80665  # a few milligal are nothing over part of an interval
     return _Seen(
-        v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, rate, pull, w, f[:, 2] / 9.80665
+        v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, rate, pull, w, f
     )
 
 
@@ -267,8 +267,9 @@ def _measured(
     if matching.delay:
         tau = layout.index("master.delay")
         H[:, :3, tau], H[:, 3:, tau] = seen.acceleration_n, seen.rate_n
-    if mount.load:
-        H[:, 3:, layout.group("load")] = C_nominal * (seen.load - 1.0)[:, None, None]
+    if mount.load:  # by the force along the master's z
+        load = seen.f_b @ C_ms[2] / 9.80665 - 1.0
+        H[:, 3:, layout.group("load")] = C_nominal * load[:, None, None]
     if mount.flexure_sd > 0:
         H[:, 3:, layout.group("flexure")] = C_nominal
     if matching.attitude == "angles":
