@@ -166,6 +166,17 @@ class CoefficientVector:
         keep = self.layout.group(prefix)
         return self._take(keep)
 
+    def subset(self, names: Iterable[str]) -> CoefficientVector:
+        """Return the coefficients of `names`, in the order given."""
+        return self._take(np.array([self.layout.index(name) for name in names], dtype=np.intp))
+
+    def joined(self, other: CoefficientVector) -> CoefficientVector:
+        """Return these and `other` coefficients, without covariance."""
+        return CoefficientVector(
+            Layout((*self.layout.coefficients, *other.layout.coefficients)),
+            np.concatenate([self.values, other.values]),
+        )
+
     def _take(self, keep: npt.NDArray[np.intp]) -> CoefficientVector:
         return CoefficientVector(
             Layout(tuple(self.layout.coefficients[i] for i in keep)),

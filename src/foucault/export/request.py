@@ -12,7 +12,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error, suggestion
 from foucault.models.imu import LAYOUT, ImuModel
-from foucault.models.layouts import is_cluster
+from foucault.models.layouts import is_cluster, of_sensors
 from foucault.models.noise import ImuNoise
 from foucault.result import Level, Result
 
@@ -148,7 +148,7 @@ def request(
     Request
         What the receiver's file is written from.
     """
-    vector = result.coefficients
+    vector = of_sensors(result.coefficients)
     if is_cluster(vector):
         raise error("export.cluster", procedure=result.procedure, receiver=receiver)
     if not np.isfinite(vector.values).all():

@@ -6,14 +6,23 @@ Names are unique over the models: one name has one kind, and one meaning.
 from __future__ import annotations
 
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.models import cluster, imu
+from foucault.models import cluster, imu, transfer
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
+
+BESIDE = Layout(
+    (
+        *transfer.INSTALLATION.coefficients, *transfer.DELAY.coefficients,
+        *transfer.LOAD.coefficients,
+    )
+)  # fmt: skip
+"""What is found of a slave on its master besides the errors of its sensors."""
 
 EVERY = Layout(
     (
         *imu.LAYOUT.coefficients,
         *(c for c in cluster.LAYOUT.coefficients if c.name not in imu.LAYOUT),
+        *BESIDE.coefficients,
     )
 )
 """Every coefficient there is; to look up what a name means, not to estimate."""
@@ -30,7 +39,16 @@ def is_cluster(vector: CoefficientVector) -> bool:
 
 
 def model_of(vector: CoefficientVector) -> ImuModel | ClusterModel:
-    """Return the model with the coefficients of `vector`; those of an attitude are left out."""
+    """Return the model with the coefficients of `vector`; those of an attitude are left out.
+
+    So are those of a mount.
+    """
     if is_cluster(vector):
         return ClusterModel.from_coefficients(vector)
-    return ImuModel.from_coefficients(vector)
+    return ImuModel.from_coefficients(of_sensors(vector))
+
+
+def of_sensors(vector: CoefficientVector) -> CoefficientVector:
+    """Return what of a `vector` is an error of an IMU: how it is mounted is left out."""
+    names = [name for name in vector.names if name in imu.LAYOUT]
+    return vector if len(names) == len(vector) else vector.subset(names)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from foucault.models import cluster
 from foucault.models.imu import INVERSES, ImuModel
+from foucault.models.layouts import of_sensors
 from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
 from foucault.report.page import Block, Code, Equation, Section, Text
 from foucault.result import Result
@@ -76,7 +77,7 @@ def _split(equation: str) -> tuple[list[str], list[str]]:
 
 def numbers(result: Result) -> str:
     """Return the matrices of an IMU result as lines of Python that compensate readings."""
-    model = ImuModel.from_coefficients(result.coefficients)
+    model = ImuModel.from_coefficients(of_sensors(result.coefficients))
     triads = {name.partition(".")[0] for name in result.coefficients.names}
     lines = ["import numpy as np", ""]
     if "accel" in triads:

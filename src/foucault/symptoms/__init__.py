@@ -40,6 +40,7 @@ from foucault.symptoms import (
     study,
     systematic_procedure,
     torquing,
+    transfer,
     turntable,
     watch,
 )
@@ -92,6 +93,7 @@ SYMPTOMS: dict[str, Symptom] = {
             *watch.ROWS,
             *study.ROWS,
             *torquing.ROWS,
+            *transfer.ROWS,
         )
     )
 }
