@@ -42,6 +42,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import EQUATION
 from foucault.models.noise import ImuNoise
 from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.transfer_foresight import foresee as foresee
 from foucault.procedures.transfer_log import SlaveLog
 from foucault.procedures.transfer_log import log_table as log_table
 from foucault.procedures.transfer_log import with_master as with_master

@@ -19,7 +19,7 @@ from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
-from foucault.models.transfer import Messages, states_of_transfer
+from foucault.models.transfer import LIVELY, Messages, states_of_transfer
 from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.state import State
 from foucault.procedures.transfer_log import SlaveLog
@@ -42,6 +42,11 @@ DRIFTS = 5.0
 
 DRIFTED = 1e-3
 """If it makes so much over the log [s]."""
+
+WIDER = 5.0
+"""The start attitude is that of the master with the nominal mounting: its error is that of the
+mounting. The filter takes the two as independent; so many times as uncertain as it is, the start
+tells nothing of the mounting that the first messages do not [1]."""
 
 PLACE_SD = 1.0
 """How well the position at the start is known; it hardly matters [m]."""
@@ -142,7 +147,7 @@ def problem_of(
     """
     table = _placed(log.messages, site)
     hand_over, table, increments = _common(log, table, settings)
-    said, told = table.messages, [] if noise else [_assumed()]
+    said, told = table.messages, [] if noise else [assumed_noise()]
     attitudes = settings.matching != "velocity" or settings.estimates_delay
     matched = _matched(increments, table, said, settings) if attitudes else None
     bracket = (-BEYOND, settings.longest_delay + BEYOND)
@@ -230,7 +235,8 @@ def _one_clock(said: Messages, found: Delay) -> tuple[Messages, list[Finding]]:
     return replace(said, time=time), [told]
 
 
-def _assumed() -> Finding:
+def assumed_noise() -> Finding:
+    """Say which noise was taken where none was stated."""
     return finding(
         "transfer.noise",
         gyro=plain(convert(NOISE.gyro.white, "angle random walk", "deg/sqrt(h)"), 2),
@@ -269,13 +275,13 @@ def _sd(settings: Settings, vector: CoefficientVector) -> FloatArray:
     if mount.load:
         bends.append(0.3 * float(np.max(vector["load"].prior_sd)))  # at the start, by 0.3 g
     sd[0:3] = np.sqrt(settings.attitude_sd**2 + mu_sd**2 + np.sum(np.square(bends)))
+    if settings.matching != "velocity":
+        sd[0:3] *= WIDER
     sd[3:6], sd[6:9] = settings.velocity_sd, PLACE_SD
     sd[9 : 9 + p] = vector.prior_sd[:p]
     for name in settings.beside:
         sd[layout.index(name)] = vector.prior_sd[vector.layout.index(name)]
     if mount.flexure_sd > 0:
-        from foucault.models.transfer import LIVELY
-
         sd[layout.group("flexure")] = mount.flexure_sd
         sd[layout.group("flexure_rate")] = mount.flexure_sd * LIVELY / mount.flexure_time
     return sd

@@ -244,7 +244,32 @@ def simulate(
     seed : int, shape ()
         Seed of installation, compliance and noise [1].
     """
-    mount = (settings or Settings()).mount
+    motion = moved(session.motion, site)
+    return simulate_motion(motion, session, settings or Settings(), model, noise, seed)
+
+
+def simulate_motion(
+    motion: TransferProfile, session: Session, settings: Settings, model: ImuModel,
+    noise: ImuNoise, seed: int,
+) -> TransferSession:  # fmt: skip
+    """Simulate a session of any motion.
+
+    Parameters
+    ----------
+    motion : TransferProfile
+        What the vehicle does.
+    session : Session
+        How its messages come, and how the slave is fixed.
+    settings : Settings
+        Nominal mounting and lever arm.
+    model : ImuModel
+        Errors of the slave.
+    noise : ImuNoise
+        Its noise [SI].
+    seed : int, shape ()
+        Seed of installation, compliance and noise [1].
+    """
+    mount = settings.mount
     rng = np.random.default_rng([seed, 22])
     mu, give = rng.standard_normal((2, 3))
     bend, shake = session.flexure, session.vibration
@@ -265,8 +290,7 @@ def simulate(
     angle = session.master_attitude_sd
     says = MasterNoise(session.master_velocity_sd, (angle, angle, angle))
     made = simulate_transfer(
-        moved(session.motion, site), rate=session.rate, slave=slave, link=link, noise=says,
-        seed=seed,
+        motion, rate=session.rate, slave=slave, link=link, noise=says, seed=seed
     )  # fmt: skip
     return TransferSession(made)
 
