@@ -43,23 +43,28 @@ def turning(
     bracket : (float, float)
         Where the delay was looked for [s].
     """
-    if found is None or found.likeness < ALIKE:
-        free = delay_of(increments, said.time, said.C_nm, bracket=bracket)
-        heading, pitch, roll = angles_of(said.C_nm).T
-        mirrored = matrix_of(-heading, pitch, roll)
-        other = delay_of(increments, said.time, mirrored, C_ms=C_ms, bracket=bracket)
-        now = 0.0 if found is None else found.likeness
-        if other is not None and other.likeness > ALIKE:
-            return [finding("transfer.sense", likeness=f"{100 * other.likeness:.0f} %",
-                            now=f"{100 * now:.0f} %")]  # fmt: skip
-        found = free
+    if found is None or not found.seen or _agrees(found, C_ms):
+        return []
+    heading, pitch, roll = angles_of(said.C_nm).T
+    mirrored = delay_of(increments, said.time, matrix_of(-heading, pitch, roll), C_ms=C_ms,
+                        bracket=bracket)  # fmt: skip
+    if mirrored is not None and _agrees(mirrored, C_ms):
+        return [finding("transfer.sense", likeness=f"{100 * mirrored.likeness:.0f} %",
+                        angle=f"{np.degrees(_off(found, C_ms)):.0f}")]  # fmt: skip
+    found = delay_of(increments, said.time, said.C_nm, bracket=bracket)
     if found is None or found.likeness < ALIKE:
         return []
-    off = rotation_vector(C_ms.T @ found.C_ms)
-    angle = float(np.linalg.norm(off))
-    sd = float(np.sqrt(np.trace(found.mu_cov)))
-    if angle < max(ASTRAY, SURELY * sd):
-        return []
-    heading, pitch, roll = np.degrees(angles_of(found.C_ms))
+    angles = np.degrees(angles_of(found.C_ms))
+    heading, pitch, roll = (angles + 180.0) % 360.0 - 180.0
     return [finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",
-                    roll=f"{roll:.1f}", angle=f"{np.degrees(angle):.1f}")]  # fmt: skip
+                    roll=f"{roll:.1f}", angle=f"{np.degrees(_off(found, C_ms)):.1f}")]  # fmt: skip
+
+
+def _off(found: Delay, C_ms: FloatArray) -> float:
+    return float(np.linalg.norm(rotation_vector(C_ms.T @ found.C_ms)))
+
+
+def _agrees(found: Delay, C_ms: FloatArray) -> bool:
+    """Tell whether both turn alike, in a mounting near the nominal one."""
+    sd = float(np.sqrt(np.trace(found.mu_cov)))
+    return found.likeness >= ALIKE and _off(found, C_ms) < max(ASTRAY, SURELY * sd)

@@ -173,7 +173,7 @@ def shown(
     made = simulate_motion(plan, quiet, settings, ImuModel(), ImuNoise(), 0)
     about = settings.model_copy(update={"delay_method": "state"})
     zero = {name: (0.0, sd) for name, (_, sd) in prior.items()}
-    p = problem_of(made.log, site, about, noise or NOISE, zero).with_delay(made.made.delay)
+    p = problem_of(made.log, site, about, noise or NOISE, zero).with_delay(made.delay)
     free = free_run(p.slave, p.master, settings.mount, settings.matched, p.prior, p.prior, p.sd)
     cov = kalman(free.system).cov
     at = [free.layout.index(name) for name in p.vector.names]

@@ -146,22 +146,26 @@ def problem_of(
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     table = _placed(log.messages, site)
-    hand_over, table, increments = _common(log, table, settings)
+    hand_over, table, increments = _common(log, _even(table), settings)
     said, told = table.messages, [] if noise else [assumed_noise()]
     attitudes = settings.matching != "velocity" or settings.estimates_delay
     matched = _matched(increments, table, said, settings) if attitudes else None
     bracket = (-BEYOND, settings.longest_delay + BEYOND)
     told += turning(increments, said, matched, settings.C_ms, bracket) if attitudes else []
-    if matched is not None:
+    drifting: list[Finding] = []
+    if matched is not None and matched.seen:
         said, drifting = _one_clock(said, matched)
-        told += drifting
     start = settings.known_delay
     if settings.estimates_delay:
         start = settings.longest_delay / 2
         if settings.delay_method == "rate matching":
             if matched is None:
                 raise error("transfer.no_delay")
-            start = matched.delay
+            if matched.seen:
+                later = float(np.mean(said.time)) - matched.middle
+                start = matched.delay + (matched.drift * later if drifting else 0.0)
+    elif matched is not None and matched.seen:
+        told += _differs(settings, matched)
     vector = _known(settings, given)
     p = len(settings.sensors)
     slave = Slave(increments, settings.sensors, noise or NOISE, 0, _anomaly(site, table))
@@ -170,7 +174,7 @@ def problem_of(
     known = Known(state, vector.values[:p], vector.values[at], start)
     return TransferProblem(
         replace(slave, first=first), said, table, settings, site, known, _sd(settings, vector),
-        vector, hand_over, matched, tuple(told),
+        vector, hand_over, matched, (*told, *drifting),
     )  # fmt: skip
 
 
@@ -183,6 +187,29 @@ def _placed(table: MasterTable, site: Site) -> MasterTable:
     here = np.ones(len(table))
     return replace(table, latitude=site.latitude * here, longitude=0.0 * here,
                    height=site.height * here)  # fmt: skip
+
+
+def _even(table: MasterTable) -> MasterTable:
+    """Return the table with times of arrival that do not jitter.
+
+    The master's own stamps are even: the straight line of arrival over stamp is one clock against
+    the other, and the mean of what the messages are late, which is part of the delay.
+    """
+    if table.arrival is None:
+        return table
+    stamp = table.time - table.time[0]
+    slope, offset = np.polyfit(stamp, table.arrival, 1)
+    return replace(table, arrival=offset + slope * stamp)
+
+
+def _differs(settings: Settings, found: Delay) -> list[Finding]:
+    """Say so where the delay that was given is not the one that is found."""
+    off = abs(found.delay - settings.known_delay)
+    if off < max(DRIFTS * found.delay_sd, DRIFTED):
+        return []
+    given, delay, sd = (f"{1e3 * x:.1f}" for x in (settings.known_delay, found.delay,
+                                                   found.delay_sd))  # fmt: skip
+    return [finding("transfer.delay_differs", given=given, found=delay, sd=sd)]
 
 
 def _common(
@@ -229,7 +256,8 @@ def _one_clock(said: Messages, found: Delay) -> tuple[Messages, list[Finding]]:
     total = found.drift * float(said.time[-1] - said.time[0])
     if not abs(found.drift) > DRIFTS * found.drift_sd or not abs(total) > DRIFTED:
         return said, []
-    time = said.time - found.drift * (said.time - found.middle)
+    # About the middle of the messages: the delay of the result is the mean one.
+    time = said.time - found.drift * (said.time - float(np.mean(said.time)))
     told = finding("transfer.drift", rate=f"{found.drift * 1e6:+.1f}",
                    sd=f"{found.drift_sd * 1e6:.1g}", total=f"{total * 1e3:+.1f}")  # fmt: skip
     return replace(said, time=time), [told]

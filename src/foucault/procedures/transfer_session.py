@@ -148,8 +148,14 @@ class TransferSession:
     def beside(self) -> CoefficientVector:
         """How the slave was fixed, and how late its master: true values [SI]."""
         slave = self.made.slave
-        values = [*slave.mu, self.made.delay, *slave.compliance]
-        return CoefficientVector(BESIDE, np.array(values))
+        return CoefficientVector(BESIDE, np.array([*slave.mu, self.delay, *slave.compliance]))
+
+    @property
+    def delay(self) -> float:
+        """How late messages truly are, by the clock that they are used by [s]."""
+        got = self.made.received
+        once = np.diff(got.valid, prepend=-np.inf) > 0
+        return float(np.mean((got.table.messages.time - got.valid)[once]))
 
     def reference(self, rows: slice, height: FloatArray | None = None) -> MasterTable:
         """Return where the slave truly was.
@@ -172,7 +178,7 @@ class TransferSession:
         return {
             "profile": made.profile.name,
             "hand_over": made.hand_over,
-            "delay": made.delay,
+            "delay": self.delay,
             "lost": made.received.lost,
             "repeated": made.received.repeated,
             "mounting": made.slave.C_0.tolist(),

@@ -69,6 +69,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The clock of the stamps gains {rate} +- {sd} ppm on the slave's, {total} ms over the log; "
      "this was taken out.",
      "Log the time of arrival by the slave's clock beside each message, or lock the clocks."),
+    ("transfer.delay_differs", "warning",
+     "A delay that is not the one that was given",
+     "The delay was given as {given} ms; by what both turned it is {found} +- {sd} ms. In a turn "
+     "a wrong delay looks like biases of the accelerometers.",
+     'Write delay = "estimate".'),
     ("transfer.mounting", "warning",
      "A slave that is mounted otherwise than was said",
      "By what both turned the slave is mounted at heading {heading}, pitch {pitch}, roll {roll} "
@@ -78,7 +83,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("transfer.sense", "warning",
      "A master whose heading counts the other way",
      "The slave turns as the master would if its heading counted the other way: {likeness} of its "
-     "turning is explained so, and {now} as it is.",
+     "turning is explained so, and as it is only by a mounting {angle} deg from the nominal one.",
      'Write sense = "counter-clockwise" (or "clockwise") in [master.attitude].'),
     ("transfer.lever", "warning",
      "A lever arm that the velocities contradict",
@@ -98,7 +103,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("transfer.spread", "warning",
      "Messages that differ from the slave otherwise than was stated",
      "Innovations of {what} are {ratio} times what is expected.",
-     "{key} = \"{value}\" would explain them. Where they are correlated in time, look for what "
-     "bends first: load, flexure_sd."),
+     "{key} = \"{value}\" would explain them. Look for causes first: a mount that bends (load, "
+     "flexure_sd), and stamps that jitter (log the time of arrival beside the master's own)."),
 )
 # fmt: on
