@@ -75,6 +75,9 @@ DRIFTS = 4.0
 DRIFT_STEPS = 5
 """In at most so many steps [1]."""
 
+OTHER_UNIT = 0.25
+"""A ratio of sizes whose logarithm is larger is taken out before all else [1]."""
+
 RIVAL = 1.5
 """An offset whose squared residuals are at most so many times the best is a rival [1]."""
 
@@ -110,7 +113,7 @@ class Delay:
     wild : ndarray of bool, shape (k,)
         Turns of the master that no body makes.
     likeness : float
-        Part of the slave's turning that the master has too, as a variance [1].
+        Part of the slave's turning that the master has too, whatever its size, as a variance [1].
     scale, scale_sd : float
         How many times as much the slave turns [1].
     """
@@ -201,8 +204,13 @@ def delay_of(
     slave = SlaveAttitude(increments)
     usable = possible(slave, turns)
     seen = offsets.scan(increments, turns, usable, C_ms, bracket)
-    if seen is None or len(increments) < FEWEST:
+    if seen is None:
         return None
+    size = seen.size if seen.likeness.max() > UNLIKE else 1.0
+    if abs(np.log(size)) > OTHER_UNIT:
+        reduced = replace(increments, dtheta_b=increments.dtheta_b / size)
+        found = delay_of(reduced, time, C_nb, w_in_n=w_in_n, C_ms=C_ms, bracket=bracket)
+        return found and replace(found, scale=size * found.scale, scale_sd=size * found.scale_sd)
     tried = []
     for tau in seen.peaks:
         # A mount of which nothing is known is that of Wahba's problem here.
@@ -218,8 +226,9 @@ def delay_of(
         one.delay for one, size in zip(tried, sizes, strict=True)
         if size < RIVAL * sizes.min() and abs(one.delay - best.delay) > turns.interval
     ])  # fmt: skip
-    edge = not seen.low < best.delay < seen.high or seen.at_edge(best.delay)
-    return _refined(slave, turns, best, usable, (seen.low, seen.high), edge, near)
+    low, high = (seen.low, seen.high) if bracket is None else bracket
+    edge = not low < best.delay < high or seen.at_edge(best.delay)
+    return _refined(slave, turns, best, usable, (low, high), edge, near)
 
 
 def possible(slave: SlaveAttitude, turns: Turns) -> BoolArray:
@@ -236,7 +245,10 @@ def possible(slave: SlaveAttitude, turns: Turns) -> BoolArray:
     fastest = float(np.max(np.linalg.norm(x.dtheta_b, axis=1) / x.dt))
     limit = 1.5 * fastest * turns.dt + np.radians(3.0)
     size = np.linalg.norm(turns.phi_m, axis=1)
-    return np.asarray((size < limit) & (turns.dt < LONG * turns.interval) & np.isfinite(size))
+    usable = (turns.dt < LONG * turns.interval) & np.isfinite(size)
+    slow = usable & (size < limit)
+    few = np.sum(usable) - np.sum(slow) <= WILD_PART * np.sum(usable)
+    return np.asarray(slow if few else usable)  # many: a wrong unit, which is told by its size
 
 
 def _refined(
@@ -299,16 +311,16 @@ def _parts(
 
 def _alike(found: Match) -> tuple[float, float, float]:
     """Return the common part of what both turned, and the ratio of their sizes with its sd."""
-    phi_s = found.phi_s[found.used]
-    phi_s = phi_s - phi_s.mean(axis=0)
-    total = float(np.sum(phi_s**2))
-    left = float(np.sum(found.residual[found.used] ** 2))
+    turned = found.phi_s[found.used]
+    turned = turned - turned.mean(axis=0)
     expected = found.phi_s - found.residual
     expected[found.used] -= expected[found.used].mean(axis=0)
     expected[~found.used] = 0.0
+    both = float(np.sum(turned * expected[found.used]))
+    total = float(np.sum(turned**2) * np.sum(expected**2))
     e, J = whitened(found, -expected[:, :, None])
     information = float(np.sum(J * J))
     if not information > 0 or not total > 0:
         return 0.0, 1.0, np.inf
     sd = float(np.sqrt(covariance(e, J)[0, 0]))
-    return 1.0 - min(left / total, 1.0), 1.0 - float(np.sum(J[:, :, 0] * e)) / information, sd
+    return both**2 / total, 1.0 - float(np.sum(J[:, :, 0] * e)) / information, sd

@@ -30,6 +30,9 @@ LEAST = 20
 PEAKS = 4
 """Peaks that are followed [1]."""
 
+ROUNDING = 1e-12
+"""Variances below this part of the mean squares are rounding [1]."""
+
 NEARLY = 0.1
 """A peak whose correlation is lower than the best by more is not [1]."""
 
@@ -46,11 +49,19 @@ class Offsets:
         Correlation at each, with the best mounting or the known one; at most 1 [1].
     products : ndarray, shape (n, 3, 3)
         Sums of s m' [rad^2].
+    ratio : ndarray, shape (n,)
+        How many times as much the slave turns [1].
     """
 
     tau: FloatArray
     likeness: FloatArray
     products: FloatArray
+    ratio: FloatArray
+
+    @property
+    def size(self) -> float:
+        """How many times as much the slave turns, at the best offset [1]."""
+        return float(self.ratio[np.argmax(self.likeness)])
 
     @property
     def low(self) -> float:
@@ -145,7 +156,7 @@ def scan(
     angle = np.cumsum(increments.dtheta_b, axis=0)
     path = np.stack([np.interp(grid, increments.time, a) for a in angle.T], axis=1)
     turned = [np.diff(path[p::finer], axis=0) for p in range(finer)]
-    tau, likeness, products = [], [], []
+    tau, fits = [], []
     for lag in range(int(np.floor(bracket[0] / step)), int(np.ceil(bracket[1] / step)) + 1):
         skip, phase = divmod(-lag - base, finer)  # row k of the master, row k + skip of the slave
         s = turned[phase] if phase < len(turned) else path[:0]
@@ -153,11 +164,12 @@ def scan(
         s = s[max(0, skip) :][: len(m)]
         if np.sum(m[:, 3]) < least:
             continue
-        A, likely = _fit(s, m, C_ms)
         tau.append(lag * step)
-        products.append(A)
-        likeness.append(likely)
-    return Offsets(np.array(tau), np.array(likeness), np.array(products)) if tau else None
+        fits.append(_fit(s, m, C_ms))
+    if not tau:
+        return None
+    products, likeness, ratio = (np.array(column) for column in zip(*fits, strict=True))
+    return Offsets(np.array(tau), likeness, products, ratio)
 
 
 def _on_grid(begin: float, h: float, rows: int, turns: Turns, usable: BoolArray) -> FloatArray:
@@ -170,17 +182,20 @@ def _on_grid(begin: float, h: float, rows: int, turns: Turns, usable: BoolArray)
     return out
 
 
-def _fit(s: FloatArray, m: FloatArray, C_ms: FloatArray | None) -> tuple[FloatArray, float]:
-    """Return the sum of s m' less the means, and the correlation."""
+def _fit(s: FloatArray, m: FloatArray, C_ms: FloatArray | None) -> tuple[FloatArray, float, float]:
+    """Return the sum of s m' less the means, the correlation and the ratio of the sizes."""
     n = m[:, 3].sum()
     both = s.T @ m
     s_mean, m_mean = both[:, 3] / n, m[:, :3].sum(axis=0) / n
     A = both[:, :3] - n * np.outer(s_mean, m_mean)
-    s_size = float(np.einsum("ka,ka,k->", s, s, m[:, 3]) - n * s_mean @ s_mean)
-    m_size = float(np.einsum("ka,ka->", m[:, :3], m[:, :3]) - n * m_mean @ m_mean)
+    squares = np.array([np.einsum("ka,ka,k->", s, s, m[:, 3]), np.sum(m[:, :3] ** 2)])
+    means = n * np.array([s_mean @ s_mean, m_mean @ m_mean])
+    if np.any(squares - means <= ROUNDING * squares):  # one does not turn, or at one rate only
+        return A, 0.0, 1.0
+    s_size, m_size = np.sqrt(squares - means)
     if C_ms is None:
         w = np.linalg.svd(A, compute_uv=False)
-        gain = float(w[0] + w[1] + np.sign(np.linalg.det(A)) * w[2])
+        gain = w[0] + w[1] + np.sign(np.linalg.det(A)) * w[2]
     else:
-        gain = float(np.einsum("ij,ji->", A, C_ms))
-    return A, gain / np.sqrt(max(s_size * m_size, 1e-300))
+        gain = np.einsum("ij,ji->", A, C_ms)
+    return A, float(gain / (s_size * m_size)), float(s_size / m_size)

@@ -39,8 +39,9 @@ ITERATIONS = 20
 TOGETHER = 20
 """Neighbouring rows that slow bending of the mount may disturb alike [1]."""
 
-SETTLED = 1e-3
-"""A step of the delay below this many standard deviations ends the iteration [1]."""
+SETTLED, NEARLY = 1e-3, 0.1
+"""Steps of so many standard deviations end the iteration: of the delay, and of all together, some
+of which hardly count [1]."""
 
 LOOSE = 1.0
 """Standard deviation of the mounting about its start, where nothing else holds it [rad]."""
@@ -150,11 +151,10 @@ def _pass(
     for _ in range(ITERATIONS):
         now = _look(slave, turns, x, C_0, among)
         now = _weighed(now, weights)
-        step, cov = _step(now)
+        step, whole, part = _step(now)
         step[TAU] = np.clip(step[TAU], -turns.interval, turns.interval)
         x = x + step
-        sd = np.sqrt(np.diag(cov))
-        if np.all(np.abs(step) <= SETTLED * sd + 1e-12):
+        if part <= SETTLED and whole <= NEARLY:
             converged = True
             break
     last = replace(_weighed(_look(slave, turns, x, C_0, among), weights), converged=converged)
@@ -212,12 +212,15 @@ def whitened(found: Match, slope: FloatArray | None = None) -> tuple[FloatArray,
     return flat[..., 0], flat[..., 1:]
 
 
-def _step(found: Match) -> tuple[FloatArray, FloatArray]:
-    """Return the step of Gauss-Newton and the covariance that its weights promise."""
+def _step(found: Match) -> tuple[FloatArray, float, float]:
+    """Return the step of Gauss-Newton, and its length and that of the delay in deviations."""
     e, J = whitened(found)
     flat = J.reshape(-1, J.shape[2])
-    inverse = _inverse(flat.T @ flat + HELD)
-    return -inverse @ (e.ravel() @ flat), inverse
+    A = flat.T @ flat + HELD
+    inverse = _inverse(A)
+    step = -inverse @ (e.ravel() @ flat + HELD @ found.x)
+    part = abs(step[TAU]) / np.sqrt(inverse[TAU, TAU]) if inverse[TAU, TAU] > 0 else 0.0
+    return step, float(np.sqrt(max(step @ A @ step, 0.0))), float(part)
 
 
 def residual_step(found: Match, delays: FloatArray) -> tuple[FloatArray, FloatArray]:
