@@ -214,9 +214,11 @@ def spread(e: Evidence) -> dict[str, Any]:
     e : Evidence
         The last pass.
     """
+    u = standardised(e)
+    axes = np.sqrt(np.nansum(u**2, axis=0) / np.maximum(np.isfinite(u).sum(axis=0), 1))
     return {
         name: {"ratio": s.ratio, "low": s.low, "high": s.high, "count": s.count,
-               "independent": s.independent}
+               "independent": s.independent, "axes": axes[BLOCKS[name]].tolist()}
         for name, s in _spreads(e).items()
     }  # fmt: skip
 

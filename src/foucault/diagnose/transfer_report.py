@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose import transfer_stretches
 from foucault.diagnose.transfer_evidence import Evidence
 from foucault.estimate.ins_filter import seen_at_place
 from foucault.estimate.linear_filter import LinearSmoothed
@@ -44,6 +45,9 @@ def tables(e: Evidence, backward: LinearSmoothed | None) -> dict[str, TableData]
     if np.isfinite(e.found.run.margin).any():
         out["gamma"] = {"time": e.found.free.time, "margin": e.found.run.margin}
     made: dict[str, TableData] = {n: _thinned(table, MOST[n]) for n, table in out.items()}
+    names, layout = e.states.names, e.found.free.layout
+    sd = {name: e.found.run.sd[:, layout.index(name)] for name in names}
+    made["stretches"] = transfer_stretches.table(e.master[e.found.free.used], sd)
     if e.fit is not None:
         made["likelihood"] = {"delay": e.fit.tried, "log_likelihood": e.fit.log_likelihood}
     if e.delay is not None:

@@ -43,7 +43,7 @@ def turning(
     bracket : (float, float)
         Where the delay was looked for [s].
     """
-    if found is None or not found.seen or _agrees(found, C_ms):
+    if found is None or _agrees(found, C_ms):
         return []
     heading, pitch, roll = angles_of(said.C_nm).T
     mirrored = delay_of(increments, said.time, matrix_of(-heading, pitch, roll), C_ms=C_ms,

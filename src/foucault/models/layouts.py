@@ -48,6 +48,11 @@ def model_of(vector: CoefficientVector) -> ImuModel | ClusterModel:
     return ImuModel.from_coefficients(of_sensors(vector))
 
 
+def is_imu(vector: CoefficientVector) -> bool:
+    """Whether `vector` is of an IMU: errors of its readings, and how it is mounted."""
+    return all(name in imu.LAYOUT or name in BESIDE for name in vector.names)
+
+
 def of_sensors(vector: CoefficientVector) -> CoefficientVector:
     """Return what of a `vector` is an error of an IMU: how it is mounted is left out."""
     names = [name for name in vector.names if name in imu.LAYOUT]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector
 from foucault.diagnose import schuler
 from foucault.diagnose.alignment_checks import POOR
 from foucault.diagnose.free_inertial import Place
@@ -19,7 +19,6 @@ from foucault.logs.reference import Reference
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
-from foucault.models.layouts import of_sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.strapdown import Trajectory
@@ -57,8 +56,9 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
         The coefficients that were corrected.
     """
     rows = _rows(made)
-    vector = CoefficientVector.zeros(Layout(())) if vector is None else of_sensors(vector)
-    sensors = Sensors.of(vector.names)
+    sensors = Sensors.of(() if vector is None else vector.names)
+    if vector is None:
+        vector = CoefficientVector.zeros(sensors.layout)
     vector = _ordered(vector, sensors)
     sense = free_run.sensitivity(
         made.increments, made.state, sensors, rows, first=made.first,

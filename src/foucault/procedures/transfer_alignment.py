@@ -12,9 +12,11 @@ Tables of the result
 of the result its value and ``..._sd`` along the run [SI]. ``smoothed``: time, latitude, longitude
 [rad], heading, pitch, roll of the slave, phi_east_sd, phi_north_sd, phi_up_sd [rad]. ``delayed``:
 time; what the delay is worth: heading [rad], velocity_east, velocity_north [m/s] of the slave when
-a message arrives less those when it held. ``gamma`` (H-infinity): time, margin, the least 1 - l P
-l' / gamma^2 [1]. ``likelihood``: delay [s], log_likelihood [1]. ``delay_parts``: start, end, delay,
-delay_sd [s], rate matching in parts of the log.
+a message arrives less those when it held. ``stretches``: what the vehicle did: start, end [s], kind
+(straight, accelerated, turning), turn [rad], speed gained [m/s], and ``..._sd`` of every
+coefficient at its end [SI]. ``delay_parts``: start, end, delay, delay_sd [s], rate matching in
+parts of the log. ``gamma`` (H-infinity): time, margin, the least 1 - l P l' / gamma^2 [1].
+``likelihood``: delay [s], log_likelihood [1].
 
 References
 ----------
