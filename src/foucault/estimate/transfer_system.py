@@ -47,6 +47,11 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
+SPAN = 0.1
+"""What a delay does is judged by the motion so long before and after: noise and vibration of one
+sample, which the master does not share, would look like knowledge of it [s]."""
+
+
 @dataclass(frozen=True)
 class Slave:
     """The slave's log and what is known of it.
@@ -209,7 +214,7 @@ def _by_the_master(history: FloatArray, place: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Seen:
-    """The slave where the messages hold: n frame, and its rates."""
+    """The slave where the messages hold: n frame, its changes about then, and what it felt."""
 
     velocity_n: FloatArray
     C_ns: FloatArray
@@ -234,17 +239,28 @@ def _between(
             w[:, k] -= coefficients[names.index(f"gyro.bias.{a}")]
         if f"accel.bias.{a}" in names:
             f[:, k] -= coefficients[names.index(f"accel.bias.{a}")]
+    rate, pull = _changes(states, w, f)
+    C, v = states["C_nb"], states["velocity_n"]
+    first = np.searchsorted(inc.time, inc.time[rows] - SPAN)
+    last = np.minimum(np.searchsorted(inc.time, inc.time[rows] + SPAN), len(inc) - 1)
+    apart = (inc.time[last] - inc.time[first])[:, None]
+    sums = (np.cumsum(x, axis=0) for x in (inc.dtheta_b, inc.dvel_b))
+    slow = _changes(states, *((total[last] - total[first]) / apart for total in sums))
+    return _Seen(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, *slow, w, f)
+
+
+def _changes(
+    states: dict[str, FloatArray], w: FloatArray, f: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how attitude and velocity change, frame n [rad/s], [m/s^2]."""
     C, v, latitude = states["C_nb"], states["velocity_n"], states["latitude"]
     earth = EARTH_RATE * np.stack(
         [np.zeros_like(latitude), np.cos(latitude), np.sin(latitude)], axis=-1
     )
     rate = np.einsum("kij,kj->ki", C, w) - earth
-    force = np.einsum("kij,kj->ki", C, f)
-    pull = force - 2.0 * np.cross(earth, v)
+    pull = np.einsum("kij,kj->ki", C, f) - 2.0 * np.cross(earth, v)
     pull[:, 2] -= 9.80665  # a few milligal are nothing over part of an interval
-    return _Seen(
-        v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, rate, pull, w, f
-    )
+    return rate, pull
 
 
 def _measured(
