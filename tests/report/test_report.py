@@ -137,10 +137,8 @@ def test_sections_of_the_hand_rotated_procedure(page):
         "How to apply it",
         "Provenance",
     ]
-    elsewhere = tuple(
-        f"foucault.report.{n}"
-        for n in ("on_table", "rate_table", "headings", "tumble", "systematic")
-    )
+    others = ("on_table", "rate_table", "headings", "tumble", "systematic", "transfer")
+    elsewhere = tuple(f"foucault.report.{n}" for n in (*others, "transfer_run"))
     own = [section for section in SECTIONS if section.__module__ not in elsewhere]
     assert len(titles) == len(own)
     text = text_of(page)
