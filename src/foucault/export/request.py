@@ -149,7 +149,7 @@ def request(
         What the receiver's file is written from.
     """
     vector = of_sensors(result.coefficients)
-    if is_cluster(vector):
+    if is_cluster(result.coefficients):
         raise error("export.cluster", procedure=result.procedure, receiver=receiver)
     if not np.isfinite(vector.values).all():
         raise error("export.not_finite", procedure=result.procedure)
