@@ -22,6 +22,7 @@ import north_seeking
 import on_table
 import platform_tumble
 import strapdown
+import transfer
 
 import plans
 
@@ -294,6 +295,7 @@ def rows() -> list[Row]:
     out += tumble_rows()
     out += plan_rows()
     out += navigation_rows()
+    out += transfer_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
@@ -392,6 +394,24 @@ def navigation_rows() -> list[Row]:
         Row(f"{what}, height free".replace("250,000", "a million"), long, 1 / 11e6),
         Row("zero-velocity filter of 33 states, updates at 1 Hz, each sample at 100 Hz, CPU",
             measure(strapdown.FILTER), 5e-7, f"pyins, {recorded}", 5.6e-3),
+    ]  # fmt: skip
+
+
+def transfer_rows() -> list[Row]:
+    """Measure transfer alignment: 240 s at 200 Hz, messages at 10 Hz."""
+    kalman, alone, bounded, bounded_alone, bisected = measure(transfer.FILTERS)
+    matched, likeliest = measure(transfer.DELAY)
+    what = "transfer alignment, 240 s at 200 Hz, messages at 10 Hz"
+    return [
+        Row(f"{what}, free run and Kalman filter, CPU", kalman, 0.03),
+        Row(f"{what}, the Kalman filter alone, CPU", alone, None),
+        Row(f"{what}, free run and H-infinity filter, CPU", bounded, 0.05),
+        Row(f"{what}, the H-infinity filter alone, CPU", bounded_alone, None),
+        Row(f"{what}, least gamma by bisection, CPU", bisected, 0.5),
+        Row(f"{what}, delay by rate matching, CPU", matched, 0.1),
+        Row(f"{what}, likeliest delay, CPU", likeliest, 0.5),
+        Row("50 trials of foucault montecarlo transfer_alignment, two threads",
+            measure(transfer.STUDY), 60.0),
     ]  # fmt: skip
 
 
