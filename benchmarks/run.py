@@ -22,6 +22,7 @@ import north_seeking
 import on_table
 import platform_tumble
 import strapdown
+import systematic
 import transfer
 
 import plans
@@ -295,6 +296,7 @@ def rows() -> list[Row]:
     out += tumble_rows()
     out += plan_rows()
     out += navigation_rows()
+    out += systematic_rows()
     out += transfer_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
@@ -395,6 +397,25 @@ def navigation_rows() -> list[Row]:
         Row("zero-velocity filter of 33 states, updates at 1 Hz, each sample at 100 Hz, CPU",
             measure(strapdown.FILTER), 5e-7, f"pyins, {recorded}", 5.6e-3),
     ]  # fmt: skip
+
+
+def systematic_rows() -> list[Row]:
+    """Measure what a systematic calibration costs."""
+    n, joint, published = measure(systematic.code(systematic.BOTH_STEPS, ROOT, DATA))
+    what = f"systematic calibration, {n:,} samples, 92 min at 200 Hz"
+    out = [
+        Row(f"{what}, 39 states in one pass, CPU", joint, 0.6),
+        Row(f"{what}, the published two steps of 33 and 39 states, CPU", published, 0.6),
+    ]
+    folder = DATA / "systematic_19_positions"
+    if not folder.is_dir():
+        print(f"left out: no systematic_19_positions under {DATA}", file=sys.stderr)
+        return out
+    n, states, passes = measure(systematic.code(systematic.THIRD_PARTY, ROOT, folder))
+    what = (
+        f"nineteen positions of another program, {n:,} samples, {states} states, five passes, CPU"
+    )
+    return [*out, Row(what, passes, 1.0, "PSINS in Octave, 43 states, recorded", 600.0)]
 
 
 def transfer_rows() -> list[Row]:

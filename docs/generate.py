@@ -9,6 +9,7 @@ from foucault import campaign, units
 from foucault.coefficients import Coefficient
 from foucault.models import cluster
 from foucault.models.imu import LAYOUT
+from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.run_folder import result_schema
 from foucault.symptoms import markdown
 
@@ -24,6 +25,17 @@ def coefficients_markdown() -> str:
         "| name | symbol | SI unit | shown in | meaning |",
         "|---|---|---|---|---|",
         *(f"| `{c.name}` | {c.symbol} | {_units(c)} | {c.meaning} |" for c in LAYOUT.coefficients),
+        "",
+        "## Of accelerometers that are not at one place, or late",
+        "",
+        "They show where the instrument turns: see [the model](models/imu.md).",
+        "",
+        "| name | symbol | SI unit | shown in | meaning |",
+        "|---|---|---|---|---|",
+        *(
+            f"| `{c.name}` | {c.symbol} | {_units(c)} | {c.meaning} |"
+            for c in SIZE_EFFECT.coefficients
+        ),
         "",
         "## Of a torqued cluster",
         "",

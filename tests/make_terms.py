@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.models.imu import LAYOUT, LINEAR_LOWER
+from foucault.export.request import ALL, family
+from foucault.models.imu import LINEAR_LOWER
 from foucault.result import Result
 from make_result import make_result
 
@@ -21,7 +22,7 @@ SIZES = {
     "accel.quadratic": 3e-4, "accel.cross": 2e-4,
     "gyro.bias": 0.02, "gyro.scale": 0.02, "gyro.misalignment": 0.01,
     "gyro.g_sensitivity": 2e-4, "gyro.asymmetry": 0.01, "gyro.cubic": 1e-4,
-    "accel.asymmetry": 0.01, "gyro.deflection": 2e-4,
+    "accel.asymmetry": 0.01, "gyro.deflection": 2e-4, "accel.lever": 0.05, "accel.delay": 3e-3,
 }  # fmt: skip
 """Large, so that a wrong sign or transpose shows [SI]."""
 
@@ -31,13 +32,12 @@ def with_terms(*families: str, seed: int = 5, **changes: Any) -> Result:
     rng = np.random.default_rng(seed)
     names = [
         n
-        for n in LAYOUT.names
-        if n.rpartition(".")[0] in families
-        and (n in LINEAR_LOWER or not n.startswith("accel.misalignment"))
+        for n in ALL.names
+        if family(n) in families and (n in LINEAR_LOWER or not n.startswith("accel.misalignment"))
     ]
-    values = np.array([SIZES[n.rpartition(".")[0]] * rng.uniform(0.3, 1) for n in names])
+    values = np.array([SIZES[family(n)] * rng.uniform(0.3, 1) for n in names])
     values *= rng.choice([-1.0, 1.0], len(values))
     root = rng.normal(size=(len(names), len(names)))
     cov = root @ root.T * np.outer(values, values) * 1e-4
-    vector = CoefficientVector(LAYOUT.subset(names), values, (cov + cov.T) / 2)
+    vector = CoefficientVector(ALL.subset(names), values, (cov + cov.T) / 2)
     return replace(make_result(**changes), coefficients=vector, tables={})

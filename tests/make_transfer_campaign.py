@@ -42,7 +42,7 @@ def calibrated(c, log, **more):
 def missed(result, session):
     """Return the errors of a result, and their NEES."""
     c = result.coefficients
-    err = c.values - session.truth.subset(c.names).values
+    err = c.values - session.truth.chosen(c.names).values
     return err / c.sd, float(err @ np.linalg.solve(c.cov, err))
 
 

@@ -166,16 +166,14 @@ class CoefficientVector:
         keep = self.layout.group(prefix)
         return self._take(keep)
 
-    def subset(self, names: Iterable[str]) -> CoefficientVector:
-        """Return the coefficients of `names`, in the order given."""
-        return self._take(np.array([self.layout.index(name) for name in names], dtype=np.intp))
+    def chosen(self, names: Iterable[str]) -> CoefficientVector:
+        """Return the coefficients `names`, in the order given."""
+        return self._take(np.array([self.layout.index(name) for name in names], np.intp))
 
-    def joined(self, other: CoefficientVector) -> CoefficientVector:
-        """Return these and `other` coefficients, without covariance."""
-        return CoefficientVector(
-            Layout((*self.layout.coefficients, *other.layout.coefficients)),
-            np.concatenate([self.values, other.values]),
-        )
+    def with_others(self, others: CoefficientVector) -> CoefficientVector:
+        """Return the values of these coefficients and of `others` after them."""
+        layout = Layout((*self.layout.coefficients, *others.layout.coefficients))
+        return CoefficientVector(layout, np.concatenate([self.values, others.values]))
 
     def _take(self, keep: npt.NDArray[np.intp]) -> CoefficientVector:
         return CoefficientVector(

@@ -20,6 +20,7 @@ from foucault.errors import Finding, Status
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of
+from foucault.models.size_effect import SizeEffect
 from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
@@ -218,8 +219,13 @@ class Result:
 
     @property
     def model(self) -> ImuModel | ClusterModel:
-        """The error model with these coefficients."""
+        """The error model with these coefficients, but for what takes several samples to see."""
         return model_of(self.coefficients)
+
+    @property
+    def size_effect(self) -> SizeEffect:
+        """Lever arms and delay of the accelerometers, which `apply` takes away too."""
+        return SizeEffect.of(self.coefficients)
 
     def apply(self, log: Log) -> Log:
         """Remove the calibrated errors from a log.
@@ -234,6 +240,8 @@ class Result:
         Log
             The same samples, compensated [SI].
         """
+        if isinstance(self.model, ImuModel):
+            return self.size_effect.apply(self.model, log)
         return self.model.apply(log)
 
 

@@ -84,8 +84,10 @@ def _kinds(rows: Iterable[tuple[str, str, str, str]]) -> dict[str, Kind]:
 KINDS: dict[str, Kind] = _kinds(
     [
         ("time", "s", "ms s", "30 s"),
+        ("delay", "s", "us ms s", "1 ms"),
         ("frequency", "Hz", "Hz", "100 Hz"),
         ("length", "m", "m", "250 m"),
+        ("lever arm", "m", "mm m", "3 cm"),
         ("angle", "rad", "arcsec arcmin deg", "45 deg"),
         ("temperature", "K", "K", "293.15 K"),
         ("specific force", "m/s^2", "ug mg", "50 ug"),

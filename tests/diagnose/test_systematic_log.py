@@ -197,7 +197,8 @@ def test_one_wrong_turn_is_named() -> None:
     found = find_sequence(simulated(done).log)
     with pytest.raises(
         FoucaultError,
-        match=r"Turn 3 of 'told', at .* to be 90.0 deg about minus z; it was 180.0 deg about z",
+        match=r"Turn 3 of 'told' \(action 6, -90 deg about z\), at .* to be 90.0 deg about minus z "
+        r"of the body; it was 180.0 deg about z",
     ) as caught:
         match_sequence(found, told)
     assert caught.value.code == "systematic.move"

@@ -11,10 +11,12 @@ from foucault.estimate.ins_filter import start_cov
 from foucault.estimate.systematic import BETWEEN, AtRest, solve
 from foucault.models.attitude import angles_of
 from foucault.models.earth import Site
+from foucault.models.geodesy import displaced
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
+from foucault.models.size_effect import with_size_effect
 from foucault.navigate.increments import Increments, increments_of
 from foucault.plans.manoeuvres import Rest, Rotate, Start
 from foucault.simulate.motion import motion_of, simulate_motion
@@ -124,3 +126,76 @@ def test_epochs_are_short_and_only_rests_are_measured(session):
         inside[a : b + 1] = True
     assert inside[updates.rows[measured]].all() and measured.sum() == 19 * 40
     assert updates.restart.sum() == 18 and measured[updates.restart].all()
+
+
+def test_velocity_in_turns_is_measured_where_its_sd_is_said(session):
+    rows = session[2]
+    n = rows[-1][1] + 1
+    quiet = Increments.of(np.arange(n) / RATE, np.zeros((n, 3)), np.zeros((n, 3)))
+    updates = AtRest(turning_sd=0.02).updates(quiet, rows, SITE, 0)
+    turning = updates.sd[:, 0] == 0.02
+    between = np.ones(n, bool)
+    for a, b in rows:
+        between[a : b + 1] = False
+    assert between[updates.rows[turning]].all() and turning.sum() == 18 * 9
+    assert np.isinf(updates.sd[turning, 3:]).all()  # not where it is: the arms of the table
+    assert np.diff(updates.rows).max() == RATE
+
+
+def test_what_a_restart_forgets_turns_measured_give_back(session):
+    """Velocity known in turns makes up for some of what starting each rest anew costs."""
+    plan, start, rows = session
+    motion, _ = motion_of(plan, start)
+    time = np.arange(round(motion.end * RATE) + 1) / RATE
+    true = motion.trajectory(time[:1]).C_nb[0]
+    sensors = Sensors.of(NAMES)
+    sd = spread_of(sensors)
+    increments = drawn(motion, sensors, sd, np.random.default_rng(4), motion.increments(time))[1]
+    P0 = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)
+    rests = [(max(a - 1, 0), b - 1) for a, b in rows]
+
+    def scale_sd(at_rest):
+        found = solve(increments, true, SITE, sensors, rests, P0, NOISE, at_rest=at_rest)
+        return found.estimate.sd[found.estimate.layout.group("gyro.scale")].mean()
+
+    full, forgetful = scale_sd(AtRest()), scale_sd(AtRest(decorrelate=True))
+    measured = scale_sd(AtRest(decorrelate=True, turning_sd=1e-3))
+    assert full < measured < 0.95 * forgetful
+
+
+class Missed(AtRest):
+    """Rests somewhere near the place, as a table without a centre leaves them."""
+
+    def updates(self, increments, rests, site, first):
+        out = super().updates(increments, rests, site, first)
+        rng = np.random.default_rng(6)
+        for a, b in rests[1:]:
+            there = (out.rows >= a) & (out.rows <= b)
+            anew = np.flatnonzero(there & out.restart)
+            if len(anew):
+                there[anew[0] :] = False  # from then on that is the place
+            off = self.position_sd * rng.normal(size=3)
+            out.position[there] = np.stack(displaced(site.latitude, 0.0, site.height, off))
+        return out
+
+
+def test_a_place_missed_counts_once_a_rest(session):
+    """What misses of `position_sd` do to the result is within what is promised."""
+    plan, start, rows = session
+    motion, _ = motion_of(plan, start)
+    time = np.arange(round(motion.end * RATE) + 1) / RATE
+    true = motion.trajectory(time[:1]).C_nb[0]
+    plain = Sensors.of(NAMES)
+    rng = np.random.default_rng(4)
+    increments = drawn(motion, plain, spread_of(plain), rng, motion.increments(time))[1]
+    sensors = with_size_effect(plain)  # what turns do to the place is told by lever arms and delay
+    sd = np.concatenate([spread_of(plain), [0.1] * 6, [0.02]])
+    P0 = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)
+    rests = [(max(a - 1, 0), b - 1) for a, b in rows]
+    here, missed = (
+        solve(increments, true, SITE, sensors, rests, P0, NOISE, at_rest=kind(1e-3, 0.01)).estimate
+        for kind in (AtRest, Missed)
+    )
+    moved = missed.values - here.values
+    assert np.abs(moved / here.sd).max() > 0.05  # it does something
+    assert moved @ np.linalg.solve(here.cov, moved) < chi_square_limits(len(moved), 0.01)[1]

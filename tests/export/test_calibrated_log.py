@@ -159,6 +159,23 @@ def test_the_numbers_are_those_of_apply(out: str, full: Result, tmp_path: Path) 
     np.testing.assert_array_equal(got.temperature, log.temperature)
 
 
+@pytest.mark.parametrize("sampled", ["rate", "increment"])
+@pytest.mark.parametrize("gap", [0, 299, 300, 301])
+@pytest.mark.usefixtures("small_blocks")
+def test_lever_arms_and_delay_know_nothing_of_blocks(
+    sampled: str, gap: int, apart: Result, tmp_path: Path
+) -> None:
+    log = a_log(sampled=sampled)
+    log.time[gap:] += 0.1 if gap else 0.0
+    done = apply(apart, tmp_path, log)
+    assert done.samples == 1000
+    got, want = read(describe("out.parquet"), tmp_path), apart.apply(log)
+    np.testing.assert_allclose(got.accel, want.accel, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(got.gyro, want.gyro, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(got.temperature, log.temperature)
+    assert np.abs(want.accel - apart.model.apply(log).accel).max() > 1.0
+
+
 def test_the_file_says_which_result_made_it(linear: Result, tmp_path: Path) -> None:
     from pyarrow import parquet
 
@@ -279,6 +296,12 @@ def test_an_unusable_result(tmp_path: Path) -> None:
 def test_g_sensitivity_without_accelerometers(full: Result, tmp_path: Path) -> None:
     problem = refused("apply.needs_accel", full, tmp_path, a_log(accel=None))
     assert problem.message.startswith("log.csv has no accelerometer columns")
+
+
+def test_lever_arms_without_gyros(apart: Result, tmp_path: Path) -> None:
+    problem = refused("apply.needs_gyro", apart, tmp_path, a_log(gyro=None))
+    assert problem.message.startswith("log.csv has no gyro columns, but the result corrects")
+    assert "lever_arms = false" in problem.cure
 
 
 def test_onto_itself_and_nowhere(linear: Result, tmp_path: Path) -> None:

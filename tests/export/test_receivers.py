@@ -17,7 +17,7 @@ import pytest
 from foucault.export import RECEIVERS, write
 from foucault.export.imucal import CAN as IMUCAL
 from foucault.export.kalibr import CAN as KALIBR
-from foucault.export.request import AXES, FAMILIES, in_axes
+from foucault.export.request import AXES, FAMILIES, family, in_axes
 from foucault.logs.description import LogDescription
 from foucault.models.imu import Gauge
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -58,11 +58,14 @@ int main(void)
 """
 
 
-def run_c(folder: Path, accel: np.ndarray, gyro: np.ndarray, function: str) -> np.ndarray:
+def run_c(
+    folder: Path, accel: np.ndarray, gyro: np.ndarray, function: str,
+    main: str = MAIN, dt: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler on this machine")
-    (folder / "main.c").write_text(MAIN)
+    (folder / "main.c").write_text(main)
     flags = [
         "-std=c99",
         "-Wall",
@@ -73,7 +76,8 @@ def run_c(folder: Path, accel: np.ndarray, gyro: np.ndarray, function: str) -> n
         f"-DFUNCTION={function}",
     ]
     subprocess.run([compiler, *flags, "main.c", "-o", "program"], cwd=folder, check=True)
-    lines = "\n".join(" ".join(map(repr, row)) for row in np.hstack([accel, gyro]).tolist())
+    columns = [accel, gyro] if dt is None else [dt[:, None], accel, gyro]
+    lines = "\n".join(" ".join(map(repr, row)) for row in np.hstack(columns).tolist())
     out = subprocess.run(
         [folder / "program"], input=lines, capture_output=True, text=True, check=True
     ).stdout
@@ -149,6 +153,101 @@ def test_c_survives_what_a_user_may_call_his_instrument(tmp_path: Path) -> None:
     write(result, "c", tmp_path / "calibration.h")
     got = run_c(tmp_path, np.zeros((1, 3)), np.zeros((1, 3)), "foucault_compensate")
     np.testing.assert_allclose(got[0, :3], -result.model.accel_bias, rtol=1e-15)
+
+
+# -- from sample to sample ----------------------------------------------------------------------
+
+NEXT_MAIN = r"""
+#include <stdio.h>
+#include "calibration.h"
+int main(void)
+{
+    double dt, a[3], g[3], f[3], w[3];
+    foucault_state state = {0};
+    while (scanf("%lf %lf %lf %lf %lf %lf %lf", &dt, a, a + 1, a + 2, g, g + 1, g + 2) == 7) {
+        FUNCTION(&state, dt, a, g, f, w);
+        printf("%.17g %.17g %.17g %.17g %.17g %.17g\n", f[0], f[1], f[2], w[0], w[1], w[2]);
+    }
+    return 0;
+}
+"""
+
+
+def step_by_step(result: Result, dt: np.ndarray, accel: np.ndarray, gyro: np.ndarray) -> Any:
+    """Compensate with differences from the sample before, none where dt is zero."""
+    out = []
+    for x in (gyro, accel):
+        change = np.diff(x, axis=0, prepend=x[:1])
+        out.append(np.where(dt[:, None] > 0, change / np.where(dt > 0, dt, 1.0)[:, None], 0.0))
+    return result.size_effect.compensate(result.model, accel, gyro, *out)
+
+
+@pytest.fixture
+def steps() -> np.ndarray:
+    """Intervals between 50 samples, with a beginning and a gap [s]."""
+    dt = np.random.default_rng(4).uniform(0.004, 0.006, 50)
+    dt[[0, 20]] = 0.0
+    return dt
+
+
+@pytest.mark.parametrize("receiver", ["c", "python"])
+@pytest.mark.parametrize("families", [(), ("accel.lever",), ("accel.delay", "gyro.bias")])
+def test_lever_arms_and_delay_are_taken_away(
+    receiver: str, families: tuple[str, ...], apart: Result, readings: Readings,
+    steps: np.ndarray, tmp_path: Path, same: Same,
+) -> None:  # fmt: skip
+    result = with_terms(*families) if families else apart
+    name = {"c": "calibration.h", "python": "calibration.py"}[receiver]
+    text = write(result, receiver, tmp_path / name).read_text()
+    assert "half an interval old" in text
+    if receiver == "c":
+        got = run_c(tmp_path, *readings, "foucault_compensate_next", NEXT_MAIN, steps)
+    else:
+        module, before, got = load(tmp_path / name), None, []
+        for dt, a, g in zip(steps.tolist(), *(r.tolist() for r in readings), strict=True):
+            f, w, before = module.compensate_next(before, dt, a, g)
+            got.append([*f, *w])
+        got = np.array(got)
+    f_b, w_b = step_by_step(result, steps, *readings)
+    same(got[:, :3], f_b)
+    same(got[:, 3:], w_b)
+    plain = result.model.compensate(*readings)[0]
+    assert np.abs(plain - f_b).max() > 0.1
+    assert "compensate_next" not in write(with_terms("accel.bias"), receiver,
+                                          tmp_path / "other").read_text()  # fmt: skip
+
+
+@pytest.mark.parametrize("axes", list(AXES))
+def test_counts_from_sample_to_sample(
+    axes: str, apart: Result, readings: Readings, steps: np.ndarray, tmp_path: Path
+) -> None:
+    """In other axes the accelerometers change places, and their places are told in those axes."""
+    write(apart, "c", tmp_path / "calibration.h", log=COUNTS, axes=axes)
+    module = load(write(apart, "python", tmp_path / "calibration.py", log=COUNTS, axes=axes))
+    order = np.argmax(np.abs(AXES[axes]), axis=1)
+    counts = []
+    for name, values in zip(("accel", "gyro"), readings, strict=True):
+        zero, factor = getattr(COUNTS, name).conversion()
+        flip = [-1.0 if c.startswith("-") else 1.0 for c in getattr(COUNTS, name).columns]
+        counts.append((values / (factor * flip) + zero)[:, order])
+    want = [x @ AXES[axes].T for x in step_by_step(apart, steps, *readings)]
+    in_c = run_c(tmp_path, *counts, "foucault_compensate_counts", NEXT_MAIN, steps)
+    before, in_python = None, []
+    for dt, a, g in zip(steps.tolist(), *(c.tolist() for c in counts), strict=True):
+        f, w, before = module.compensate_counts(before, dt, a, g)
+        in_python.append([*f, *w])
+    for got in (in_c, np.array(in_python)):
+        np.testing.assert_allclose(got[:, :3], want[0], atol=1e-10 * np.abs(want[0]).max())
+        np.testing.assert_allclose(got[:, 3:], want[1], atol=1e-10 * np.abs(want[1]).max())
+
+
+def test_json_tells_places_and_delay(apart: Result, full: Result, tmp_path: Path) -> None:
+    doc = json.loads(write(apart, "json", tmp_path / "calibration.json").read_text())
+    size = doc["size_effect"]
+    np.testing.assert_array_equal(size["accel_places"], apart.size_effect.arms)
+    assert size["accel_delay"] == apart.size_effect.delay
+    assert "(w x (w x r_i) + dw x r_i)_i" in size["equation"]
+    assert "size_effect" not in json.loads(write(full, "json", tmp_path / "other").read_text())
 
 
 # -- Python -----------------------------------------------------------------------------------
@@ -373,7 +472,7 @@ def test_every_file_says_what_it_is_and_what_is_lost(receiver: str, tmp_path: Pa
         "a bias is measured minus true", "LOST", "x accelerometer input axis",
     ):  # fmt: skip
         assert words in text, words
-    lost = [n for n in result.coefficients.names if n.rpartition(".")[0] in drop]
+    lost = [n for n in result.coefficients.names if family(n) in drop]
     for name in lost:
         assert f"{name} = {result.coefficients.value(name)!r}" in text
     docs = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")

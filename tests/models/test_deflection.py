@@ -250,7 +250,8 @@ def test_covariance_and_priors_follow() -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_states_say_what_the_tensor_says(name: str) -> None:
     model = deflection_model(name)
-    sensors = Sensors.of(("gyro", "accel")).with_deflection(model)
+    others = ("gyro.bias", "gyro.scale", "gyro.misalignment", "gyro.g_sensitivity", "accel")
+    sensors = Sensors.of(others).with_deflection(model)
     assert sensors.gyros == len([n for n in sensors.layout.names if "accel" not in n])
     f, w = RNG.normal(size=3), RNG.normal(size=3)
     said = sensors.readings(w, f)
@@ -258,6 +259,15 @@ def test_states_say_what_the_tensor_says(name: str) -> None:
     want = [felt(B, f, w) for B in model.basis]
     np.testing.assert_allclose(said[:3, at], np.transpose(want), atol=1e-15)
     assert not said[3:, at].any()
-    plain = Sensors.of(("gyro", "accel"))
-    others = [i for i in range(len(sensors)) if i not in at]
-    np.testing.assert_array_equal(said[:, others], plain.readings(w, f))
+    plain = Sensors.of(others)
+    left = [i for i in range(len(sensors)) if i not in at]
+    np.testing.assert_array_equal(said[:, left], plain.readings(w, f))
+
+
+def test_a_model_beside_what_it_is_made_of_is_refused() -> None:
+    model = deflection_model("coupled6")
+    for sensors in (Sensors.of(("gyro",)), Sensors.of(("gyro.bias",)).with_deflection(model)):
+        with pytest.raises(FoucaultError, match=r"The states hold .*deflection.xy") as caught:
+            sensors.with_deflection(model)
+        assert caught.value.code == "deflection.twice"
+        assert 'A group such as "gyro" holds them all' in caught.value.cure

@@ -7,7 +7,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.plans.systematic import pointing
-from foucault.plans.systematic_file import parse_sequence, read_sequence
+from foucault.plans.systematic_file import ActionTable, parse_sequence, read_sequence
 
 DEG = np.pi / 180
 
@@ -107,3 +107,13 @@ def test_files_that_cannot_be_read(tmp_path) -> None:
     assert caught.value.code == "sequence.entry"
     with pytest.raises(FoucaultError, match="has no rest"):
         parse_sequence('[[action]]\nspin = 1\nabout = "up"')
+
+
+def test_a_table_with_its_defaults_written_out_is_read_again():
+    """As a run keeps its campaign."""
+    for table in ({"rest": "60 s"}, {"turn": "90 deg", "about": "y", "rate": "30 deg/s"}):
+        read = ActionTable.model_validate(table)
+        again = ActionTable.model_validate(
+            {k: v for k, v in read.model_dump().items() if v is not None}
+        )
+        assert again == read and again.action() == read.action()

@@ -50,6 +50,7 @@ def make_found(ratio: np.ndarray = RATIO, **other: object) -> Found:
     logs = np.log(np.where(np.isfinite(ratio), ratio, 1))
     made = Found(
         procedure="platform_tumble",
+        aim="sd",
         reference="published",
         steps=(HEADINGS, ("0", "300", "-0.1", "30"), ("300", "900", "0", "60")),
         reference_steps=(HEADINGS, ("0", "900", "0.1", "90")),

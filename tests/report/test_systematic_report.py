@@ -10,9 +10,11 @@ import pytest
 from foucault import run_folder
 from foucault.models.earth import Site
 from foucault.procedures import systematic
+from foucault.report import figures_systematic as drawn
 from foucault.report import html
 from foucault.report import systematic as report
 from foucault.report.page import Figure, Table
+from foucault.report.uncertainty import shown
 from make_sequence import DEG, NOISE
 
 SITE = Site.at(40 * DEG, 100.0)
@@ -46,6 +48,16 @@ def test_velocities_before_and_after(result):
         np.testing.assert_allclose(trace["error_y"]["array"], 2e3 * sd, rtol=1e-5)
 
 
+def test_large_velocities_are_in_metres(result):
+    table = dict(result.tables["velocities"])
+    table["before_east"] = 1e3 * table["before_east"]
+    figure = drawn.velocities(table)
+    assert figure.layout["yaxis2"]["title"]["text"] == "before [m/s]"
+    assert figure.layout["yaxis"]["title"]["text"] == "after [mm/s]"
+    east = next(t for t in figure.data if t["yaxis"] == "y2" and t["name"] == "east")
+    np.testing.assert_allclose(east["y"], table["before_east"], rtol=1e-5)
+
+
 def test_the_sequence_is_drawn_as_it_was(result):
     section = report.sequence(result)
     words = {
@@ -64,38 +76,47 @@ def test_the_sequence_is_drawn_as_it_was(result):
     np.testing.assert_allclose(bars["y"], np.sqrt(table["square"] / table["count"]), rtol=1e-5)
     assert bars["customdata"][0] == "P1"
     assert "Passes through the session: 3." in section.blocks[-1].text
+    # Narrow screens scroll it: no name of an axis lies over the next.
+    assert figures(section)[0].layout["meta"]["least"] > 25 * 19
 
 
 def test_navigation_with_it_and_without(result):
     section = report.navigation(result)
-    east, north = figures(section)
-    assert east.caption == "Spin about east."
-    assert {t["name"] for t in north.data} == {
-        "east, as it is", "north, as it is", "east, compensated", "north, compensated",
-    }  # fmt: skip
+    tilts, speeds = figures(section)[:2], figures(section)[2:]
+    assert [f.caption for f in tilts] == ["Tilt, spin about east.", "Tilt, spin about north."]
+    for figure in (*tilts, *speeds):
+        assert [(t["name"], t["line"]["dash"], t["showlegend"]) for t in figure.data] == [
+            (part, dash, dash == "solid") for dash in ("dot", "solid") for part in ("east", "north")
+        ]
+    assert section.lead.endswith("Dotted: as it is; solid: compensated.")
     table = next(b for b in section.blocks if isinstance(b, Table))
     assert [row[:2] for row in table.rows] == [
         [about, way] for about in ("east", "north") for way in ("as it is", "compensated")
     ]
-    end = result.diagnostics["navigation"][0]["velocity"][0]
-    assert float(table.rows[0][4].replace("−", "-")) == pytest.approx(end, abs=1e-4)
-    assert east.data[0]["y"][-1] == pytest.approx(end, rel=1e-4)
+    before, after = result.diagnostics["navigation"][:2]
+    end = before["velocity"][0]
+    assert float(table.rows[0][5].replace("−", "-")) == pytest.approx(end, abs=1e-4)
+    assert speeds[0].data[0]["y"][-1] == pytest.approx(end, rel=1e-4)
+    spun = np.searchsorted(tilts[0].data[0]["x"], 200.0)
+    tilt = before["shift"][0] * 3600 / DEG
+    assert tilts[0].data[0]["y"][spun] == pytest.approx(tilt, abs=0.02 * abs(tilt))
+    assert [row[4] == "" for row in table.rows] == [True, False, True, False]
+    less = 100 * (1 - np.hypot(*after["shift"][:2]) / np.hypot(*before["shift"][:2]))
+    assert table.rows[1][4] == f"{less:.1f} %".replace("-", "−")
 
 
 def test_places_in_units_that_people_use(result):
-    section = report.places(result)
-    rows = {row[0]: row for row in section.blocks[0].rows}
-    assert len(rows) == 7
-    assert rows["accel.lever.xy"][3] == "mm"
-    assert rows["accel.delay"][3] == "µs"
-    value = next(p for p in result.diagnostics["places"] if p["name"] == "accel.lever.xy")["value"]
-    shown = float(rows["accel.lever.xy"][1].replace("−", "-"))
-    assert shown == pytest.approx(1e3 * value, abs=0.51)
+    rows = {row["name"]: row for row in result.coefficients.rows()}
+    assert rows["accel.lever.xy"]["display_unit"] == "mm"
+    assert rows["accel.delay"]["display_unit"] in ("us", "ms")
+    page = html(result).replace("<wbr>", "")
+    assert "accel.lever.xy" in page and "accel.delay" in page
+    assert shown("us") == "µs"
 
 
 def test_nothing_is_shown_that_is_not_there(result):
     bare = replace(result, tables={}, diagnostics={})
-    for section in (report.velocities, report.sequence, report.navigation, report.places):
+    for section in (report.velocities, report.sequence, report.navigation):
         assert section(bare) is None
 
 

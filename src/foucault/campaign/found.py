@@ -35,6 +35,8 @@ class Found:
     ----------
     procedure : str
         For which procedure.
+    aim : str
+        What was made small: "sd", or "time" for what is wanted among `needs`.
     reference : str
         What the plan to beat is called.
     steps, reference_steps : tuple of tuple of str
@@ -76,6 +78,7 @@ class Found:
     """
 
     procedure: str
+    aim: str
     reference: str
     steps: tuple[tuple[str, ...], ...]
     reference_steps: tuple[tuple[str, ...], ...]
@@ -104,7 +107,10 @@ class Found:
 
     @property
     def gained(self) -> bool:
-        """Whether the plan is better than the one to beat, in the first case."""
+        """Whether the plan is better than the one to beat, in the first case; or shorter."""
+        if self.aim == "time":
+            shorter = self.duration <= GAIN * self.reference_duration
+            return shorter and not _broken(self.needs)
         return self.geometric_mean[0] <= GAIN
 
     @property
@@ -149,6 +155,7 @@ class Found:
         total = int(rows["evaluations"].sum())
         found = cls(
             procedure=procedure,
+            aim=getattr(space, "aim", "sd"),
             reference=space.reference_name,
             steps=space.steps(plan),
             reference_steps=space.steps(space.reference),
@@ -213,6 +220,9 @@ def _judged(found: Found) -> tuple[Finding, ...]:
         return (finding("optimise.reference_limits", **given),)
     if found.gained:
         return ()
+    if found.aim == "time":
+        given = {"time": f"{found.duration:.0f}", "reference": f"{found.reference_duration:.0f}"}
+        return (finding("optimise.no_time", evaluations=found.evaluations, **given),)
     return (finding("optimise.no_gain", evaluations=found.evaluations, ratio=ratio),)
 
 

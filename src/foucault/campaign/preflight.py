@@ -51,6 +51,8 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
     if not hasattr(module, "foresee"):
         return _simulated(replace(campaign, settings=settings))
     known, told = beforehand(campaign)
+    if getattr(module, "FORESEES_WANTED", False):
+        known["wanted"] = campaign.wanted
     found: Foresight = module.foresee(settings, **known)
     return replace(found, findings=(*told, *found.findings))
 

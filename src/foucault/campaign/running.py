@@ -23,6 +23,7 @@ from foucault.logs.streaming import OnDisk
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import model_of
+from foucault.models.size_effect import SizeEffect
 from foucault.result import Result
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import IndexedLog, Log
@@ -144,9 +145,13 @@ class Session:
         """The coefficients the simulated instrument had, in the body axes of results."""
         model = self.simulation.model
         if isinstance(model, ImuModel):
-            errors = model.in_gauge(Gauge.LOWER)[0].coefficients()
+            lower, C_cb = model.in_gauge(Gauge.LOWER)
+            size: SizeEffect | None = getattr(self.simulation, "size_effect", None)
             beside: CoefficientVector | None = getattr(self.simulation, "beside", None)
-            return errors if beside is None else errors.joined(beside)
+            found = lower.coefficients()
+            if size is not None:
+                found = found.with_others(size.rotated(C_cb).coefficients())
+            return found if beside is None else found.with_others(beside)
         whole: CoefficientVector = getattr(self.simulation, "truth", model.coefficients())
         return whole
 

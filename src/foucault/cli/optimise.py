@@ -126,13 +126,13 @@ def _tell(screen: Screen, found: Found) -> None:
 
 
 def _needs(found: Found) -> list[tuple[str, ...]]:
-    from foucault.diagnose.foresight import Limit, said
+    from foucault.diagnose.foresight import Limit
 
     def needed(limit: Limit) -> str:
-        return said(limit.needed, limit.kind) + ("" if limit.kept else " BROKEN")
+        return limit.said_needed + ("" if limit.kept else " BROKEN")
 
     return [
-        (n.name, needed(b), needed(n), "" if n.allowed is None else said(n.allowed, n.kind))
+        (n.name, needed(b), needed(n), n.said_allowed)
         for b, n in zip(found.reference_needs, found.needs, strict=True)
     ]
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import sequences
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ def add_to(app: typer.Typer) -> None:
         "plans",
         epilog="Examples: foucault plans; foucault plans --model 'accel quadratic'; "
         "foucault plans 'icosahedron 12' -o angles.csv; foucault plans angles.csv; "
-        "foucault plans --model deflection 'optimised 6'",
+        "foucault plans --model deflection 'optimised 6'; foucault plans --model systematic "
+        "campaign.toml -o actions.csv",
     )(plans)
 
 
@@ -39,31 +41,44 @@ def plans(
         str | None,
         typer.Argument(
             help="A plan, such as 'icosahedron 12' or 'fibonacci 30', or a CSV file with the "
-            "columns outer,middle,inner in deg. All plans if left out."
+            "columns outer,middle,inner in deg; of a sequence '19 positions', several joined by "
+            "' + ', or a TOML file: a sequence, or a campaign. All plans if left out."
         ),
     ] = None,
     model: Annotated[
         str,
         typer.Option(
             help="What is to be found: accel (norm of gravity, also for the norm of the rate), "
-            "'accel quadratic', 'accel table' (the angles of the table are known), or deflection "
-            "(poses for spins about a level axis, for gyros on dither springs)."
+            "'accel quadratic', 'accel table' (the angles of the table are known), deflection "
+            "(poses for spins about a level axis, for gyros on dither springs), or systematic "
+            "(sequences of rests and turns)."
         ),
     ] = "accel",
     angles: Annotated[
-        bool, typer.Option("--angles/--no-angles", help="With a plan: print its table angles.")
+        bool,
+        typer.Option(
+            "--angles/--no-angles", help="With a plan: print its table angles, or its actions."
+        ),
     ] = True,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="With a plan: CSV file for its angles.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="With a plan: CSV file for its angles or actions; of a sequence TOML too.",
+        ),
     ] = None,
 ) -> None:
-    """List sets of positions on a table and how good they are, or print the angles of one."""
+    """List plans for a table and how good they are, or print the angles or actions of one."""
     from foucault.errors import error
     from foucault.plans.efficiency import model_named
 
     screen: Screen = ctx.obj
     if model.strip().lower() == DEFLECTION:
         _poses(screen, name, angles, output)
+        return
+    if model.strip().lower() == sequences.MODEL:
+        sequences.sequences(screen, name, angles, output)
         return
     known = model_named(model)
     if name is not None:

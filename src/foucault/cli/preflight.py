@@ -118,13 +118,10 @@ def _legs(found: Foresight) -> list[tuple[str, ...]]:
 
 
 def _limits(found: Foresight) -> list[tuple[str, ...]]:
-    from foucault.diagnose.foresight import said
-
     rows: list[tuple[str, ...]] = []
     for limit in found.limits:
-        allowed = "" if limit.allowed is None else said(limit.allowed, limit.kind)
         state = "" if limit.kept else "BROKEN"
-        rows.append((limit.name, said(limit.needed, limit.kind), allowed, state))
+        rows.append((limit.name, limit.said_needed, limit.said_allowed, state))
     return rows
 
 

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.axes import exchange_words, exchanges, explain_turns, mistake
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models import rotation
 from foucault.models.earth import EARTH_RATE, Site, earth_rate_n
 from foucault.navigate.align import Alignment, bridge_peak, measured_errors, window
@@ -174,6 +174,31 @@ def _check_force(means: _Means, interval: float) -> tuple[Finding, ...]:
             return ()
         return (finding("alignment.gravity", seen=f"{seen:.5g}", given=f"{given:.5g}",
                         off=f"{100 * (ratio - 1):+.2g}"),)  # fmt: skip
+    problem = wrong_force(seen, given, interval)
+    assert problem is not None
+    raise problem
+
+
+def wrong_force(seen: float, gravity: float, interval: float) -> FoucaultError | None:
+    """Return what explains a specific force at rest that is not gravity by far.
+
+    Parameters
+    ----------
+    seen : float, shape ()
+        Its magnitude [m/s^2].
+    gravity : float, shape ()
+        Local gravity [m/s^2].
+    interval : float, shape ()
+        Usual interval between samples [s].
+
+    Returns
+    -------
+    FoucaultError or None
+        None where it is gravity but for errors of accelerometers.
+    """
+    ratio = seen / gravity
+    if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
+        return None
     causes = {
         interval: "increments were declared as rates",
         1 / interval: "rates were declared as increments",
@@ -182,8 +207,8 @@ def _check_force(means: _Means, interval: float) -> tuple[Finding, ...]:
     }
     near = min(causes, key=lambda r: abs(np.log(max(ratio, 1e-300) / r)))
     known = 1 / GRAVITY_BAND < ratio / near < GRAVITY_BAND
-    raise error("alignment.force", given=f"{ratio * means.site.gravity:.4g}", ratio=f"{ratio:.4g}",
-                cause=causes[near] if known else "no usual mistake makes this")  # fmt: skip
+    return error("alignment.force", given=f"{seen:.4g}", ratio=f"{ratio:.4g}",
+                 cause=causes[near] if known else "no usual mistake makes this")  # fmt: skip
 
 
 def _check_rate(means: _Means, interval: float) -> None:

@@ -56,12 +56,15 @@ class Limit:
         What the plan needs [SI].
     allowed : float or None
         What the rig allows; None where nothing was said [SI].
+    unit : str or None
+        Unit it is written in; None for the largest of its kind.
     """
 
     name: str
     kind: str
     needed: float
     allowed: float | None = None
+    unit: str | None = None
 
     @property
     def kept(self) -> bool:
@@ -71,13 +74,23 @@ class Limit:
     @property
     def words(self) -> str:
         """What is needed, of what is allowed where that was said."""
-        needed = f"{self.name} {said(self.needed, self.kind)}"
-        return needed if self.allowed is None else f"{needed} of {said(self.allowed, self.kind)}"
+        needed = f"{self.name} {self.said_needed}"
+        return needed if self.allowed is None else f"{needed} of {self.said_allowed}"
+
+    @property
+    def said_needed(self) -> str:
+        """What is needed, with its unit."""
+        return said(self.needed, self.kind, self.unit)
+
+    @property
+    def said_allowed(self) -> str:
+        """What is allowed, with its unit; empty where nothing was said."""
+        return "" if self.allowed is None else said(self.allowed, self.kind, self.unit)
 
 
-def said(value: float, kind: str) -> str:
-    """Write `value`, shape () [SI], in the largest unit of its kind: one unit side by side."""
-    unit = units.KINDS[kind].display[-1]
+def said(value: float, kind: str, unit: str | None = None) -> str:
+    """Write `value`, shape () [SI], in `unit`, or the largest of its kind: one side by side."""
+    unit = unit or units.KINDS[kind].display[-1]
     value = 0.0 if abs(value) <= NOTHING else value
     return f"{units.plain(units.convert(value, kind, unit))} {unit}"
 

@@ -218,7 +218,7 @@ def _prior(e: RateEvidence) -> Check:
     worst = int(np.argmax(miss))
     fine = bool(miss[worst] <= limit)
     name = vector.names[known[worst]]
-    words = f"{name} is {miss[worst]:.1f} standard deviations of its prior from its prior" + (
+    words = f"{name} is {miss[worst]:.1f} standard deviations from what was known before" + (
         "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
     )
     return Check("prior", float(miss[worst]), None, limit, fine, words)

@@ -140,10 +140,12 @@ class Study:
         inside = np.abs(self.error / self.sd) <= INTERVALS[percent]
         per_trial = inside.mean(axis=1)
         value = float(per_trial.mean())
-        from scipy.special import ndtri
+        from scipy.special import stdtrit
 
-        # The scatter over trials carries the correlation between coefficients.
-        width = float(ndtri(1 - EACH / 2) * per_trial.std(ddof=1) / np.sqrt(len(inside)))
+        # The scatter over trials carries the correlation between coefficients; of few trials it is
+        # itself uncertain (Student's t).
+        n = len(inside)
+        width = float(stdtrit(n - 1, 1 - EACH / 2) * per_trial.std(ddof=1) / np.sqrt(n))
         low, high = share - width, share + width
         fine = low <= value <= high
         words = (

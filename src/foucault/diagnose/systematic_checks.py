@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from foucault.diagnose.systematic import FoundSequence, Move
 from foucault.errors import Finding, error, finding
+from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import TABLE_AXES, Rotate
 from foucault.plans.systematic import CalibrationSequence, Position, pointing
 from foucault.plans.systematic_sequences import BUILT_IN
@@ -105,6 +106,13 @@ def _check_moves(found: FoundSequence, sequence: CalibrationSequence) -> None:
     moves = found.moves
     if _fits(moves, sequence):
         return
+    off_by = _heading_off(found, sequence)
+    if off_by is not None:
+        turned = replace(sequence, start=exp(np.array([0.0, 0.0, -off_by[0]])) @ sequence.start)
+        if _fits(moves, turned):
+            more, sd = (np.degrees(x) for x in off_by)
+            raise error("systematic.heading_start", name=sequence.name, angle=f"{more:+.1f}",
+                        sd=f"{sd:.2g}")  # fmt: skip
     for words, other in _relabelled(sequence) if len(moves) == len(sequence.moves) else ():
         if _fits(moves, other):
             raise error("systematic.axes", name=sequence.name, words=words)
@@ -124,9 +132,12 @@ def _check_moves(found: FoundSequence, sequence: CalibrationSequence) -> None:
             "systematic.count", name=sequence.name, declared=len(angle), given=len(moves),
             first=first,
         )  # fmt: skip
-    at = moves[number]
+    at, k = moves[number], sequence.moves[number]
+    action = sequence.actions[k]
+    assert isinstance(action, Rotate)
     raise error(
         "systematic.move", number=number + 1, name=sequence.name, time=f"{at.start:.1f}",
+        action=f"action {k + 1}, {np.degrees(action.angle):.5g} deg about {action.axis}",
         declared=_said(axis[number], angle[number]), measured=_said(at.axis_b, at.angle),
     )  # fmt: skip
 
@@ -210,20 +221,25 @@ def _rests(
 
 
 def _heading(found: FoundSequence, sequence: CalibrationSequence) -> list[Finding]:
-    """Compare the declared heading with where the Earth's rate says that north is."""
-    if found.earth_b is None or found.earth_cov is None:
+    """Say where the declared heading is not the one that the Earth's rate shows."""
+    off_by = _heading_off(found, sequence)
+    if off_by is None:
         return []
+    angle, sd = (np.degrees(x) for x in off_by)
+    return [finding("systematic.heading", angle=f"{angle:+.1f}", sd=f"{sd:.2g}")]
+
+
+def _heading_off(found: FoundSequence, sequence: CalibrationSequence) -> tuple[float, float] | None:
+    """Return by how much the heading at the start is more than declared, and its sd [rad]."""
+    if found.earth_b is None or found.earth_cov is None:
+        return None
     east, north, _ = sequence.start @ found.earth_b
     cov = (sequence.start @ found.earth_cov @ sequence.start.T)[:2, :2]
     level = float(np.hypot(east, north))
     across = np.array([north, -east]) / max(level, 1e-300)
     sd = float(np.sqrt(across @ cov @ across)) / max(level, 1e-300)
     angle = float(np.arctan2(-east, north))
-    if abs(angle) <= max(HEADING, 4.0 * sd):
-        return []
-    return [
-        finding("systematic.heading", angle=f"{np.degrees(angle):+.1f}", sd=f"{np.degrees(sd):.2g}")
-    ]
+    return None if abs(angle) <= max(HEADING, 4.0 * sd) else (angle, sd)
 
 
 def _said(axis: FloatArray, angle: float) -> str:

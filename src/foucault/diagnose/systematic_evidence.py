@@ -26,14 +26,18 @@ from foucault.estimate.ins_filter import FilterRun
 from foucault.models.deflection import DeflectionModel
 from foucault.navigate.increments import Increments
 from foucault.result import Check
+from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 
-EACH = FALSE_ALARM / 4
-"""False-alarm rate of each of four tests, so that all together keep 1 % [1]."""
+EACH = FALSE_ALARM / 5
+"""False-alarm rate of each of five tests, so that all together keep 1 % [1]."""
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
+
+LIKE = ("accel.asymmetry", "accel.quadratic")
+"""What looks the same where every axis is up, down or level: ``g |f|`` and ``f^2`` are equal."""
 
 WORTH = np.radians(3.0 / 3600.0) / 9.80665
 """A combination of deflections counts as seen if the session alone tells it better than this, the
@@ -48,7 +52,7 @@ WANTED = {
     "accel.scale": "rests with each axis of the body up and down",
     "accel.misalignment": "rests with each axis of the body up and down",
     "accel.asymmetry": "rests with each axis of the body up, down and level",
-    "accel.quadratic": "rests with each axis of the body up, down and slanting",
+    "accel.quadratic": "rests with each axis of the body up, down and slanting, such as at 45 deg",
     "accel.lever": "turns about each axis of the body at 10 deg/s or more",
     "accel.delay": "turns about level axes at 10 deg/s or more",
     "deflection": "spins of ten turns about a level axis in six poses, three of them slanting",
@@ -72,6 +76,8 @@ class Evidence:
         The states that are coefficients, with covariance and prior [SI].
     mean : ndarray, shape (p,)
         Mean of their prior [SI].
+    usual : ndarray, shape (p,)
+        Standard deviation of each where the user says nothing [SI].
     legs : Legs
         Velocities at the end of every rest.
     status : Status
@@ -83,6 +89,7 @@ class Evidence:
     run: FilterRun
     coefficients: CoefficientVector
     mean: FloatArray
+    usual: FloatArray
     legs: Legs
     status: Status
 
@@ -158,9 +165,10 @@ def _velocities(e: Evidence) -> Check:
     limit = float(ndtri((1 - EACH) ** (1 / z.size) / 2 + 0.5))
     worst, axis = (int(k) for k in np.unravel_index(np.argmax(z), z.shape))
     fine = bool(z.max() <= limit)
+    run = "through each rest" if e.legs.anew else "from rest to rest"
     words = (
-        f"Navigated from rest to rest with the calibration, the velocity is at most {z.max():.1f} "
-        "times what is promised from zero"
+        f"Navigated {run} with the calibration, the velocity is at most {z.max():.1f} times what "
+        "is promised from zero"
     )
     if not fine:
         words += (
@@ -170,20 +178,94 @@ def _velocities(e: Evidence) -> Check:
     return Check("velocities", float(z.max()), None, limit, fine, words + ".")
 
 
-def _hardly(e: Evidence) -> list[str]:
-    c = e.coefficients
+def hardly(coefficients: CoefficientVector) -> list[str]:
+    """Return the names of `coefficients` that are hardly better known than before."""
+    c = coefficients
     return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
 
 
-def _seen(e: Evidence) -> Check:
-    names = _hardly(e)
-    words = "The session tells something of every coefficient."
-    if names:
-        words = (
-            f"The session tells hardly anything of {', '.join(names)}: what is said of them is "
-            "what was known before."
+def only_sums(coefficients: CoefficientVector) -> list[str]:
+    """Return the axes of which asymmetry and quadratic term are seen as a sum alone.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance, and prior standard deviations that were not correlated [SI].
+    """
+    assert coefficients.cov is not None
+    out = []
+    for axis in AXES:
+        names = [f"{group}.{axis}" for group in LIKE]
+        if all(name in coefficients.layout for name in names):
+            at = [coefficients.layout.index(name) for name in names]
+            unit = coefficients.prior_sd[at]
+            some, none = np.linalg.eigvalsh(coefficients.cov[np.ix_(at, at)] / np.outer(unit, unit))
+            if some < HARDLY**2 < none:
+                out.append(axis)
+    return out
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """What the session does not show.
+
+    Attributes
+    ----------
+    names : list of str
+        Coefficients that are hardly better known than is usual.
+    sums : list of str
+        Axes of which asymmetry and quadratic term are seen as a sum alone.
+    known : list of str
+        Coefficients hardly better known than before, which the user knows better than is usual.
+    """
+
+    names: list[str]
+    sums: list[str]
+    known: list[str]
+
+    @classmethod
+    def of(cls, c: CoefficientVector, usual: FloatArray) -> Unseen:
+        """Sort what is hardly seen.
+
+        Parameters
+        ----------
+        c : CoefficientVector
+            With covariance and prior [SI].
+        usual : ndarray, shape (p,)
+            Standard deviation of each where the user says nothing [SI].
+        """
+        told = c.prior_sd < usual * (1.0 - 1e-9)
+        better = {name for name, yes in zip(c.names, told, strict=True) if yes}
+        names = hardly(c)
+        pairs = {axis: [f"{group}.{axis}" for group in LIKE] for axis in only_sums(c)}
+        # What is known of the one tells the other.
+        sums = [a for a, pair in pairs.items() if not better & {*pair} and {*names} & {*pair}]
+        summed = {name for axis in sums for name in pairs[axis]}
+        return cls(
+            [n for n in names if n not in better | summed], sums, [n for n in names if n in better]
         )
-    return Check("seen", float(len(names)), None, 0.0, not names, words)
+
+
+def _seen(e: Evidence) -> Check:
+    unseen = Unseen.of(e.coefficients, e.usual)
+    words = []
+    if unseen.names:
+        words.append(
+            f"The session tells hardly anything of {', '.join(unseen.names)}: what is said of them "
+            "is what was known before."
+        )
+    if unseen.sums:
+        words.append(_summed(unseen.sums))
+    count = len(unseen.names) + len(unseen.sums)
+    said = " ".join(words) or "The session tells something of every coefficient."
+    return Check("seen", float(count), None, 0.0, not count, said)
+
+
+def _summed(axes: Sequence[str]) -> str:
+    return (
+        f"Of asymmetry and quadratic term of the accelerometers {', '.join(axes)} the session "
+        "tells only the sum, accel.asymmetry + g accel.quadratic: in its rests the two look alike."
+    )
 
 
 def findings(e: Evidence) -> list[Finding]:
@@ -194,12 +276,30 @@ def findings(e: Evidence) -> list[Finding]:
     e : Evidence
         Session, filter and coefficients.
     """
-    names = _hardly(e)
-    if not names:
-        return []
-    groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in names)]
-    wanted = list(dict.fromkeys(WANTED[g] for g in groups))
-    return [finding("systematic.unseen", names=", ".join(names), wanted="; ".join(wanted))]
+    return unseen_of(e.coefficients, e.usual)
+
+
+def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Finding]:
+    """Say which coefficients are hardly better known than before, and what would show them.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance and prior [SI].
+    usual : ndarray, shape (p,)
+        Standard deviation of each where the user says nothing [SI].
+    """
+    unseen, out = Unseen.of(coefficients, usual), []
+    if unseen.names:
+        groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in unseen.names)]
+        wanted = "; ".join(dict.fromkeys(WANTED[g] for g in groups))
+        out.append(finding("systematic.unseen", names=", ".join(unseen.names), wanted=wanted))
+    if unseen.sums:
+        out.append(finding("systematic.only_sum", sentence=_summed(unseen.sums),
+                           wanted=WANTED["accel.quadratic"]))  # fmt: skip
+    if unseen.known:
+        out.append(finding("systematic.only_prior", names=", ".join(unseen.known)))
+    return out
 
 
 def told_of(coefficients: CoefficientVector, names: Sequence[str]) -> tuple[int, list[str]]:

@@ -5,6 +5,9 @@ the next, from the attitude that the smoothed filter has: with the calibration a
 it the velocity is zero but for noise and for what is still uncertain; the standard deviation
 promised is that of a run whose noise is not known. As the same readings made the calibration the
 errors are a little smaller than that.
+
+Where the filter starts every rest anew, so do these runs: what turns do to the velocity is not what
+the calibration is to explain, and the velocity at the end of a rest is what it has gained there.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ import numpy.typing as npt
 
 from foucault.estimate.ins_filter import FilterRun, Updates, run
 from foucault.estimate.smoother import smooth
+from foucault.estimate.systematic import AtRest
 from foucault.models.earth import Site, gravity
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import Increments
@@ -48,6 +52,8 @@ class Legs:
         Attitude at its end [1].
     begin : ndarray, shape (3, 3)
         Attitude in the rest that the first leg begins in [1].
+    anew : bool
+        Whether velocities are those gained since the rest began.
     """
 
     rest: npt.NDArray[np.int64]
@@ -58,6 +64,7 @@ class Legs:
     sd: FloatArray
     C_nb: FloatArray
     begin: FloatArray
+    anew: bool
 
 
 def legs_of(
@@ -66,6 +73,7 @@ def legs_of(
     site: Site,
     found: FilterRun,
     noise: ImuNoise,
+    at_rest: AtRest,
 ) -> Legs:
     """Navigate from each rest to the next.
 
@@ -81,6 +89,8 @@ def legs_of(
         The last pass of the filter, made with ``keep=True``.
     noise : ImuNoise
         White noise [SI].
+    at_rest : AtRest
+        What the filter took for granted at rest.
     """
     assert site.latitude is not None
     seen = smooth(found)
@@ -95,13 +105,20 @@ def legs_of(
     before, after, sd = [], [], []
     for k, (a, b) in enumerate(pairwise(rows)):
         state = State.at_rest(C_nb[k], site.latitude, 0.0, site.height)
-        raw = navigate(increments, state, first=a, last=b, gravity_offset=offset)
-        before.append(raw.velocity_n[-1])
+        raw = navigate(increments, state, first=a, last=b, gravity_offset=offset).velocity_n
+        start = max(rests[there[k + 1]][0], a) + 1
+        before.append(raw[-1] - raw[start - a] if at_rest.decorrelate else raw[-1])
         P = seen.cov[epoch[there[k]]].copy()
         P[3:9], P[:, 3:9] = 0.0, 0.0  # at rest, and in its place
-        epochs = np.unique(np.append(np.arange(a, b, each), b))
+        epochs = np.unique([*range(a, b, each), start, b])
+        updates = Updates.none(epochs)
+        if at_rest.decorrelate:
+            anew = np.searchsorted(epochs, start)
+            updates.restart[anew] = True
+            updates.position[anew] = site.latitude, 0.0, site.height
+            updates.sd[anew] = np.repeat([at_rest.velocity_sd, at_rest.position_sd], 3)
         free = run(
-            increments, state, found.sensors, Updates.none(epochs), P, noise, first=a,
+            increments, state, found.sensors, updates, P, noise, first=a,
             estimate=found.coefficients[-1], gravity_offset=offset,
         )  # fmt: skip
         after.append(free.trajectory.velocity_n[-1])
@@ -109,5 +126,6 @@ def legs_of(
     time = increments.time[rows]
     before_n, after_n, sd_n = (np.reshape(v, (-1, 3)) for v in (before, after, sd))
     return Legs(
-        there[1:], time[:-1], time[1:], before_n, after_n, sd_n, C_nb[1:], C_nb[0]
+        there[1:], time[:-1], time[1:], before_n, after_n, sd_n, C_nb[1:], C_nb[0],
+        at_rest.decorrelate,
     )  # fmt: skip

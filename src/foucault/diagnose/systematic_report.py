@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
 from foucault.diagnose.systematic_evidence import Evidence, squares
 from foucault.models.earth import Site
-from foucault.models.size_effect import LEVER, OFFSET
 from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
@@ -50,18 +48,6 @@ def tables(e: Evidence, numbers: npt.NDArray[np.int64]) -> dict[str, dict[str, n
         "velocities": velocities,
         "attitudes": attitudes,
     }  # fmt: skip
-
-
-def places(states: CoefficientVector) -> list[dict[str, Any]]:
-    """Return lever arms and delay, which are no coefficients that readings are compensated by.
-
-    Parameters
-    ----------
-    states : CoefficientVector
-        What was estimated [SI].
-    """
-    names = (*LEVER.names, *OFFSET.names)
-    return [row for row in states.rows() if row["name"] in names]
 
 
 def unseen(site: Site, decorrelated: bool) -> list[str]:

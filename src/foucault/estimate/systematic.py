@@ -21,16 +21,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.ins_filter import FilterRun, Updates, run
-from foucault.estimate.smoother import smooth
 from foucault.models.earth import Site, gravity
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
+from foucault.models.rotation import exp
 from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
 
@@ -42,6 +43,10 @@ BETWEEN = 2.0
 """Longest epoch during turns [s]."""
 
 
+STAYS = 1e-4
+"""How well an instrument at rest stays where it is [m]."""
+
+
 @dataclass(frozen=True)
 class AtRest:
     """What is known of an instrument at rest.
@@ -51,19 +56,23 @@ class AtRest:
     velocity_sd : float
         How still it stands, each component [m/s].
     position_sd : float
-        How well it stays in its place [m].
+        How near the same place it comes to rest every time; where, it then stays [m].
     interval : float
         Time between updates [s].
     decorrelate : bool
         Whether each rest starts anew with velocity and position: what turns did to them is not
         taken for what the coefficients did. The cure where the accelerometers are not at one
         point and their lever arms are not estimated.
+    turning_sd : float or None
+        How still it stays while it turns about itself, each component; None: nothing is measured
+        in turns [m/s].
     """
 
     velocity_sd: float = 1e-3
     position_sd: float = 1e-2
     interval: float = 1.0
     decorrelate: bool = False
+    turning_sd: float | None = None
 
     def updates(
         self, increments: Increments, rests: Sequence[tuple[int, int]], site: Site, first: int
@@ -85,17 +94,33 @@ class AtRest:
         each = max(1, round(self.interval / float(np.median(increments.dt))))
         rows = [np.arange(max(a, first) + each, b + 1, each) for a, b in rests if b > first + each]
         measured = np.concatenate(rows)
+        starts = np.array([r[0] for r in rows[1:] if len(r) > 1], np.int64)
+        # Where it came to rest is told once. From the next sample on that place is the one to stay
+        # at: told every second, one miss of a centimetre would count as hundreds that average out.
+        there = starts if self.decorrelate else starts + 1
         # Noise comes in where epochs begin and end: turns are cut up too.
-        between = np.arange(first, measured[-1], max(each, round(BETWEEN / self.interval) * each))
+        cut = max(each, round(BETWEEN / self.interval) * each) if self.turning_sd is None else each
+        between = np.arange(first, measured[-1], cut)
         out = Updates.at_rest(
-            np.union1d(measured, between), velocity_sd=self.velocity_sd,
+            reduce(np.union1d, (measured, between, there)), velocity_sd=self.velocity_sd,
             position=(site.latitude, 0.0, site.height), position_sd=self.position_sd,
         )  # fmt: skip
         out.sd[~np.isin(out.rows, measured)] = np.inf
-        starts = np.array([r[0] for r in rows[1:]])
-        if self.decorrelate:
-            out.restart[np.searchsorted(out.rows, starts)] = True
+        if self.turning_sd is not None:
+            out.sd[_between(out.rows, rests), :3] = self.turning_sd
+        anew = np.searchsorted(out.rows, there)
+        out.restart[anew] = True
+        if not self.decorrelate:
+            out.sd[anew, :3], out.sd[anew, 3:] = np.inf, STAYS
         return out
+
+
+def _between(rows: IntArray, rests: Sequence[tuple[int, int]]) -> npt.NDArray[np.bool_]:
+    """Return which rows lie between one rest and the next."""
+    starts, ends = np.array(rests).T
+    after = np.searchsorted(ends, rows)  # rests that are over
+    next_start = starts[np.minimum(after, len(rests) - 1)]
+    return np.asarray((after > 0) & (after < len(rests)) & (rows < next_start))
 
 
 @dataclass(frozen=True)
@@ -183,5 +208,30 @@ def solve(
         estimate = found.coefficients[-1]
         seen.append(estimate)
         if again:
-            state = replace(state, C_nb=smooth(found).trajectory.C_nb[0])
+            state = replace(state, C_nb=attitude_at_start(found, state.C_nb))
     return SystematicRun(found, found.estimate, tuple(seen))
+
+
+def attitude_at_start(found: FilterRun, C_nb: FloatArray) -> FloatArray:
+    """Return the attitude that a pass should have begun with, shape (3, 3).
+
+    The error psi that the filter has found at the end, and what it fed back at every epoch, are
+    carried back to the start with the coefficients of the end. White noise of the gyros is left
+    out, which a smoother would not: to linearise about, this is as good.
+
+    Parameters
+    ----------
+    found : FilterRun
+        A pass made with ``keep=True``.
+    C_nb : ndarray, shape (3, 3)
+        The attitude that it began with [1].
+    """
+    before = np.concatenate([found.coefficients[:1] - found.corrections[:1, 9:],
+                             found.coefficients[:-1]])  # fmt: skip
+    missing = found.coefficients[-1] - before  # in the epoch that ends at each row
+    made = np.einsum("kij,kj->ki", found.transitions[:, :3, 9:], missing)
+    psi = np.zeros(3)
+    for k in range(len(made) - 1, -1, -1):
+        psi = psi + found.corrections[k, :3]
+        psi = np.linalg.solve(found.transitions[k, :3, :3], psi - made[k])
+    return np.asarray(exp(psi) @ C_nb)

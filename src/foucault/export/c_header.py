@@ -1,4 +1,4 @@
-"""A C header without dependencies: constants and one inline function.
+"""A C header without dependencies: constants and inline functions.
 
 Receiver's convention: ours. Readings in m/s^2 and rad/s; the function returns true specific
 force and angular rate in the same axes.
@@ -11,9 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from foucault.export.numbers import commented, inverse, row, rows, tensor
+from foucault.export.numbers import commented, inverse, number, row, rows, tensor
 from foucault.export.request import FAMILIES, Counts, Request
 from foucault.models.imu import ImuModel
+from foucault.models.size_effect import SizeEffect
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -34,7 +35,9 @@ def text(wanted: Request) -> str:
         commented(statement, " *"),
         " *",
         " * Readings and results: accelerometers in m/s^2, gyros in rad/s. C99 and C++, nothing to",
-        " * link, no state; the results must not share memory with the readings.",
+        " * link, no state but the caller's; the results must not share memory with the readings."
+        if wanted.size
+        else " * link, no state; the results must not share memory with the readings.",
         " */",
         "#ifndef FOUCAULT_CALIBRATION_H",
         "#define FOUCAULT_CALIBRATION_H",
@@ -69,7 +72,9 @@ def text(wanted: Request) -> str:
             _SENSED.replace("STEPS", str(NEWTON_STEPS)),
         ]
     parts += [_function(model)]
-    parts += _from_counts(wanted.counts)
+    if wanted.size:
+        parts += _size_effect(wanted.size)
+    parts += _from_counts(wanted.counts, bool(wanted.size))
     parts += ["#endif /* FOUCAULT_CALIBRATION_H */", ""]
     return "\n".join(parts)
 
@@ -109,11 +114,22 @@ def _function(model: ImuModel) -> str:
     return out
 
 
+def _size_effect(size: SizeEffect) -> list[str]:
+    """Write what takes lever arms and delay away, from sample to sample."""
+    return [
+        "/* Places of the x, y and z accelerometer in rows [m], and how much later accelerometers"
+        " read\n   than gyros [s]. */",
+        _matrix("foucault_accel_places", size.arms),
+        f"static const double foucault_accel_delay = {number(size.delay)};\n",
+        _NEXT,
+    ]
+
+
 def _vector(name: str, vector: FloatArray) -> str:
     return f"static const double {name}[3] = {{{row(vector)}}};\n"
 
 
-def _from_counts(counts: Mapping[str, Counts]) -> list[str]:
+def _from_counts(counts: Mapping[str, Counts], stepping: bool) -> list[str]:
     """Write the entry for raw counts, where both triads were logged in counts."""
     if set(counts) != {"accel", "gyro"}:
         return []
@@ -126,7 +142,7 @@ def _from_counts(counts: Mapping[str, Counts]) -> list[str]:
             _vector(f"foucault_{name}_zero", triad.zero),
             _vector(f"foucault_{name}_factor", triad.factor),
         ]
-    return [*out, _COUNTS]
+    return [*out, _COUNTS_NEXT if stepping else _COUNTS]
 
 
 _UNLIKE = """\
@@ -239,6 +255,45 @@ static inline void foucault_sensed_rate(double w[3])
 }
 """
 
+_NEXT = """\
+/* What is kept of the sample before. Begin with foucault_state state = {0}, and after a gap. */
+typedef struct {
+    int known;
+    double accel[3], gyro[3];
+} foucault_state;
+
+/* The same as foucault_compensate, and lever arms and delay of the accelerometers besides; dt is
+   the time since the sample before [s]. No sample is held back: how fast readings change is their
+   difference from the sample before, which is half an interval old. Of a first sample, and where dt
+   is not above 0, they are taken not to change. Readings that are increments come divided by dt. */
+static inline void foucault_compensate_next(foucault_state *state, double dt,
+                                            const double accel_raw[3], const double gyro_raw[3],
+                                            double f_b[3], double w_b[3])
+{
+    double a[3], df[3] = {0.0, 0.0, 0.0}, dw[3] = {0.0, 0.0, 0.0};
+    int i;
+    for (i = 0; i < 3; i++) {
+        if (state->known && dt > 0.0) {
+            df[i] = (accel_raw[i] - state->accel[i]) / dt;
+            dw[i] = (gyro_raw[i] - state->gyro[i]) / dt;
+        }
+        state->accel[i] = accel_raw[i];
+        state->gyro[i] = gyro_raw[i];
+    }
+    state->known = 1;
+    foucault_compensate(accel_raw, gyro_raw, f_b, w_b);
+    for (i = 0; i < 3; i++) {    /* w x (w x r) + dw x r along the axis of the accelerometer */
+        const double *r = foucault_accel_places[i];
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        a[i] = accel_raw[i] + foucault_accel_delay * df[i]
+             - w_b[i] * (w_b[j] * r[j] + w_b[k] * r[k])
+             + r[i] * (w_b[j] * w_b[j] + w_b[k] * w_b[k])
+             - dw[j] * r[k] + dw[k] * r[j];
+    }
+    foucault_compensate(a, gyro_raw, f_b, w_b);
+}
+"""
+
 _COUNTS = """\
 /* The same from raw counts, in the order stated above. */
 static inline void foucault_compensate_counts(const double accel_counts[3],
@@ -252,5 +307,22 @@ static inline void foucault_compensate_counts(const double accel_counts[3],
         gyro_raw[i] = (gyro_counts[i] - foucault_gyro_zero[i]) * foucault_gyro_factor[i];
     }
     foucault_compensate(accel_raw, gyro_raw, f_b, w_b);
+}
+"""
+
+_COUNTS_NEXT = """\
+/* The same from raw counts, in the order stated above. */
+static inline void foucault_compensate_counts(foucault_state *state, double dt,
+                                              const double accel_counts[3],
+                                              const double gyro_counts[3],
+                                              double f_b[3], double w_b[3])
+{
+    double accel_raw[3], gyro_raw[3];
+    int i;
+    for (i = 0; i < 3; i++) {
+        accel_raw[i] = (accel_counts[i] - foucault_accel_zero[i]) * foucault_accel_factor[i];
+        gyro_raw[i] = (gyro_counts[i] - foucault_gyro_zero[i]) * foucault_gyro_factor[i];
+    }
+    foucault_compensate_next(state, dt, accel_raw, gyro_raw, f_b, w_b);
 }
 """

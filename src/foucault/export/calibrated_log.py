@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.logs import own, streaming
-from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import is_cluster
+from foucault.models.size_effect import AFTER, BEFORE
 from foucault.procedures.tumble_log import of_a_command
 from foucault.result import Level, Result
 from foucault.tables import Log
@@ -99,7 +99,7 @@ def calibrate_log(
     seen = _Seen(result)
     logs = streaming.blocks(description, folder, progress)
     remarks = {own.CALIBRATED_KEY: _made_by(result, sha256)}
-    samples = own.write_blocks(_calibrated(result.model, logs, seen, force), path, remarks)
+    samples = own.write_blocks(_calibrated(result, logs, seen, force), path, remarks)
     return Applied(Path(path), samples, seen.findings())
 
 
@@ -137,19 +137,48 @@ def _made_by(result: Result, sha256: str) -> str:
     return json.dumps(keep)
 
 
-def _calibrated(
-    model: ImuModel | ClusterModel, logs: Iterator[Log], seen: _Seen, force: bool
-) -> Iterator[Log]:
+def _calibrated(result: Result, logs: Iterator[Log], seen: _Seen, force: bool) -> Iterator[Log]:
+    model, apart = result.model, bool(result.size_effect)
     # A cluster always needs them, and says so itself.
     forced = isinstance(model, ImuModel) and model.gyros_feel_force
-    for log in logs:
+    for log, before, after in _beside(logs) if apart else ((log, None, None) for log in logs):
+        file = log.source.get("file", "The log")
         if own.CALIBRATED in log.source.get("marker", "") and not force:
-            raise error("apply.again", file=log.source["file"])
+            raise error("apply.again", file=file)
         if log.gyro is not None and log.accel is None and forced:
-            raise error("apply.needs_accel", file=log.source.get("file", "The log"))
-        out = model.apply(log)
+            raise error("apply.needs_accel", file=file)
+        if log.gyro is None and apart:
+            raise error("apply.needs_gyro", file=file)
+        whole = _joined(before, log, after)
+        first = 0 if before is None else len(before)
+        out = result.apply(whole)[first : first + len(log)]
+        out = replace(log, accel=out.accel, gyro=out.gyro)
         seen.add(log, out)
         yield out
+
+
+def _beside(logs: Iterator[Log]) -> Iterator[tuple[Log, Log | None, Log | None]]:
+    """Yield each block, with the samples before and after it that its derivatives need."""
+    before: Log | None = None
+    log = next(logs, None)
+    while log is not None:
+        after = next(logs, None)
+        yield log, before, None if after is None else after[:AFTER]
+        before = _joined(before, log, None)[-BEFORE:]
+        log = after
+
+
+def _joined(before: Log | None, log: Log, after: Log | None) -> Log:
+    some = [part for part in (before, log, after) if part is not None]
+    if len(some) == 1:
+        return log
+
+    def both(name: str) -> FloatArray | None:
+        blocks = [getattr(part, name) for part in some]
+        return None if blocks[0] is None else np.concatenate(blocks)
+
+    time = np.concatenate([part.time for part in some])
+    return Log(time, both("gyro"), both("accel"), log.sampled)
 
 
 @dataclass

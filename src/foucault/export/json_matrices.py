@@ -6,9 +6,11 @@ Receiver's convention: ours, whatever reads it.
 from __future__ import annotations
 
 import json
+from typing import Any
 
 from foucault.export.numbers import inverse
 from foucault.export.request import FAMILIES, Request
+from foucault.models.size_effect import SizeEffect
 
 CAN = FAMILIES
 
@@ -53,6 +55,22 @@ def text(wanted: Request) -> str:
             "accel_inverse": inverse(model.accel_matrix).tolist(),
             "gyro_inverse": inverse(model.gyro_matrix).tolist(),
         },
+        **_size_effect(wanted.size),
         "dropped": dict(zip(wanted.dropped.names, wanted.dropped.values.tolist(), strict=True)),
     }
     return json.dumps(out, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _size_effect(size: SizeEffect) -> dict[str, Any]:
+    """Return what several samples tell, where there is any."""
+    if not size:
+        return {}
+    return {
+        "size_effect": {
+            "equation": "taken from accel before `inverse`: accel_i - (w x (w x r_i) + dw x r_i)_i "
+            "+ accel_delay daccel_i, axis by axis; r_i row i of accel_places, w of `inverse` with "
+            "accel as read, dw and daccel derivatives of gyro and accel as read",
+            "accel_places": size.arms.tolist(),
+            "accel_delay": size.delay,
+        }
+    }

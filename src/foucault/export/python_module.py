@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.export.c_header import NEWTON_STEPS
-from foucault.export.numbers import commented, inverse, row, rows, tensor
+from foucault.export.numbers import commented, inverse, number, row, rows, tensor
 from foucault.export.request import FAMILIES, Request
 from foucault.models.imu import ImuModel
 
@@ -54,6 +54,15 @@ def text(wanted: Request) -> str:
     parts += [_NEWTON.replace("STEPS", str(NEWTON_STEPS))] if quadratic else []
     parts += [] if model.straight else [_SENSED.replace("STEPS", str(NEWTON_STEPS))]
     parts += [_function(model)]
+    if wanted.size:
+        parts += [
+            "",
+            "# Places of the x, y and z accelerometer in rows [m], and how much later they read",
+            "# than gyros [s].",
+            _matrix("ACCEL_PLACES", wanted.size.arms),
+            f"ACCEL_DELAY = {number(wanted.size.delay)}",
+            _NEXT,
+        ]
     if set(wanted.counts) == {"accel", "gyro"}:
         for name in ("accel", "gyro"):
             counts = wanted.counts[name]
@@ -63,7 +72,7 @@ def text(wanted: Request) -> str:
                 f"{name.upper()}_ZERO = ({row(counts.zero)})",
                 f"{name.upper()}_FACTOR = ({row(counts.factor)})",
             ]
-        parts += [_COUNTS]
+        parts += [_COUNTS_NEXT if wanted.size else _COUNTS]
     return "\n".join(parts)
 
 
@@ -179,6 +188,30 @@ def compensate(accel, gyro):
     #RATE
 '''
 
+_NEXT = '''
+
+def compensate_next(before, dt, accel, gyro):
+    """Do the same, and take away lever arms and delay of the accelerometers besides.
+
+    before is what the call for the sample before returned last, None for a first sample and after
+    a gap; dt is the time since then [s]. No sample is held back: how fast readings change is their
+    difference from the sample before, which is half an interval old. Readings that are increments
+    come divided by dt. Returns specific force, angular rate, and what the next call takes.
+    """
+    df, dw = [0.0] * 3, [0.0] * 3
+    if before is not None and dt > 0.0:
+        df = [(now - then) / dt for now, then in zip(accel, before[0])]
+        dw = [(now - then) / dt for now, then in zip(gyro, before[1])]
+    w = compensate(accel, gyro)[1]
+    a = []
+    for i, r in enumerate(ACCEL_PLACES):  # w x (w x r) + dw x r along the axis of accelerometer i
+        j, k = (i + 1) % 3, (i + 2) % 3
+        inward = w[i] * (w[j] * r[j] + w[k] * r[k]) - r[i] * (w[j] * w[j] + w[k] * w[k])
+        a.append(accel[i] + ACCEL_DELAY * df[i] - inward - dw[j] * r[k] + dw[k] * r[j])
+    f, w = compensate(a, gyro)
+    return f, w, (tuple(accel), tuple(gyro))
+'''
+
 _COUNTS = '''
 
 def compensate_counts(accel_counts, gyro_counts):
@@ -186,4 +219,13 @@ def compensate_counts(accel_counts, gyro_counts):
     accel = [(accel_counts[i] - ACCEL_ZERO[i]) * ACCEL_FACTOR[i] for i in range(3)]
     gyro = [(gyro_counts[i] - GYRO_ZERO[i]) * GYRO_FACTOR[i] for i in range(3)]
     return compensate(accel, gyro)
+'''
+
+_COUNTS_NEXT = '''
+
+def compensate_counts(before, dt, accel_counts, gyro_counts):
+    """Do the same from raw counts, in the order stated above."""
+    accel = [(accel_counts[i] - ACCEL_ZERO[i]) * ACCEL_FACTOR[i] for i in range(3)]
+    gyro = [(gyro_counts[i] - GYRO_ZERO[i]) * GYRO_FACTOR[i] for i in range(3)]
+    return compensate_next(before, dt, accel, gyro)
 '''

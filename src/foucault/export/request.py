@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
 from foucault.models.imu import LAYOUT, ImuModel
-from foucault.models.layouts import is_cluster, of_sensors
+from foucault.models.layouts import is_cluster, of_one_sample, of_sensors
 from foucault.models.noise import ImuNoise
+from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
+from foucault.models.size_effect import SizeEffect
 from foucault.result import Level, Result
 
 if TYPE_CHECKING:
@@ -21,8 +23,17 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
-FAMILIES = tuple(dict.fromkeys(name.rpartition(".")[0] for name in LAYOUT.names))
-"""Kinds of coefficients: accel.bias, accel.scale, ... gyro.deflection."""
+ALL = Layout((*LAYOUT.coefficients, *SIZE_EFFECT.coefficients))
+"""Every coefficient that can be exported."""
+
+
+def family(name: str) -> str:
+    """Return the kind of coefficient `name`: its triad and what it is."""
+    return ".".join(name.split(".")[:2])
+
+
+FAMILIES = tuple(dict.fromkeys(family(name) for name in ALL.names))
+"""Kinds of coefficients: accel.bias, accel.scale, ... gyro.deflection, accel.lever, accel.delay."""
 
 LINEAR = tuple(f for f in FAMILIES if f.endswith((".bias", ".scale", ".misalignment")))
 """The families every receiver with two full matrices and two biases can take."""
@@ -65,6 +76,8 @@ class Request:
         Where the coefficients come from.
     model : ImuModel
         Their matrices without what is dropped, input and output in `axes` [SI].
+    size : SizeEffect
+        Lever arms and delay, in `axes` [SI].
     axes : str
         Key of `AXES`.
     dropped : CoefficientVector
@@ -77,6 +90,7 @@ class Request:
 
     result: Result
     model: ImuModel
+    size: SizeEffect
     axes: str
     dropped: CoefficientVector
     noise: ImuNoise | None
@@ -164,18 +178,21 @@ def request(
     lost = [
         name
         for name, value in zip(kept.names, kept.values, strict=True)
-        if value != 0 and name.rpartition(".")[0] not in can
+        if value != 0 and family(name) not in can
     ]
     if lost:
-        families = list(dict.fromkeys(name.rpartition(".")[0] for name in lost))
+        families = list(dict.fromkeys(family(name) for name in lost))
         raise error(
             "export.inexpressible",
             receiver=receiver,
             terms=", ".join(lost),
             options=" ".join(f"--drop {family}" for family in families),
         )
-    model = in_axes(ImuModel.from_coefficients(kept), AXES[axes])
-    return Request(result, model, axes, dropped, noise, _counts(log, AXES[axes]))
+    C_sb = AXES[axes]
+    model = in_axes(ImuModel.from_coefficients(of_one_sample(kept)), C_sb)
+    size = SizeEffect.of(kept).rotated(C_sb)
+    size = replace(size, arms=np.abs(C_sb) @ size.arms)  # the accelerometers change places
+    return Request(result, model, size, axes, dropped, noise, _counts(log, C_sb))
 
 
 def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
@@ -213,7 +230,7 @@ def _dropped(vector: CoefficientVector, drop: Iterable[str]) -> CoefficientVecto
     """Return the coefficients to leave out; what the result does not have is no mistake."""
     wanted: set[str] = set()
     for name in drop:
-        wanted |= {LAYOUT.names[i] for i in LAYOUT.group(name)}  # raises with a suggestion
+        wanted |= {ALL.names[i] for i in ALL.group(name)}  # raises with a suggestion
     names = [
         name
         for name, value in zip(vector.names, vector.values, strict=True)

@@ -50,14 +50,16 @@ from foucault.models.imu_equations import (
     INVERSES,
     SCALE_EQUATION,
     SCALE_INVERSE,
+    SIZE_EQUATION,
+    SIZE_INVERSE,
 )
 from foucault.models.imu_layout import LAYOUT, LINEAR_LOWER, PRODUCTS, coefficient_slot
 from foucault.tables import AXES, Log
 
 __all__ = [
     "EQUATION", "FULL_EQUATION", "FULL_INVERSE", "INVERSE", "INVERSES", "LAYOUT", "LINEAR_LOWER",
-    "PRODUCTS", "SCALE_EQUATION", "SCALE_INVERSE", "Gauge", "ImuModel", "coefficient_slot",
-    "gravity_slope", "products", "products_slope",
+    "PRODUCTS", "SCALE_EQUATION", "SCALE_INVERSE", "SIZE_EQUATION", "SIZE_INVERSE", "Gauge",
+    "ImuModel", "coefficient_slot", "gravity_slope", "products", "products_slope",
 ]  # fmt: skip
 
 FloatArray = npt.NDArray[np.float64]
@@ -296,19 +298,20 @@ def gravity_slope(vector: CoefficientVector) -> FloatArray:
     Parameters
     ----------
     vector : CoefficientVector
-        The coefficients.
+        The coefficients; those of other models do not change with it.
 
     Returns
     -------
     ndarray, shape (n,)
         Derivative with respect to ln(g) [SI unit of each coefficient].
     """
-    model = ImuModel.from_coefficients(vector)
+    known = [i for i, name in enumerate(vector.names) if name in LAYOUT]
+    model = ImuModel.from_coefficients(vector.chosen(vector.names[i] for i in known))
     powers = {"accel_matrix": -1.0, "g_sensitivity": -1.0, "accel_quadratic": -2.0}
     powers["deflection"] = -1.0
     out = np.zeros(len(vector))
-    for i, name in enumerate(vector.names):
-        block, where = coefficient_slot(name)
+    for i in known:
+        block, where = coefficient_slot(vector.names[i])
         out[i] = powers.get(block, 0.0) * getattr(model, block)[where]
     return out
 

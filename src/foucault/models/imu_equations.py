@@ -41,5 +41,19 @@ FULL_INVERSE = (
 )
 """The same solved for what is true."""
 
-INVERSES = {EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE, FULL_EQUATION: FULL_INVERSE}
+SIZE_EQUATION = FULL_EQUATION.replace("K_a q(f);", "K_a q(f) + e;", 1) + (
+    ";  e_i = (w x (w x r_i) + dw x r_i)_i - tau df_i;  "
+    "dw and df: derivatives of rate and specific force as read; r_i: place of accelerometer i; "
+    "tau: how much later accelerometers read than gyros"
+)
+"""The model equation of accelerometers that are not at one place, or late (see
+`models.size_effect`)."""
+
+SIZE_INVERSE = FULL_INVERSE.replace("K_a q(f);", "K_a q(f) - e;", 1)
+"""The same solved for what is true."""
+
+INVERSES = {
+    EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE, FULL_EQUATION: FULL_INVERSE,
+    SIZE_EQUATION: SIZE_INVERSE,
+}  # fmt: skip
 """Equation that a result may store -> the same solved for what is true."""

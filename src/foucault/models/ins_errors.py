@@ -39,6 +39,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import Coefficient, Layout
+from foucault.errors import error
 from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, coefficient_slot
@@ -59,7 +60,7 @@ STATES = Layout(
 )  # fmt: skip
 """The nine errors of navigation; east and north are the axes of frame l."""
 
-# Where the inputs of a term begin in the vector that the kernels make (see `kernels.ins_filter`).
+# Where the inputs of a term begin in the vector that the kernels make (`kernels.ins_transition`).
 ONE, RATE, FORCE, PRODUCT, SIZE_OF_RATE, RATE_CUBED = 0, 1, 4, 7, 13, 16
 SIZE_OF_FORCE, FORCE_BY_RATE = 19, 22
 _INPUTS = {
@@ -84,7 +85,7 @@ class Sensors:
     axis : ndarray of int, shape (t,)
         Output: gyro x, y, z 0 to 2, accelerometer x, y, z 3 to 5; it rises [1].
     entry : ndarray of int, shape (t,)
-        Input, numbered as in `kernels.ins_filter` [1].
+        Input, numbered as in `kernels.ins_transition` [1].
     weight : ndarray, shape (t,)
         Factor [1].
     """
@@ -124,7 +125,15 @@ class Sensors:
         model : DeflectionModel
             Its parameters follow the other coefficients of the gyros; `DeflectionModel.general`
             turns what is found of them into coefficients of `models.imu.LAYOUT`.
+
+        Raises
+        ------
+        FoucaultError
+            The coefficients bend the gyros already: a parameter would be one of them again.
         """
+        twice = [n for n in self.layout.names if n.startswith(("gyro.deflection.", "deflection."))]
+        if twice:
+            raise error("deflection.twice", name=model.name, given=", ".join(twice[:3]))
         which, out, direction, force = np.nonzero(model.basis)
         c = self.layout.coefficients
         start, terms = self.gyros, int(np.sum(self.axis < 3))

@@ -286,7 +286,7 @@ def _named(direction: FloatArray) -> str:
     k = int(np.abs(direction).argmax())
     if abs(direction[k]) > np.cos(np.radians(3.0)):
         return ("-" if direction[k] < 0 else "") + "ENU"[k]
-    heading = np.degrees(np.arctan2(direction[0], direction[1])) % 360.0
+    heading = round(float(np.degrees(np.arctan2(direction[0], direction[1]))), 1) % 360.0
     return f"{heading:.1f}/{np.degrees(np.arcsin(np.clip(direction[2], -1, 1))):+.1f} deg"
 
 

@@ -26,7 +26,7 @@ or, in place of the actions, rests at angles of a two-axis gimbal::
 from __future__ import annotations
 
 import tomllib
-from math import pi
+from math import isclose, pi
 from pathlib import Path
 from typing import Annotated
 
@@ -72,14 +72,21 @@ class ActionTable(BaseModel):
             what = " and ".join(given) or "none of them"
             raise ValueError(f"it has to have one of rest, turn and spin, and has {what}")
         (kind,) = given
-        if kind == "rest" and self.model_fields_set - {"rest", "label"}:
-            beside = ", ".join(sorted(self.model_fields_set - {"rest", "label"}))
+        beside = ", ".join(sorted(filter(self._said, self.model_fields_set - {"rest", "label"})))
+        if kind == "rest" and beside:
             raise ValueError(f"a rest has a time and a label, not {beside}")
         axes = TABLE_AXES[3:] if kind == "spin" else TABLE_AXES
         if kind != "rest" and self.about not in axes:
             hint = suggestion(str(self.about), axes)
             raise ValueError(f"a {kind} needs `about`, one of {', '.join(axes)}.{hint}")
         return self
+
+    def _said(self, key: str) -> bool:
+        """Return whether a key has another value than its default, which a saved file holds."""
+        value, default = getattr(self, key), type(self).model_fields[key].default
+        if isinstance(default, float) and isinstance(value, float):
+            return not isclose(value, default, rel_tol=1e-9)
+        return bool(value != default)
 
     def action(self) -> Action:
         """Return what it says."""

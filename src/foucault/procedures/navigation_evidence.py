@@ -21,6 +21,8 @@ from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector
+from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
+from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures.navigation_run import Made, Task
 from foucault.procedures.navigation_start import start_of
@@ -56,7 +58,11 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
         The coefficients that were corrected.
     """
     rows = _rows(made)
-    sensors = Sensors.of(() if vector is None else vector.names)
+    names = () if vector is None else vector.names
+    sensors = with_size_effect(
+        Sensors.of(name for name in names if name not in SIZE_EFFECT),
+        lever=any(name in LEVER for name in names), delay=any(name in OFFSET for name in names),
+    )  # fmt: skip
     if vector is None:
         vector = CoefficientVector.zeros(sensors.layout)
     vector = _ordered(vector, sensors)
@@ -100,6 +106,8 @@ def _aligned(task: Task, made: Made, vector: CoefficientVector) -> FloatArray:
     # Rows beside the window feed the integration at its ends.
     rest = made.log[max(0, int(rows[0]) - 3) : int(rows[1]) + 4]
     for k, name in enumerate(vector.names):
+        if name in SIZE_EFFECT:
+            continue  # at rest there is none
         step = _step(name, rest, task.site.gravity)
         accel, gyro = _model(name, step).measure(*_readings(rest))
         shifted = replace(rest, accel=accel, gyro=gyro)

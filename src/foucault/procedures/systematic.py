@@ -24,18 +24,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose import deflection_verdict, systematic_report
 from foucault.diagnose import systematic_evidence as evidence
-from foucault.diagnose import systematic_report
 from foucault.diagnose.session_report import with_gravity
 from foucault.diagnose.systematic_legs import legs_of
-from foucault.errors import Finding
+from foucault.errors import error
 from foucault.models.earth import Site
-from foucault.models.imu import FULL_EQUATION, Gauge
+from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.systematic_bound import bound
+from foucault.procedures.systematic_choice import decided
+from foucault.procedures.systematic_foresight import foresee as foresee
+from foucault.procedures.systematic_left_out import left_out
 from foucault.procedures.systematic_log import log_table as log_table
 from foucault.procedures.systematic_navigation import navigation_tests
-from foucault.procedures.systematic_problem import SystematicProblem, problem_of
+from foucault.procedures.systematic_plan import Wanted as Wanted
+from foucault.procedures.systematic_plan import space as space
+from foucault.procedures.systematic_problem import SystematicProblem, prior_of
 from foucault.procedures.systematic_settings import LAYOUT as LAYOUT
 from foucault.procedures.systematic_settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.systematic_settings import SIMULATE as SIMULATE
@@ -43,11 +49,17 @@ from foucault.procedures.systematic_settings import Session as Session
 from foucault.procedures.systematic_settings import Settings as Settings
 from foucault.procedures.systematic_settings import draw_errors as draw_errors
 from foucault.procedures.systematic_settings import simulate as simulate
-from foucault.procedures.systematic_solution import Solution, named, public, solved
+from foucault.procedures.systematic_solution import Solution, named, public
 from foucault.result import Result, TableData, Verdict, provenance
 from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
+
+UNDECLARED = True
+"""A plan is judged with the noise that is typical where none is declared."""
+
+FORESEES_WANTED = True
+"""`foresee` is told what is wanted of a plan."""
 
 FRAME = "body axes, as the accelerometers define them (see gauge)"
 
@@ -63,6 +75,8 @@ def names_of(settings: Settings) -> tuple[str, ...]:
     settings : Settings
         What was chosen.
     """
+    if settings.deflection == "choose":
+        raise error("systematic.choice_study")
     model = settings.model
     deflections = [] if model is None else [
         model.names[int(np.flatnonzero(column)[0])] for column in model.slope.T
@@ -149,37 +163,41 @@ def _calibrate(
     log: Log, site: Site, settings: Settings, noise: ImuNoise | None,
     given: Mapping[str, tuple[float, float]], progress: Progress, *, shown: bool,
 ) -> Result:  # fmt: skip
-    progress(0.1, "finding rests and turns")
-    problem = problem_of(log, site, settings, noise, given)
-    progress(0.3, "calibrating")
-    solution = solved(problem, settings)
-    known = any(name.partition(".")[0] == "deflection" for name in given)
-    told: list[Finding] = []
-    if settings.model is not None:
-        told += evidence.require_deflection(solution.states, settings.model, known=known)
+    progress(0.1, "calibrating")
+    decision = decided(log, site, settings, noise, given, compare=shown)
+    problem, settings, solution, choice = (
+        decision.problem, decision.settings, decision.solution, decision.choice
+    )  # fmt: skip
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
-    legs = legs_of(p.increments, p.rests, site, run, p.noise)
-    e = evidence.Evidence(p.increments, p.rests, run, solution.states, p.prior.values, legs,
-                          solution.status)  # fmt: skip
+    legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
+    e = evidence.Evidence(p.increments, p.rests, run, solution.states, p.prior.values,
+                          prior_of(p.sensors, {}).prior_sd, legs, solution.status)  # fmt: skip
     checks = evidence.checks(e)
+    if choice is not None:
+        checks = (*checks, deflection_verdict.check(choice))
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
+    findings = [*log.findings, *problem.findings, *decision.findings, *evidence.findings(e)]
     diagnostics = _diagnostics(problem, solution, settings)
+    if choice is not None:
+        diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
+        progress(0.7, "looking for what was left out")
+        findings += left_out(decision, given)
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
         tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}
-        diagnostics |= {"navigation": tilts}
+        diagnostics |= {"navigation": tilts, "bound": bound(problem, solution, settings)}
     return Result(
         procedure="systematic",
         coefficients=with_gravity(found, site),
-        equation=FULL_EQUATION,
+        equation=SIZE_EQUATION if settings.lever_arms or settings.delay else FULL_EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*log.findings, *problem.findings, *told, *evidence.findings(e)),
+        findings=tuple(findings),
         status=solution.status,
         site=site.as_dict(),
         validity=_validity(log, site),
@@ -194,7 +212,6 @@ def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[
         said = dict(zip(p.matched.rests.tolist(), p.matched.positions, strict=True))
         labels = [said[k].label if k in said else f"rest {k + 1}" for k in p.numbers.tolist()]
     start = p.start.angles, p.start.angles_sd
-    places = s.states.layout.names
     return {
         "gravity": p.site.gravity,
         "sequence": {
@@ -211,9 +228,8 @@ def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[
             "measured": p.measured, "accel": p.noise.accel.white, "gyro": p.noise.gyro.white,
         },
         "start": {"angles": start[0].tolist(), "sd": start[1].tolist()},
-        "passes": {"names": list(places), "values": [x.tolist() for x in s.passes]},
+        "passes": {"names": list(s.states.names), "values": [x.tolist() for x in s.passes]},
         "log_likelihood": s.log_likelihood,
-        "places": systematic_report.places(s.states),
         "unseen": systematic_report.unseen(p.site, settings.restarts),
     }  # fmt: skip
 

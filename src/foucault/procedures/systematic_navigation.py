@@ -17,7 +17,9 @@ from foucault.coefficients import CoefficientVector
 from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import Site, gravity
 from foucault.models.imu import ImuModel
+from foucault.models.layouts import model_of
 from foucault.models.rotation import log as rotation_vector
+from foucault.models.size_effect import SizeEffect
 from foucault.navigate.align import align
 from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State
@@ -57,21 +59,23 @@ def navigation_tests(
     ends : list of dict
         Of each test and compensation the tilt by the spin [rad] and the velocity at the end [m/s].
     """
-    instrument = ImuModel.from_coefficients(found)
+    instrument, size = model_of(found), SizeEffect.of(found)
+    assert isinstance(instrument, ImuModel)
     assert found.cov is not None
     values, vectors = np.linalg.eigh(found.cov / np.outer(found.sd, found.sd))
     z = np.random.default_rng(0).standard_normal(len(found))
     missed = found.sd * (vectors @ (np.sqrt(np.maximum(values, 0.0)) * z))
     told = CoefficientVector(found.layout, found.values + missed)
-    ways = {"none": ImuModel(), "all": ImuModel.from_coefficients(told)}
+    ways = {"none": told.with_values(dict.fromkeys(told.names, 0.0)), "all": told}
     if model is not None:
-        ways = {"none": ways["none"], "all but deflection": ImuModel.from_coefficients(
-            told.with_values(dict.fromkeys(model.names, 0.0))), "all": ways["all"]}  # fmt: skip
+        stiff = told.with_values(dict.fromkeys(model.names, 0.0))
+        ways = {"none": ways["none"], "all but deflection": stiff, "all": told}
     rows: list[dict[str, npt.NDArray[Any]]] = []
     ends: list[dict[str, Any]] = []
     for about in ("east", "north"):
         made = simulate_systematic(navigation_test(about, before=BEFORE, rest=REST), site=site,
-                                   model=instrument, rate=RATE)  # fmt: skip
+                                   model=instrument, rate=RATE, arms=size.arms,
+                                   delay=size.delay)  # fmt: skip
         for way, by in ways.items():
             time, velocity, away = _navigated(made, by)
             n = len(time)
@@ -89,11 +93,13 @@ def _columns(what: str, values: FloatArray) -> dict[str, npt.NDArray[Any]]:
 
 
 def _navigated(
-    made: SystematicSimulation, by: ImuModel
+    made: SystematicSimulation, by: CoefficientVector
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Align and navigate; return time since the spin began, velocity and change of attitude."""
     assert made.site.latitude is not None
-    increments = increments_of(by.apply(made.log))
+    model = model_of(by)
+    assert isinstance(model, ImuModel)
+    increments = increments_of(SizeEffect.of(by).apply(model, made.log))
     first = increments.row_at(BEFORE)
     begin = align(increments, made.site, end=BEFORE)
     state = State.at_rest(begin.C_nb, made.site.latitude, 0.0, made.site.height)

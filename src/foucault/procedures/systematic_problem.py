@@ -12,6 +12,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.rests import measure_noise
 from foucault.diagnose.systematic import FoundSequence, find_sequence
 from foucault.diagnose.systematic_checks import Matched, match_sequence, recognised
+from foucault.diagnose.systematic_input import check_readings
 from foucault.errors import Finding, error, finding
 from foucault.estimate.ins_filter import start_cov
 from foucault.estimate.systematic import AtRest
@@ -133,16 +134,18 @@ def problem_of(
     if site.latitude is None:
         raise error("systematic.site", what="a systematic calibration")
     found = find_sequence(log, shortest=settings.shortest)
-    plan = settings.plan
-    matched = None if plan is None else match_sequence(found, plan)
-    told = (*found.findings, *(() if matched is None else matched.findings))
     numbers = np.flatnonzero(found.still)
     if len(numbers) < 2:
         raise error("systematic.all_move", given=len(numbers), rests=len(found.rests))
+    doubts = check_readings(log, found, site)
+    plan = settings.plan
+    matched = None if plan is None else match_sequence(found, plan)
+    told = (*doubts, *found.findings, *(() if matched is None else matched.findings))
     rests = tuple((int(found.rests.first[k]), int(found.rests.last[k]) - 1) for k in numbers)
+    _require_updates(rests, settings, log)
     sensors, increments = settings.sensors, increments_of(log)
     used = noise or _measured(log, found)
-    prior = CoefficientVector.prior(sensors.layout, {**_usual(sensors), **given})
+    prior = prior_of(sensors, given)
     start, phi_sd = _aligned(increments, rests[0], site, used, prior)
     if phi_sd[2] > WIDER * UNKNOWN_HEADING:
         told = (*told, finding("systematic.start_heading",
@@ -150,7 +153,11 @@ def problem_of(
     if plan is None and (name := recognised(found)) is not None:
         told = (*told, finding("systematic.recognised", name=name))
     at_rest = AtRest(
-        settings.velocity_sd, settings.position_sd, settings.interval, settings.restarts
+        settings.velocity_sd,
+        settings.position_sd,
+        settings.interval,
+        settings.restarts,
+        settings.turning_sd,
     )
     return SystematicProblem(
         increments, site, sensors, rests, numbers, found, matched, start, phi_sd, prior, used,
@@ -158,10 +165,27 @@ def problem_of(
     )  # fmt: skip
 
 
-def _usual(sensors: Sensors) -> dict[str, tuple[float, float]]:
-    """What is usual of the groups that are estimated."""
+def _require_updates(rests: tuple[tuple[int, int], ...], settings: Settings, log: Log) -> None:
+    """Refuse rests in which less than two measurements are made."""
+    lasts = np.array([(b - a) * log.interval for a, b in rests])
+    if lasts.min() < 2 * settings.interval:
+        raise error("systematic.interval", interval=f"{settings.interval:g}",
+                    rest=f"{lasts.min():.0f}", number=int(np.argmin(lasts)) + 1)  # fmt: skip
+
+
+def prior_of(sensors: Sensors, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+    """Return what is known of the coefficients beforehand: what is usual, but for what is given.
+
+    Parameters
+    ----------
+    sensors : Sensors
+        What is estimated.
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
     names = sensors.layout.names
-    return {k: v for k, v in PRIOR.items() if any(n.startswith(f"{k}.") or n == k for n in names)}
+    usual = {k: v for k, v in PRIOR.items() if any(n.startswith(f"{k}.") or n == k for n in names)}
+    return CoefficientVector.prior(sensors.layout, {**usual, **given})
 
 
 def _measured(log: Log, found: FoundSequence) -> ImuNoise:

@@ -30,10 +30,12 @@ from foucault.units import Quantity
 Seconds = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 Deflection = Literal[
-    "none", "coupled6", "direct6", "direct6+transverse3", "lateral3+axial6", "direct12",
+    "none", "choose", "coupled6", "direct6", "direct6+transverse3", "lateral3+axial6", "direct12",
     "general18", "symmetric6",
 ]  # fmt: skip
-assert get_args(Deflection)[1:] == MODELS
+assert get_args(Deflection)[2:] == MODELS
+FIRST: Literal["coupled6"] = "coupled6"
+"""The model that a choice begins with, and that is simulated for one."""
 
 NAMES = ("gyro.bias", "gyro.scale", "gyro.misalignment", "accel.bias", "accel.scale",
          "accel.misalignment.yx", "accel.misalignment.zx", "accel.misalignment.zy",
@@ -120,13 +122,21 @@ class Settings(BaseModel):
     deflection: Deflection = Field(
         default="none",
         description="How the input axes of dithered gyros bend under specific force: "
-        f"none, {', '.join(MODELS)}. It takes spins to see it.",
+        f"none, {', '.join(MODELS)}; choose: whether they do and which of these it is, by "
+        "likelihood. It takes spins to see it.",
     )
     chirality: Literal[-1, 1] = Field(
-        default=-1, description="Sense of the spokes of the dither wheel, where the model has one."
+        default=-1,
+        description="Sense of the spokes of the dither wheel, where the model has one; choose "
+        "tries both.",
     )
     accel_quadratic: bool = Field(
         default=False, description="Estimate the accelerometers' quadratic terms too."
+    )
+    accel_asymmetry: bool = Field(
+        default=True,
+        description="Estimate the accelerometers' scale factor asymmetry: a scale factor for each "
+        "sign, which at right angles alone looks like a quadratic term.",
     )
     gyro_asymmetry: bool = Field(
         default=False, description="Estimate the gyros' scale factor asymmetry too."
@@ -156,7 +166,14 @@ class Settings(BaseModel):
     position_sd: Annotated[float, Quantity("length")] = Field(
         default=1e-2, gt=0, description="How near the same place it comes to rest after every turn."
     )
-    interval: Seconds = Field(default=1.0, gt=0, description="Time between updates at rest.")
+    turning_sd: Annotated[float, Quantity("velocity")] | None = Field(
+        default=None,
+        gt=0,
+        examples=["2 mm/s"],
+        description="How still it stays while it turns about itself, each component: velocity is "
+        "measured in turns too. Left out: at rest alone.",
+    )
+    interval: Seconds = Field(default=1.0, gt=0, description="Time between updates.")
     decorrelate: bool | None = Field(
         default=None,
         examples=[True],
@@ -165,6 +182,14 @@ class Settings(BaseModel):
         "the lever arms are estimated.",
     )
     shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
+    rate_limit: Annotated[float, Quantity("angular rate")] | None = Field(
+        default=None, gt=0, examples=["90 deg/s"], description="Highest rate of the table."
+    )
+    angle_step: Angle | None = Field(
+        default=None, gt=0, le=float(np.pi), examples=["45 deg"],
+        description="Angles at which the instrument can be put are multiples of this (90 deg: "
+        "never slanting); left out, any.",
+    )  # fmt: skip
 
     @field_validator("sequence", mode="after")
     @classmethod
@@ -182,6 +207,8 @@ class Settings(BaseModel):
     def _possible(self) -> Settings:
         if self.steps == "published" and self.deflection == "none":
             raise error("systematic.published")
+        if self.lever_arms and self.decorrelate:
+            raise error("systematic.levers_forgotten")
         return self
 
     @property
@@ -196,10 +223,17 @@ class Settings(BaseModel):
 
     @property
     def model(self) -> DeflectionModel | None:
-        """The model of deflection, None for none."""
-        if self.deflection == "none":
+        """The model of deflection, None for none and for one that is yet to be chosen."""
+        if self.deflection in ("none", "choose"):
             return None
         return deflection_model(self.deflection, self.chirality)
+
+    @property
+    def drawn(self) -> DeflectionModel | None:
+        """The model by which a simulated instrument bends: of a choice, that of the source."""
+        if self.deflection == "choose":
+            return deflection_model(FIRST, self.chirality)
+        return self.model
 
     @property
     def restarts(self) -> bool:
@@ -211,7 +245,7 @@ class Settings(BaseModel):
         """What is estimated, as terms."""
         sensors = Sensors.of(
             (
-                *NAMES,
+                *(name for name in NAMES if self.accel_asymmetry or name != "accel.asymmetry"),
                 *(["accel.quadratic"] if self.accel_quadratic else []),
                 *(["gyro.asymmetry"] if self.gyro_asymmetry else []),
             )
@@ -227,8 +261,9 @@ class Session(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     rest_time: Seconds | None = Field(
-        default=60.0, gt=0, description="Length of every rest; left out, as the sequence has it."
-    )
+        default=None, gt=0, examples=["60 s"],
+        description="Length of every rest; left out, as the sequence has it.",
+    )  # fmt: skip
     rate: Annotated[float, Quantity("frequency")] = Field(
         default=50.0, gt=0, description="Sample rate."
     )
@@ -267,6 +302,26 @@ def draw_errors(grade: str, seed: int) -> ImuModel:
     return replace(hand_rotated.draw_errors(grade, seed), accel_asymmetry=asymmetry)
 
 
+def planned(settings: Settings, session: Session) -> CalibrationSequence:
+    """Return the sequence that is to be done, with the rests of the session.
+
+    Parameters
+    ----------
+    settings : Settings
+        The sequence.
+    session : Session
+        Length of every rest, if it says one.
+    """
+    sequence = settings.plan
+    if sequence is None:
+        raise error("systematic.no_sequence")
+    if session.rest_time is None:
+        return sequence
+    return replace(sequence, actions=tuple(
+        replace(a, time=session.rest_time) if isinstance(a, Rest) else a for a in sequence.actions
+    ))  # fmt: skip
+
+
 def simulate(
     session: Session,
     *,
@@ -294,18 +349,11 @@ def simulate(
         Seed of deflection, table and noise [1].
     """
     settings = settings or Settings()
-    sequence = settings.plan
-    if sequence is None:
-        raise error("systematic.no_sequence")
-    if session.rest_time is not None:
-        rest = session.rest_time
-        sequence = replace(sequence, actions=tuple(
-            replace(a, time=rest) if isinstance(a, Rest) else a for a in sequence.actions
-        ))  # fmt: skip
+    sequence = planned(settings, session)
     rng = np.random.default_rng([seed, 12])
-    if settings.model is not None and not model.deflection.any():
-        theta = DRAWN["deflection"] * rng.standard_normal(len(settings.model))
-        model = replace(model, deflection=settings.model.tensor(theta))
+    if settings.drawn is not None and not model.deflection.any():
+        theta = DRAWN["deflection"] * rng.standard_normal(len(settings.drawn))
+        model = replace(model, deflection=settings.drawn.tensor(theta))
     arms = np.zeros((3, 3))
     arms[:2] = session.arms * rng.standard_normal((2, 3))
     east, north, up = (session.start_sd * rng.standard_normal(3)).tolist()

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector
 from foucault.errors import Status, error
 from foucault.estimate.ins_filter import FilterRun
-from foucault.estimate.smoother import smooth
-from foucault.estimate.systematic import SystematicRun, solve
+from foucault.estimate.systematic import SystematicRun, attitude_at_start, solve
 from foucault.estimate.systematic_published import second_step
-from foucault.models import imu
+from foucault.models import imu, size_effect
 from foucault.plans.systematic_sequences import built_in
 from foucault.procedures.systematic_problem import SystematicProblem
 from foucault.procedures.systematic_settings import Settings
@@ -97,21 +96,42 @@ def _joint(p: SystematicProblem, passes: int) -> Solution:
     if passes == 1:
         return _solution(found, replace(found.estimate, prior_sd=p.prior.prior_sd),
                          Status.CONVERGED)  # fmt: skip
-    seen = smooth(found.run)
-    sd = np.minimum(p.prior.prior_sd, NARROWED * found.estimate.sd)
-    phi_sd = np.minimum(p.phi_sd, NARROWED * np.sqrt(np.diag(seen.cov[0])[:3]))
-    P0, C_nb, values = p.start_cov(phi_sd, sd), seen.trajectory.C_nb[0], [*found.passes]
+    at_first = attitude_at_start(found.run, p.start.C_nb)
+    start = at_first, np.sqrt(np.diag(found.run.attitude_cov))
+    return again(p, found.estimate, start, passes - 1)
+
+
+def again(
+    p: SystematicProblem, near: CoefficientVector, start: tuple[FloatArray, FloatArray], passes: int
+) -> Solution:
+    """Filter again, from a result that is near, until passes settle.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        What is solved.
+    near : CoefficientVector
+        The result, with covariance [SI].
+    start : (ndarray, shape (3, 3); ndarray, shape (3,))
+        Attitude at the start [1] and its uncertainty, E N U [rad].
+    passes : int, shape ()
+        Most passes [1].
+    """
+    sd = np.minimum(p.prior.prior_sd, NARROWED * near.sd)
+    phi_sd = np.minimum(p.phi_sd, NARROWED * start[1])
+    P0, C_nb, values = p.start_cov(phi_sd, sd), start[0], [near.values]
     while True:
         found = solve(
             p.increments, C_nb, p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
             at_rest=p.at_rest, estimate=values[-1], keep=True,
         )  # fmt: skip
-        moved = float((np.abs(found.estimate.values - values[-1]) / found.estimate.sd).max())
-        values.append(found.estimate.values)
-        if moved < SETTLED or len(values) == passes:
+        # With the prior that counts: what the session hardly shows would wander on and on without.
+        estimate = exchanged(found.estimate, (values[-1], sd), p.prior)
+        moved = float((np.abs(estimate.values - values[-1]) / estimate.sd).max())
+        values.append(estimate.values)
+        if moved < SETTLED or len(values) > passes:
             break
-        C_nb = smooth(found.run).trajectory.C_nb[0]
-    estimate = exchanged(found.estimate, (values[-2], sd), p.prior)
+        C_nb = attitude_at_start(found.run, C_nb)
     status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
     return _solution(replace(found, passes=tuple(values)), estimate, status)
 
@@ -162,7 +182,7 @@ def _solution(found: SystematicRun, states: CoefficientVector, status: Status) -
 
 
 def named(states: Sequence[str], deflections: Sequence[str]) -> tuple[str, ...]:
-    """Return the coefficients of the result: those that `models.imu` applies, in its order.
+    """Return the coefficients of the result: those that readings are compensated by, in order.
 
     Parameters
     ----------
@@ -172,7 +192,7 @@ def named(states: Sequence[str], deflections: Sequence[str]) -> tuple[str, ...]:
         What its parameters of deflection become.
     """
     some = {*states, *deflections}
-    return tuple(name for name in imu.LAYOUT.names if name in some)
+    return tuple(name for name in (*imu.LAYOUT.names, *size_effect.LAYOUT.names) if name in some)
 
 
 def public(s: Solution, settings: Settings) -> CoefficientVector:
@@ -186,10 +206,4 @@ def public(s: Solution, settings: Settings) -> CoefficientVector:
         What was chosen.
     """
     vector = s.states if settings.model is None else settings.model.general(s.states)
-    names = named(vector.names, ())
-    keep = [vector.layout.index(name) for name in names]
-    assert vector.cov is not None
-    return CoefficientVector(
-        Layout(tuple(vector.layout.coefficients[i] for i in keep)), vector.values[keep],
-        vector.cov[np.ix_(keep, keep)], vector.free[keep], vector.prior_sd[keep],
-    )  # fmt: skip
+    return vector.chosen(named(vector.names, ()))

@@ -152,7 +152,7 @@ def _bounded(
 
 def _states(p: TransferProblem, found: Transfer) -> CoefficientVector:
     """Return what was found of `p.vector`: a bending that comes and goes is not part of it."""
-    made = found.estimate.subset(p.vector.names)
+    made = found.estimate.chosen(p.vector.names)
     return replace(made, prior_sd=p.vector.prior_sd)
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from foucault.models import cluster
 from foucault.models.imu import INVERSES, ImuModel
-from foucault.models.layouts import of_sensors
+from foucault.models.layouts import of_one_sample
 from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
 from foucault.report.page import Block, Code, Equation, Section, Text
 from foucault.result import Result
@@ -25,6 +25,15 @@ result = foucault.load_result("result.json")
 print(result.verdict.level, result.coefficients, sep="\\n")
 # accel [m/s^2] and gyro [rad/s]: readings, each with shape (n, 3)
 f_b, w_ib_b = result.model.compensate(accel, gyro)"""
+
+
+_LOG_PYTHON = """\
+import foucault
+
+result = foucault.load_result("result.json")
+print(result.verdict.level, result.coefficients, sep="\\n")
+# log: a foucault.Log of both triads; lever arms and delay need samples side by side
+compensated = result.apply(log)"""
 
 
 _CLUSTER_COMMANDS = """\
@@ -50,7 +59,7 @@ def how_to_apply(result: Result) -> Section | None:
     if result.equation == NORTH_EQUATION:
         blocks += [Text("In the field, from the run folder:"), Code(_NORTH)]
         return Section("How to apply it", "The instrument says, for what is true:", blocks)
-    commands, python = _COMMANDS, _PYTHON
+    commands, python = _COMMANDS, _LOG_PYTHON if result.size_effect else _PYTHON
     inverse = INVERSES.get(result.equation)
     imu = inverse is not None
     lead = "The instrument says, for what is true:"
@@ -77,7 +86,7 @@ def _split(equation: str) -> tuple[list[str], list[str]]:
 
 def numbers(result: Result) -> str:
     """Return the matrices of an IMU result as lines of Python that compensate readings."""
-    model = ImuModel.from_coefficients(of_sensors(result.coefficients))
+    model = ImuModel.from_coefficients(of_one_sample(result.coefficients))
     triads = {name.partition(".")[0] for name in result.coefficients.names}
     lines = ["import numpy as np", ""]
     if "accel" in triads:
@@ -88,6 +97,15 @@ def numbers(result: Result) -> str:
         lines += [_array("b_g", model.gyro_bias, "[rad/s]")]
         if model.g_sensitivity.any():
             lines += [_array("G", model.g_sensitivity, "[rad/s/(m/s^2)]")]
+    size = result.size_effect
+    if size:
+        lines += [
+            _array("r", size.arms, "rows: accelerometers x, y, z [m]"),
+            f"tau = {size.delay:.12g}  # [s]",
+            *_terms(model),
+            "# With these terms use foucault.load_result(...).apply.",
+        ]
+        return "\n".join(lines)
     return "\n".join([*lines, *_use(model, triads)])
 
 

@@ -28,8 +28,27 @@ WAYS = ("east", "north", "up")
 COLOURS = dict(zip(WAYS, (FIRST, SECOND, THIRD), strict=True))
 OF_AXES = dict(zip("xyz", (FIRST, SECOND, THIRD), strict=True))
 
+COMPENSATED = {
+    "none": "as it is", "all but deflection": "all but deflection compensated",
+    "all": "compensated",
+}  # fmt: skip
+"""What is compensated, in words."""
+
+DASHES = dict(zip(COMPENSATED, ("dot", "dash", "solid"), strict=True))
+
+ARCSEC = float(np.radians(1.0 / 3600.0))
+
+QUANTITIES = {
+    "shift": (ARCSEC, "tilt [″]", "Tilt"),
+    "velocity": (1.0, "velocity [m/s]", "Velocity"),
+}
+"""What is drawn of the navigation test: its unit [SI], the axis, and its name."""
+
 SAME = np.cos(np.radians(3.0))
 """An axis nearer than this points there [1]."""
+
+ROOM = 26
+"""Width of the name of an axis [px]."""
 
 LABELS = 40
 """So many rests are named on the axis, more are numbered [1]."""
@@ -39,33 +58,42 @@ def velocities(table: Columns) -> Figure:
     """Draw the velocity at the end of every rest: before above, after below with +-2 sd."""
     rest = np.asarray(table["rest"], int) + 1
     data: list[Trace] = []
+    units = {name: _unit(table, name) for name in ("before", "after")}
     for k, way in enumerate(WAYS):
         x = numbers(rest + 0.16 * (k - 1))
         for name, ref in (("before", "y2"), ("after", "y")):
+            unit, per = units[name]
             trace: Trace = {
                 "type": "scatter", "mode": "markers", "name": way, "legendgroup": way, "x": x,
-                "y": numbers(1e3 * np.asarray(table[f"{name}_{way}"], float)), "yaxis": ref,
+                "y": numbers(per * np.asarray(table[f"{name}_{way}"], float)), "yaxis": ref,
                 "showlegend": name == "before", "marker": {"color": COLOURS[way], "size": 6},
                 "customdata": rest.tolist(),
-                "hovertemplate": f"rest %{{customdata}}: %{{y:.3g}} mm/s<extra>{way}, {name}"
-                "</extra>",
+                "hovertemplate": f"rest %{{customdata}}: %{{y:.3g}} {unit}<extra>{way}, "
+                f"{name}</extra>",
             }  # fmt: skip
             if name == "after":
+                two_sd = 2 * per * np.asarray(table[f"sd_{way}"], float)
                 trace["error_y"] = {
-                    "type": "data", "array": numbers(2e3 * np.asarray(table[f"sd_{way}"], float)),
-                    "width": 0, "thickness": 1.2, "color": COLOURS[way],
+                    "type": "data", "array": numbers(two_sd), "width": 0, "thickness": 1.2,
+                    "color": COLOURS[way],
                 }  # fmt: skip
             data.append(trace)
     look = layout(
         400,
         xaxis=_rests(int(rest.max())),
-        yaxis=axis("after [mm/s]", domain=[0, 0.46]),
-        yaxis2=axis("before [mm/s]", domain=[0.56, 1]),
+        yaxis=axis(f"after [{units['after'][0]}]", domain=[0, 0.46]),
+        yaxis2=axis(f"before [{units['before'][0]}]", domain=[0.56, 1]),
         shapes=[level_line(0, "y", "solid"), level_line(0, "y2", "solid")],
     )
     alt = "Velocity at the end of every rest, east, north and up, before and after the calibration"
     caption = "Note the two scales. Bars: two standard deviations of what is promised."
     return Figure(data, look, caption, alt=alt)
+
+
+def _unit(table: Columns, name: str) -> tuple[str, float]:
+    """Return the unit of a row of velocities, and how many of it are 1 m/s."""
+    most = max(float(np.abs(table[f"{name}_{way}"]).max()) for way in WAYS)
+    return ("m/s", 1.0) if most >= 1.0 else ("mm/s", 1e3)
 
 
 def _rests(n: int) -> dict[str, Any]:
@@ -103,6 +131,7 @@ def attitudes(table: Columns, labels: Sequence[str]) -> Figure:
         220,
         xaxis=ticks,
         yaxis={"categoryorder": "array", "categoryarray": list(WAYS), "range": [-0.6, 2.6]},
+        meta={"least": 90 + ROOM * n},
     )
     return Figure(data, look, alt="Axis of the body that points east, north and up at every rest")
 
@@ -131,31 +160,29 @@ def innovations(table: Columns, labels: Sequence[str]) -> Figure:
     return Figure(data, look, caption, alt=alt)
 
 
-def navigation(table: Columns, about: str) -> Figure:
-    """Draw the level velocities of the navigation test against time."""
-    from foucault.report.systematic import COMPENSATED
-
+def navigation(table: Columns, about: str, what: str) -> Figure:
+    """Draw tilt ("shift") or velocity of the navigation test against time."""
     mine = np.asarray(table["about"]).astype(str) == about
     ways = np.asarray(table["compensated"]).astype(str)
     time = np.asarray(table["time"], float)
-    styles = dict(zip(COMPENSATED, ("dot", "dash", "solid"), strict=True))
+    per, title, said = QUANTITIES[what]
     data: list[Trace] = []
     for way in dict.fromkeys(ways[mine].tolist()):
         rows = mine & (ways == way)
         data += [
             {
-                "type": "scatter", "mode": "lines", "name": f"{part}, {COMPENSATED[way]}",
-                "x": numbers(time[rows]),
-                "y": numbers(np.asarray(table[f"velocity_{part}"], float)[rows]),
-                "line": {"color": COLOURS[part], "dash": styles[way], "width": 1.8},
-                "hovertemplate": f"%{{x:.0f}} s: %{{y:.4f}} m/s<extra>{part}, {way}</extra>",
+                "type": "scatter", "mode": "lines", "name": part, "legendgroup": part,
+                "showlegend": way == "all", "x": numbers(time[rows]),
+                "y": numbers(np.asarray(table[f"{what}_{part}"], float)[rows] / per),
+                "line": {"color": COLOURS[part], "dash": DASHES[way], "width": 1.8},
+                "hovertemplate": f"%{{x:.0f}} s: %{{y:.4g}}<extra>{part}, {COMPENSATED[way]}"
+                "</extra>",
             }
             for part in WAYS[:2]
         ]  # fmt: skip
     look = layout(
-        360, xaxis=axis("time since the spin began [s]"), yaxis=axis("velocity [m/s]"),
+        270, xaxis=axis("time since the spin began [s]"), yaxis=axis(title),
         shapes=[level_line(0, "y", "solid")], meta={"zoom": True},
     )  # fmt: skip
-    look["margin"] = look["margin"] | {"t": 70}
-    alt = f"Velocity east and north after a spin about {about}, compensated and not"
-    return Figure(data, look, f"Spin about {about}.", share=50, alt=alt)
+    alt = f"{said} east and north after a spin about {about}, compensated and not"
+    return Figure(data, look, f"{said}, spin about {about}.", share=50, alt=alt)

@@ -70,14 +70,17 @@ def html(found: Found, folder: Path) -> str:
 
 
 def _heading(found: Found) -> Heading:
-    title = f"A better plan for {found.procedure}?"
+    kind = "shorter" if found.aim == "time" else "better"
+    title = f"A {kind} plan for {found.procedure}?"
     line = [f"{found.evaluations} plans", f"{counted(len(found.restarts), 'restart')}"]
     line += [f"seed {found.seed}"]
     worse = [r for r in _ratios(found) if r.counts and r.high > AS_GOOD]
     if not found.gained and found.possible_instead:
         state, word = "warning", "Less well seen, but the rig can do it"
     elif not found.gained:
-        state, word = "warning", "Nothing better was found"
+        state, word = "warning", f"Nothing {kind} was found"
+    elif found.aim == "time":
+        state, word = "good", "Shorter, and as good as wanted"
     elif worse or found.unseen or max(found.geometric_mean) >= 1:
         state, word = "warning", "Better, with exceptions"
     else:

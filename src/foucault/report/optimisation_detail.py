@@ -72,15 +72,19 @@ def _demands(found: Found) -> Table:
 
 
 def _needed(need: Limit) -> str:
-    return _said(need.needed, need.kind) + ("" if need.kept else ", BROKEN")
+    return _signed(need.said_needed) + ("" if need.kept else ", BROKEN")
 
 
 def _limit(need: Limit) -> str:
-    return "not said" if need.allowed is None else _said(need.allowed, need.kind)
+    return "not said" if need.allowed is None else _signed(need.said_allowed)
 
 
 def _said(value: float, kind: str) -> str:
-    return shown(said(value, kind)).replace(" °", "°")
+    return _signed(said(value, kind))
+
+
+def _signed(words: str) -> str:
+    return shown(words).replace(" °", "°")
 
 
 def _steps(found: Found) -> Table:

@@ -43,7 +43,8 @@
       const chosen = { ...figure };
       if (list) chosen.data = figure.data.filter((trace) => trace.meta === list.value);
       const { data, layout } = painted(chosen, style);
-      layout.width = box.clientWidth;
+      // A figure that would be crowded is as wide as it must be, and scrolls.
+      layout.width = Math.max(box.clientWidth, root.classList.contains("print") ? 0 : layout.meta?.least ?? 0);
       if (root.classList.contains("print")) layout.height *= 0.8;
       layout.height = Math.min(layout.height, box.clientWidth * (layout.meta?.ratio ?? Infinity));
       if (box.clientWidth < 480) {

@@ -14,7 +14,7 @@ import numpy as np
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
-from foucault.report import on_table, systematic, transfer, transfer_run, tumble
+from foucault.report import on_table, systematic, systematic_choice, transfer, transfer_run, tumble
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
@@ -147,10 +147,10 @@ SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     certificate,
     tumble.alignment,
     coefficients,
+    systematic_choice.deflection,
     systematic.velocities,
     systematic.navigation,
     systematic.sequence,
-    systematic.places,
     transfer.done,
     transfer.delay,
     transfer.estimates,

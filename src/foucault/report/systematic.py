@@ -8,21 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault import units
-from foucault.coefficients import format_value
 from foucault.report import figures_systematic as figures
-from foucault.report.page import Block, Column, Items, Section, Table, Text
-from foucault.report.uncertainty import shown
+from foucault.report.figures_systematic import ARCSEC, COMPENSATED
+from foucault.report.page import Block, Column, Section, Table, Text
 from foucault.result import Result
 
 FloatArray = npt.NDArray[np.float64]
-
-ARCSEC = float(np.radians(1.0 / 3600.0))
-COMPENSATED = {
-    "none": "as it is", "all but deflection": "all but deflection compensated",
-    "all": "compensated",
-}  # fmt: skip
-"""What is compensated, in words."""
 
 WAYS = ("east", "north", "up")
 
@@ -36,9 +27,14 @@ def velocities(result: Result) -> Section | None:
         name: max(float(np.abs(table[f"{name}_{way}"]).max()) for way in WAYS)
         for name in ("before", "after")
     }
+    run = (
+        "Navigated from the beginning of each rest to its end, "
+        if result.diagnostics["filter"]["decorrelate"]
+        else "Navigated from the end of each rest through the turns that follow to the end of the "
+        "next, "
+    )
     lead = (
-        "Navigated from the end of each rest through the turns that follow to the end of the next, "
-        "where the velocity should be zero: at most "
+        f"{run}where the velocity should be zero: at most "
         f"{_speed(worst['before'])} without the calibration and {_speed(worst['after'])} with it."
     )
     return Section("Velocity at rest before and after", lead, [figures.velocities(table)])
@@ -75,10 +71,10 @@ def _passes(result: Result) -> str:
     both = [(k, c.layout.index(n)) for k, n in enumerate(names) if n in c.layout]
     sd = c.sd[[i for _, i in both]]
     steps = np.abs(np.diff(values[:, [k for k, _ in both]], axis=0)) / sd
-    words = ", ".join(f"{step.max():.2g}" for step in steps)
+    words = ", then ".join(f"{step.max():.2g}" for step in steps)
     return (
-        f"Passes through the session: {len(values)}. From one to the next no coefficient moved by "
-        f"more than {words} of its standard deviation."
+        f"Passes through the session: {len(values)}. From one to the next coefficients moved by "
+        f"at most {words} standard deviations."
     )
 
 
@@ -87,13 +83,22 @@ def navigation(result: Result) -> Section | None:
     table, ends = result.tables.get("navigation"), result.diagnostics.get("navigation")
     if table is None or not ends:
         return None
-    blocks: list[Block] = [figures.navigation(table, about) for about in ("east", "north")]
+    blocks: list[Block] = [
+        figures.navigation(table, about, what)
+        for what in ("shift", "velocity")
+        for about in ("east", "north")
+    ]
     blocks.append(_ends(ends))
+    key = "; ".join(
+        f"{line}: {COMPENSATED[way]}"
+        for way, line in (("none", "dotted"), ("all but deflection", "dashed"), ("all", "solid"))
+        if any(end["compensated"] == way for end in ends)
+    )
     lead = (
         "Simulated: x up, y east, z north; an alignment, ten turns at 18 °/s about east or north, "
         "then 500 s of rest. The instrument has the errors found here; what is compensated differs "
         "from them as the uncertainty allows, one draw. Without noise, which is the same either "
-        "way."
+        f"way. {key.capitalize()}."
     )
     return Section("What it is worth in navigation", lead, blocks)
 
@@ -102,49 +107,30 @@ def _ends(ends: Sequence[Mapping[str, Any]]) -> Table:
     columns = [
         Column("spin about"),
         Column("instrument"),
-        *[Column(f"tilt {way} [″]", "number") for way in ("east", "north")],
-        *[Column(f"velocity {way} [m/s]", "number") for way in ("east", "north")],
+        *[Column(f"tilt by the spin about {way} [″]", "number") for way in ("east", "north")],
+        Column("less by", "number", aside=True),
+        *[Column(f"velocity at the end, {way} [m/s]", "number") for way in ("east", "north")],
+        Column("less by", "number", aside=True),
     ]
+    asis = {end["about"]: end for end in ends if end["compensated"] == "none"}
     rows = [
         [
             str(end["about"]), COMPENSATED[end["compensated"]],
             *[_signed(f"{v / ARCSEC:.2f}") for v in end["shift"][:2]],
+            _less(end, asis[end["about"]], "shift"),
             *[_signed(f"{v:.4f}") for v in end["velocity"][:2]],
+            _less(end, asis[end["about"]], "velocity"),
         ]
         for end in ends
     ]  # fmt: skip
     return Table(columns, rows)
 
 
+def _less(end: Mapping[str, Any], asis: Mapping[str, Any], what: str) -> str:
+    """Say by how much a level error is less than that of the instrument as it is."""
+    left, before = (float(np.hypot(*run[what][:2])) for run in (end, asis))
+    return "" if end is asis or not before else _signed(f"{100 * (1 - left / before):.1f} %")
+
+
 def _signed(text: str) -> str:
-    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
-
-
-def places(result: Result) -> Section | None:
-    """Lever arms and delay of the accelerometers."""
-    rows = result.diagnostics.get("places")
-    if not rows or result.procedure != "systematic":
-        return None
-    columns = [
-        Column("quantity", "name"), Column("value", "number"), Column("± sd", "number"),
-        Column("unit", "short"), Column("meaning", "meaning"),
-    ]  # fmt: skip
-    cells = []
-    for row in rows:
-        unit, size = _unit(row)
-        value, sd = row["value"] / size, row["sd"] / size
-        cells.append([row["name"], _signed(format_value(value, sd)), format_value(sd, sd), unit,
-                      row["meaning"]])  # fmt: skip
-    lead = (
-        "What readings of accelerometers that are not at one place or time show in turns. `apply` "
-        "does not compensate it: it needs the angular acceleration."
-    )
-    notes = Items([("plain", "Places are counted from the z accelerometer.")])
-    return Section("Places and times of the accelerometers", lead, [Table(columns, cells), notes])
-
-
-def _unit(row: Mapping[str, Any]) -> tuple[str, float]:
-    """Return millimetres and microseconds, and what else as it is displayed."""
-    small = {"length": ("mm", 1e-3), "time": ("µs", 1e-6)}
-    unit = str(row["display_unit"])
-    return small.get(row["kind"], (shown(unit), units.factor(unit, row["kind"])))
+    return text.lstrip("-") if float(text.rstrip(" %")) == 0 else text.replace("-", "−")

@@ -95,7 +95,7 @@ def _coefficient_rows(
 
 def shown(unit: str) -> str:
     """Write a unit with the signs that people use."""
-    for plain, sign in (("ug", "µg"), ("deg", "°"), ("percent", "%")):
+    for plain, sign in (("ug", "µg"), ("us", "µs"), ("deg", "°"), ("percent", "%")):
         unit = re.sub(rf"\b{plain}\b", sign, unit)
     return unit.replace("^2", "²")
 

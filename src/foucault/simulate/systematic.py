@@ -27,6 +27,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
+from foucault.models.size_effect import SizeEffect
 from foucault.plans.manoeuvres import Rotate
 from foucault.plans.profiles import Profile
 from foucault.plans.systematic import CalibrationSequence
@@ -83,6 +84,11 @@ class SystematicSimulation:
     told: CalibrationSequence
     sequence: CalibrationSequence
     site: Site
+
+    @property
+    def size_effect(self) -> SizeEffect:
+        """Lever arms and delay as a calibration finds them."""
+        return SizeEffect(self.arms - self.arms[2], self.delay)
 
     def attitude(self, time: FloatArray) -> FloatArray:
         """Return the true C_nb, shape (n, 3, 3) [1], at `time`, shape (n,) [s]."""

@@ -32,6 +32,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "force.",
      "Describe the accelerometers in [log.accel]; an IMU can also be calibrated without "
      "g_sensitivity."),
+    ("apply.needs_gyro", "error",
+     "Accelerometers with lever arms or a delay, without gyros",
+     "{file} has no gyro columns, but the result corrects the accelerometers for where they are "
+     "and when they read, which turns show.",
+     "Describe the gyros in [log.gyro]; or calibrate with lever_arms = false and delay = false."),
     ("apply.outside", "warning",
      "A log outside the range that the calibration covered",
      "{words}: more than the calibration covered.",

@@ -74,6 +74,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Take the plan found. To come nearer to the other or further below it: a longer search "
      "(--restarts, --evaluations), more time in [optimise], or wider limits where the rig has "
      "them."),
+    ("optimise.no_time", "warning",
+     "A search that found nothing shorter",
+     "After {evaluations} plans the shortest that reaches what is wanted takes {time} s; the plan "
+     "to beat reaches it in {reference} s.",
+     "Search longer (--restarts, --evaluations), allow more in [optimise], or keep that plan."),
     ("optimise.no_gain", "warning",
      "A search that found nothing better",
      "After {evaluations} plans the best is {ratio:.3f} times the sd of the plan to beat.",

@@ -31,6 +31,15 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A sequence that is not built in",
      "There is no sequence '{name}'.{hint}",
      "Choose one of {allowed}, or write your own as a file."),
+    ("sequence.slanting", "error",
+     "A sequence that starts slanting, to be written as actions",
+     "The sequence '{name}' does not start with x, y and z along east, north and up; a file or a "
+     "campaign cannot say that.",
+     "Put turns from such a start before it; or write it as CSV."),
+    ("sequence.campaign", "error",
+     "A campaign without a sequence of systematic calibration",
+     "{path} is a campaign of the procedure {procedure}, which has no such sequence.",
+     'Name a campaign with name = "systematic", or the file of a sequence.'),
     ("sequence.file", "error",
      "A file of a sequence that cannot be read",
      "The sequence {path} cannot be read: {why}.",
@@ -60,13 +69,39 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The instrument did not start as the sequence says",
      "The sequence '{name}' starts with x, y, z to {declared}, so that {up} of the body is up; the "
      "first rest of the log has {measured} up, {angle} deg away.",
-     "Start as declared, or correct `start`; look for swapped accelerometer columns too."),
+     "Start as declared, or correct `start`; look for swapped columns, and for accelerometers that "
+     "read gravity instead of specific force (reads = \"gravity\" in [log.accel]), too."),
     ("systematic.heading", "warning",
      "The instrument started at another heading than the sequence says",
      "The Earth's rate in the rests says that the heading at the start was {angle} deg more than "
      "declared (clockwise), with an uncertainty of {sd} deg.",
      "Correct `start` if the sequence turns about east or north: those axes are then elsewhere. "
      "Turns about axes of the body alone are not affected."),
+    ("systematic.turn_contradicts", "error",
+     "A turn in which gyros and accelerometers contradict one another",
+     "From {start} to {end} s the gyros say that up turned otherwise than the accelerometers, by "
+     "{angle} deg; {count} of {turns} times it is so. No exchange of axes and no usual mistake of "
+     "unit explains it.",
+     "Look at the rates there with `foucault inspect`: a turn beyond the range of the gyros, or "
+     "samples that are missing. Leave that part of the log out."),
+    ("systematic.latitude", "warning",
+     "A latitude that the Earth's rate in the rests contradicts",
+     "Gravity and the Earth's rate in all rests show a latitude of {seen} deg (sd {sd}); "
+     "{declared} deg was given.",
+     "Correct `latitude` in [site]: the result is wrong by what the Earth turns otherwise."),
+    ("systematic.heading_start", "error",
+     "Turns about level axes of the table that started at another heading",
+     "The turns of the log are not those of '{name}', but they are if the heading at the start was "
+     "{angle} deg more than declared (clockwise); so says the Earth's rate in the rests, with an "
+     "uncertainty of {sd} deg.",
+     "Correct `start`: where x, y and z pointed at first."),
+    ("systematic.gap", "error",
+     "A log of a systematic calibration with samples missing",
+     "Samples are missing at {where} ({count} in all, the longest {longest}; the usual interval is "
+     "{usual}). The instrument is navigated from the first rest to the last, and what it did "
+     "meanwhile is not known.",
+     "Keep the rows before the gap or those after it, whichever hold more rests, or repeat the "
+     "session."),
     ("systematic.count", "error",
      "A log with more or fewer turns than the sequence",
      "The sequence '{name}' has {declared} turns, the log {given}. {first}",
@@ -74,8 +109,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "the sequence out to use the rests as found."),
     ("systematic.move", "error",
      "A turn that is not the one of the sequence",
-     "Turn {number} of '{name}', at {time} s, was to be {declared}; it was {measured}.",
-     "Correct the sequence, or leave it out to use the rests as found."),
+     "Turn {number} of '{name}' ({action}), at {time} s, was to be {declared} of the body; it was "
+     "{measured}.",
+     "Correct axis, sense or angle of that action, or leave the sequence out to use the rests as "
+     "found."),
     ("systematic.axes", "error",
      "Axes of the table exchanged or of the wrong sense",
      "The turns of the log are not those of '{name}' as labelled, but they are if the table turned "

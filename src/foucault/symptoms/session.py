@@ -39,7 +39,9 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Gyro axes exchanged or of the wrong sign against the accelerometers",
      "The turns miss the change of gravity by {declared} deg as the gyro columns are "
      "declared; with {exchange} (body axis = declared column) they miss by {better} deg.",
-     "Reorder `columns` of [log.gyro] like that, or those of [log.accel] the other way."),
+     "Reorder `columns` of [log.gyro] like that, or those of [log.accel] the other way. Turns do "
+     "not show whether all three accelerometer signs are reversed besides: with that, signs that "
+     "look odd here may be two columns exchanged there."),
     ("gyro.reversed", "error",
      "All gyro signs reversed, or both triads mirrored alike",
      "The turns miss the change of gravity by {declared} deg as declared; with all three gyro "
