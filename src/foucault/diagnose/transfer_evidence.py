@@ -337,11 +337,12 @@ def _of_spread(e: Evidence) -> list[Finding]:
         if s.low <= s.ratio <= s.high or (s.ratio < s.low and not e.nominal):
             continue
         size, unit = units[name]
-        # What the state is uncertain by belongs to the innovation, and not to the messages.
+        # What the state is uncertain by belongs to the innovation, and not to the messages. It is
+        # most at the start: the median is of a filter that has settled.
         run, block = e.found.run, BLOCKS[name]
-        used = np.isfinite(run.innovation[:, block])
-        S, given = run.variance[:, block][used], getattr(e.matching, f"{name}_sd")
-        left = float(np.mean(run.innovation[:, block][used] ** 2 - S)) + given**2
+        S = run.variance[:, block][np.isfinite(run.innovation[:, block])]
+        given = getattr(e.matching, f"{name}_sd")
+        left = given**2 + (s.ratio**2 - 1.0) * float(np.median(S))
         if left <= 0:
             continue
         value = f"{plain(np.sqrt(left) / size, 2)} {unit}"
