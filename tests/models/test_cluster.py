@@ -8,7 +8,7 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.kernels import cluster as kernels
-from foucault.models import imu
+from foucault.models import imu, size_effect
 from foucault.models.cluster import (
     CONSTANTS,
     LAYOUT,
@@ -95,10 +95,11 @@ def test_drift_and_readings_are_the_printed_equations(seed):
 
 def test_layouts_know_every_name_once():
     assert len(set(EVERY.names)) == len(EVERY)
-    assert set(EVERY.names) == set(imu.LAYOUT.names) | set(LAYOUT.names)
+    every = (imu.LAYOUT, size_effect.LAYOUT, LAYOUT)
+    assert set(EVERY.names) == {name for layout in every for name in layout.names}
     assert kind_of("gyro.drift_input_spin.y") == "g-squared sensitivity"
     assert kind_of("accel.bias.x") == "specific force"
-    for layout in (imu.LAYOUT, LAYOUT):  # what two models share means the same in both
+    for layout in every:  # what two models share means the same in both
         assert all(kind_of(c.name) == c.kind for c in layout.coefficients)
     with pytest.raises(FoucaultError, match=r"Did you mean 'gyro.drift.x'") as caught:
         kind_of("gyro.drft.x")
