@@ -138,7 +138,10 @@ def _bounded(
     """Filter the last system again, with a bound."""
     system = found.free.system
     if settings.wanted == "prior":
-        L = by_prior(system)
+        # A free run's position is never measured, its vertical velocity only where that is matched:
+        # bounding what grows without a bound would leave nothing of the bound for the others.
+        unseen = (6, 7, 8) if settings.matched.vertical else (5, 6, 7, 8)
+        L = np.delete(by_prior(system), unseen, axis=0)
     else:
         L = after_outage(found.free, settings.sensors, settings.outage)
     least = least_gamma(system, L)
