@@ -23,6 +23,7 @@ import on_table
 import platform_tumble
 import strapdown
 import systematic
+import transfer
 
 import plans
 
@@ -296,6 +297,7 @@ def rows() -> list[Row]:
     out += plan_rows()
     out += navigation_rows()
     out += systematic_rows()
+    out += transfer_rows()
     out.append(Row("study of 500 sessions, two threads, wall", measure(STUDY), 60.0))
     out.append(Row("writing a report, first in a process, wall", measure(REPORT), 1.0))
     ours, peer = measure(READ)
@@ -414,6 +416,24 @@ def systematic_rows() -> list[Row]:
         f"nineteen positions of another program, {n:,} samples, {states} states, five passes, CPU"
     )
     return [*out, Row(what, passes, 1.0, "PSINS in Octave, 43 states, recorded", 600.0)]
+
+
+def transfer_rows() -> list[Row]:
+    """Measure transfer alignment: 240 s at 200 Hz, messages at 10 Hz."""
+    kalman, alone, bounded, bounded_alone, bisected = measure(transfer.FILTERS)
+    matched, likeliest = measure(transfer.DELAY)
+    what = "transfer alignment, 240 s at 200 Hz, messages at 10 Hz"
+    return [
+        Row(f"{what}, free run and Kalman filter, CPU", kalman, 0.03),
+        Row(f"{what}, the Kalman filter alone, CPU", alone, None),
+        Row(f"{what}, free run and H-infinity filter, CPU", bounded, 0.05),
+        Row(f"{what}, the H-infinity filter alone, CPU", bounded_alone, None),
+        Row(f"{what}, least gamma by bisection, CPU", bisected, 0.5),
+        Row(f"{what}, delay by rate matching, CPU", matched, 0.1),
+        Row(f"{what}, likeliest delay, CPU", likeliest, 0.5),
+        Row("50 trials of foucault montecarlo transfer_alignment, two threads",
+            measure(transfer.STUDY), 60.0),
+    ]  # fmt: skip
 
 
 def main() -> None:

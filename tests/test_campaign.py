@@ -98,7 +98,7 @@ MISTAKES = [
         MINIMAL.replace("[site]", "[sites]"),
         "campaign.key",
         "sites is not a key of a campaign file. Did you mean 'site'?",
-        "Allowed in a campaign file are: instrument, log, noise",
+        "Allowed in a campaign file are: instrument, log, master, noise",
     ),
     (
         MINIMAL + "windw = 3\n",

@@ -83,7 +83,7 @@ def _kinds(rows: Iterable[tuple[str, str, str, str]]) -> dict[str, Kind]:
 # Display units run from small to large; `display_unit` picks among them by magnitude.
 KINDS: dict[str, Kind] = _kinds(
     [
-        ("time", "s", "s", "30 s"),
+        ("time", "s", "ms s", "30 s"),
         ("delay", "s", "us ms s", "1 ms"),
         ("frequency", "Hz", "Hz", "100 Hz"),
         ("length", "m", "m", "250 m"),

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from foucault.models.rotation import aligning, cross_matrix, exp, log, right_jacobian_inverse
+from foucault.models.rotation import (
+    aligning,
+    cross_matrix,
+    exp,
+    log,
+    right_jacobian,
+    right_jacobian_inverse,
+)
 
 RNG = np.random.default_rng(6)
 AXES = np.concatenate([np.eye(3), -np.eye(3), RNG.normal(size=(20, 3))])
@@ -74,6 +81,12 @@ def test_right_jacobian_inverse_does_not_jump_where_the_series_ends():
     below, above = (right_jacobian_inverse(a * AXES) for a in (1e-4 - 1e-12, 1e-4 + 1e-12))
     # The closed form loses eps/angle^2 of a factor that is multiplied by angle^2.
     np.testing.assert_allclose(below, above, atol=2e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-6, 0.99e-2, 1.01e-2, 0.3, 1.0, 3.1])
+def test_right_jacobian_undoes_its_inverse(angle):
+    both = right_jacobian(angle * AXES) @ right_jacobian_inverse(angle * AXES)
+    np.testing.assert_allclose(both, np.broadcast_to(np.eye(3), both.shape), atol=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -137,7 +137,8 @@ def test_sections_of_the_hand_rotated_procedure(page):
         "How to apply it",
         "Provenance",
     ]
-    others = ("on_table", "rate_table", "headings", "tumble", "systematic", "systematic_choice")
+    others = ("on_table", "rate_table", "headings", "tumble", "transfer", "transfer_run")
+    others = (*others, "systematic", "systematic_choice")
     elsewhere = tuple(f"foucault.report.{n}" for n in others)
     own = [section for section in SECTIONS if section.__module__ not in elsewhere]
     assert len(titles) == len(own)

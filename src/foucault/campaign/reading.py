@@ -42,6 +42,8 @@ class Campaign:
         Where it was calibrated [SI].
     log : LogDescription, or what the procedure has instead
         How to read the log.
+    master : MasterDescription or None
+        How to read the table of a master, where the procedure has one.
     procedure : str
         Name of the procedure.
     settings : pydantic model
@@ -67,6 +69,7 @@ class Campaign:
     instrument: dict[str, Any]
     site: earth.Site
     log: Any
+    master: Any
     procedure: str
     settings: Any
     noise: noise.ImuNoise | None
@@ -132,6 +135,7 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         instrument=file.instrument.model_dump(),
         site=file.site.site(),
         log=file.log,
+        master=_master(str(name), file.master),
         procedure=str(name),
         settings=validate(module.Settings, settings, ("procedure",), ("name",)),
         noise=None if file.noise is None else file.noise.noise(),
@@ -142,6 +146,16 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         tables=file,
         findings=file.site.findings(),
     )
+
+
+def _master(procedure: str, table: Mapping[str, Any]) -> Any:
+    """Read [master]; refused where the procedure has none, wanted where it has."""
+    model = getattr(procedures.load(procedure), "Master", None)
+    if model is None and table:
+        raise error("campaign.no_master", procedure=procedure)
+    if model is not None and not table:
+        raise error("campaign.required", key="master", example="a table [master]", more="")
+    return None if model is None else validate(model, table, ("master",))
 
 
 def _wanted(procedure: str, table: Mapping[str, Any]) -> Any:
@@ -201,7 +215,7 @@ def _prior(name: str, entry: PriorEntry, layout: Layout) -> tuple[float, float]:
 def schema() -> dict[str, Any]:
     """Return the JSON schema of campaign files, with the settings of every procedure."""
     out = CampaignFile.model_json_schema()
-    settings, sessions, wanted = [], [], []
+    settings, sessions, wanted, masters = [], [], [], []
     for name in procedures.PROCEDURES:
         module = procedures.load(name)
         own = _part(out, module.Settings, f"Settings of {name}")
@@ -214,12 +228,15 @@ def schema() -> dict[str, Any]:
         sessions.append(session)
         if hasattr(module, "Wanted"):
             wanted.append(_part(out, module.Wanted, f"Plan to search for, of {name}"))
+        if hasattr(module, "Master"):
+            masters.append(_part(out, module.Master, f"Master of {name}"))
     logs = list(dict.fromkeys(_description(name) for name in procedures.PROCEDURES))
     if len(logs) > 1:
         out["properties"]["log"] = {"anyOf": [_part(out, log, _title(log)) for log in logs]}
     out["properties"]["procedure"] = {"oneOf": settings}
     out["properties"]["simulate"] = {"anyOf": sessions}
     out["properties"]["optimise"] = {"anyOf": wanted}
+    out["properties"]["master"] = {"anyOf": masters}
     out["title"] = "Foucault campaign"
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | out
 

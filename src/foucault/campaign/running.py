@@ -46,6 +46,8 @@ def read_log(campaign: Campaign, progress: Progress = _silent) -> Any:
     """Read the log of a campaign; its findings follow those of the campaign file."""
     read = getattr(procedures.load(campaign.procedure), "read_log", logs.read)
     log = read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
+    if campaign.master is not None:
+        log = procedures.load(campaign.procedure).with_master(log, campaign.master, campaign.folder)
     return replace(log, findings=_told(campaign) + log.findings)
 
 
@@ -145,8 +147,11 @@ class Session:
         if isinstance(model, ImuModel):
             lower, C_cb = model.in_gauge(Gauge.LOWER)
             size: SizeEffect | None = getattr(self.simulation, "size_effect", None)
+            beside: CoefficientVector | None = getattr(self.simulation, "beside", None)
             found = lower.coefficients()
-            return found if size is None else found.with_others(size.rotated(C_cb).coefficients())
+            if size is not None:
+                found = found.with_others(size.rotated(C_cb).coefficients())
+            return found if beside is None else found.with_others(beside)
         whole: CoefficientVector = getattr(self.simulation, "truth", model.coefficients())
         return whole
 
@@ -198,7 +203,7 @@ def save_session(session: Session, folder: str | Path) -> Path:
     session : Session
         The session.
     folder : str or Path
-        Gets log.csv, campaign.toml and truth.json.
+        Gets log.csv, campaign.toml and truth.json, and what the procedure has besides.
 
     Returns
     -------
@@ -213,6 +218,8 @@ def save_session(session: Session, folder: str | Path) -> Path:
     log = session.simulation.log
     write: Any = getattr(procedures.load(session.campaign.procedure), "write_log", logs.write)
     write(log, folder / SESSION_LOG)
+    if hasattr(session.simulation, "write_beside"):
+        session.simulation.write_beside(folder)
     with atomic(folder / TRUTH_FILE) as temporary:
         temporary.write_text(json.dumps(_truth(session), indent=1) + "\n", encoding="utf-8")
     own = log_table(session.campaign.procedure, log)
@@ -240,15 +247,16 @@ _HEADER = re.compile(r"^[ \t]*\[+[ \t]*([A-Za-z_]+)", re.MULTILINE)
 
 
 def with_own_log(text: str, own: str) -> str:
-    """Let [log] of a campaign's `text` be `own`; everything else stays as it is."""
+    """Let [log], and what else `own` holds, of a campaign's `text` be `own`; the rest stays."""
     starts = [m.start() for m in _HEADER.finditer(text)]
     names = [m.group(1) for m in _HEADER.finditer(text)]
     if "log" not in names:
         raise error("campaign.required", key="log", example="a table [log]", more="")
     edges = [*starts, len(text)]
     pieces = [text[: edges[0]]]
+    said = {m.group(1) for m in _HEADER.finditer(own)}
     for name, start, end in zip(names, starts, edges[1:], strict=True):
-        if name != "log":
+        if name not in said:
             pieces.append(text[start:end])
         elif own + "\n" not in pieces:
             pieces.append(own + "\n")

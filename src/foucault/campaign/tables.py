@@ -193,6 +193,7 @@ class CampaignFile(_Table):
     instrument: Instrument = Instrument()
     site: SiteTable = SiteTable()
     log: LogDescription
+    master: dict[str, Any] = {}
     procedure: dict[str, Any]
     noise: NoiseTable | None = None
     prior: dict[str, PriorEntry] = {}

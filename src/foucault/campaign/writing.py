@@ -224,6 +224,8 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
     tables = campaign.tables
     log = _exact(tables.log)
     _relocate(log, campaign.folder, Path(folder))
+    master = {} if campaign.master is None else _exact(campaign.master)
+    _relocate(master, campaign.folder, Path(folder))
     site = _exact(tables.site)
     note = ""
     if tables.site.gravity is None:
@@ -233,6 +235,7 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
         _table("instrument", campaign.instrument),
         _table("site", site) + note,
         _table("log", log),
+        *([_table("master", master)] if master else []),
         _table("procedure", {"name": campaign.procedure} | _exact(campaign.settings)),
     ]
     if tables.noise is not None:

@@ -15,6 +15,7 @@ from foucault.cli import (
     align,
     allan,
     campaigns,
+    delay,
     export,
     fleet,
     navigate,
@@ -112,7 +113,7 @@ def _program(
 
 for _module in (
     campaigns, plans, preflight, optimise, sessions, results, fleet, north, align, navigate,
-    allan, study, export, watch,
+    delay, allan, study, export, watch,
 ):  # fmt: skip
     _module.add_to(app)
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -215,9 +216,17 @@ def seen_at_place(history: FloatArray) -> FloatArray:
         true place, by dr_E tan L / R, is left out: it has no bound near a pole [SI].
     """
     C_nl = states_of(history)["C_nl"]
-    out = np.empty((len(history), 9, 9))
-    for k, x in enumerate(history):
-        out[k] = np.kron(np.eye(3), C_nl[k]) @ at_place(SEMI_MAJOR_AXIS + x[11], x[4:7])
+    v0, v1, v2 = history[:, 4:7].T
+    share = 1.0 / (SEMI_MAJOR_AXIS + history[:, 11])
+    out = np.zeros((len(history), 9, 9))
+    for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
+        out[:, block, block] = C_nl
+    # `models.ins_errors.at_place` for all epochs at once.
+    out[:, 0:3, 6] = C_nl[:, :, 1] * share[:, None]
+    out[:, 0:3, 7] = -C_nl[:, :, 0] * share[:, None]
+    across = np.stack([-v2, np.zeros_like(v2), v0], -1), np.stack([np.zeros_like(v2), -v2, v1], -1)
+    for column, turned in zip((6, 7), across, strict=True):
+        out[:, 3:6, column] = np.einsum("kij,kj->ki", C_nl, turned) * share[:, None]
     return out
 
 
@@ -264,7 +273,7 @@ def run(
     gate: float = np.inf,
     gravity_offset: float = 0.0,
     held: bool = False,
-    keep: bool = False,
+    keep: bool | Literal["transitions"] = False,
 ) -> FilterRun:
     """Navigate from row `first` and correct at the updates.
 
@@ -297,8 +306,8 @@ def run(
         Measured local minus normal gravity [m/s^2].
     held : bool
         Whether height stays and the vertical velocity is zero.
-    keep : bool
-        Whether what a smoother needs is kept.
+    keep : bool or "transitions"
+        Whether what a smoother needs is kept, or the transitions alone.
 
     Raises
     ------
@@ -322,7 +331,7 @@ def run(
         state.packed(), values, P0, q, decay,
         sensors.coefficient, sensors.axis, sensors.entry, sensors.weight, sensors.gyros,
         sensors.most, rows, updates.reference(), updates.sd, float(gate),
-        updates.restart, gravity_offset, held, keep, keep,
+        updates.restart, gravity_offset, held, bool(keep), keep is True,
     )  # fmt: skip
     states, coefficients, sd, innovation, variance, X, Phi, before, after, P = found
     time = increments.time[rows]

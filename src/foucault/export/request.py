@@ -12,7 +12,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
 from foucault.models.imu import LAYOUT, ImuModel
-from foucault.models.layouts import is_cluster, of_one_sample
+from foucault.models.layouts import is_cluster, of_one_sample, of_sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import SizeEffect
@@ -162,8 +162,8 @@ def request(
     Request
         What the receiver's file is written from.
     """
-    vector = result.coefficients
-    if is_cluster(vector):
+    vector = of_sensors(result.coefficients)
+    if is_cluster(result.coefficients):
         raise error("export.cluster", procedure=result.procedure, receiver=receiver)
     if not np.isfinite(vector.values).all():
         raise error("export.not_finite", procedure=result.procedure)

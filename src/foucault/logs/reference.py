@@ -39,10 +39,11 @@ _TITLES = {
     "heading": ("heading", "yaw", "trueheading"),
     "pitch": ("pitch",),
     "roll": ("roll",),
+    "arrival": ("arrival", "arrivaltime", "received"),
 }
 """Column -> how it may be titled, spaces and signs left out."""
 
-_KINDS = {"time": "time", "height": "length"} | dict.fromkeys(
+_KINDS = {"time": "time", "arrival": "time", "height": "length"} | dict.fromkeys(
     ("velocity_east", "velocity_north", "velocity_up", "velocity_down"), "velocity"
 )
 _ENDINGS = {
@@ -173,7 +174,7 @@ def read(path: str | Path) -> Reference:
     """
     path = Path(path)
     raw = open_raw(path, FileLayout.model_validate({"file": path.name}))
-    where = _columns(raw, path)
+    where = titled_columns(raw, path)
     rows = np.concatenate([*raw.blocks([number for number, _ in where.values()])])
     scale = [size for _, size in where.values()]
     columns = dict(zip(where, (rows * scale).T, strict=True))
@@ -189,8 +190,21 @@ def read(path: str | Path) -> Reference:
     )  # fmt: skip
 
 
-def _columns(raw: RawTable, path: Path) -> dict[str, tuple[int, float]]:
-    """Return the number of every column that is known, and the SI value of its unit."""
+def titled_columns(raw: RawTable, path: Path) -> dict[str, tuple[int, float]]:
+    """Return the number of every column that is known, and the SI value of its unit.
+
+    Parameters
+    ----------
+    raw : RawTable
+        The file.
+    path : Path
+        Where it is, for the texts.
+
+    Raises
+    ------
+    FoucaultError
+        ``reference.titles``: what is missing or not said.
+    """
     have = "the columns " + ", ".join(raw.names) if raw.named else f"{len(raw.names)} columns"
 
     def wrong(reason: str) -> FoucaultError:

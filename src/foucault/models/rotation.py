@@ -91,6 +91,22 @@ def log(C: FloatArray) -> FloatArray:
     return np.asarray(q[..., 1:] * np.where(sine > 1e-12, 2 * half / np.maximum(sine, 1e-300), 2.0))
 
 
+def right_jacobian(phi: FloatArray) -> FloatArray:
+    """Return J, shape (..., 3, 3), with ``Exp(phi + d) = Exp(phi) Exp(J d)`` to first order.
+
+    Parameters
+    ----------
+    phi : ndarray, shape (..., 3)
+        Rotation vectors [rad]. Its transpose is the left Jacobian.
+    """
+    angle = np.linalg.norm(phi, axis=-1)[..., None, None]
+    K = cross_matrix(phi)
+    half = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2 without cancellation
+    a = np.where(angle < 1e-2, 1.0, angle)
+    third = np.where(angle < 1e-2, 1 / 6 - angle**2 / 120, (a - np.sin(a)) / a**3)
+    return np.asarray(np.eye(3) - half * K + third * (K @ K))
+
+
 def right_jacobian_inverse(phi: FloatArray) -> FloatArray:
     """Return J, shape (..., 3, 3), with ``Log(Exp(phi) Exp(d)) = phi + J d`` to first order.
 

@@ -214,6 +214,9 @@ class Sway:
         How long it takes to grow, and to die down; None for a quarter of the time [s].
     seed : int
         Seed of phases and frequencies [1].
+    turn : float
+        Change of heading meanwhile, flat, positive to the right: a ship that turns in a swell
+        [rad].
     """
 
     time: float
@@ -224,6 +227,7 @@ class Sway:
     fade: float | None = None
     seed: int = 0
     label: str = ""
+    turn: float = 0.0
 
     def __post_init__(self) -> None:
         _timed(self, self.time, self.fade, "fade")

@@ -24,6 +24,7 @@ PROCEDURES = {
     "north_seeking": "foucault.procedures.north_seeking",
     "platform_tumble": "foucault.procedures.platform_tumble",
     "systematic": "foucault.procedures.systematic",
+    "transfer_alignment": "foucault.procedures.transfer_alignment",
 }
 """Name in a campaign file -> module."""
 

@@ -23,8 +23,7 @@ from foucault.diagnose.schuler import SchulerFit
 from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
 from foucault.models.earth import Site
-from foucault.models.imu import LAYOUT
-from foucault.models.layouts import of_one_sample
+from foucault.models.layouts import is_imu, of_sensors
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import Trajectory
@@ -207,7 +206,7 @@ def navigate_log(
         other, also = without(task, main)
         runs += [] if other is None else [other]
     progress(0.7, "propagating the errors of each coefficient")
-    vector = None if calibration is None else calibration.coefficients
+    vector = None if calibration is None else of_sensors(calibration.coefficients)
     budget = evidence.budget_of(task, main, vector)
     difference = _difference(runs, budget.time)
     checks = evidence.checks(main.errors, budget, source, calibration is not None)
@@ -264,7 +263,7 @@ def _calibration(result: Result | None, about: Mapping[str, Any]) -> tuple[Findi
     """Refuse a calibration of something else; say what is doubtful about it."""
     if result is None:
         return (finding("navigate.no_calibration"),)
-    if not all(name in LAYOUT for name in of_one_sample(result.coefficients).names):
+    if not is_imu(result.coefficients):
         file = str(result.provenance.get("file", "the calibration"))
         raise error("navigate.not_imu", file=file, given=result.procedure)
     told: tuple[Finding, ...] = ()

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-GREEK = {"alpha": "α", "beta": "β", "gamma": "γ"}
+GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "mu": "μ", "tau": "τ"}
 """Symbols that are letters of another alphabet."""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
-from foucault.report import on_table, systematic, systematic_choice, tumble
+from foucault.report import on_table, systematic, systematic_choice, transfer, transfer_run, tumble
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
@@ -151,6 +151,14 @@ SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     systematic.velocities,
     systematic.navigation,
     systematic.sequence,
+    transfer.done,
+    transfer.delay,
+    transfer.estimates,
+    transfer.motion,
+    transfer_run.innovations,
+    transfer_run.bound,
+    transfer_run.attitude,
+    transfer_run.handed,
     norms,
     on_table.norms,
     rate_steps,

@@ -17,7 +17,11 @@ from foucault.result import Result
 
 FloatArray = npt.NDArray[np.float64]
 
-TRIADS = {"accel": "Accelerometers", "gyro": "Gyros", "attitude": "Attitude"}
+TRIADS = {
+    "accel": "Accelerometers", "gyro": "Gyros", "attitude": "Attitude",
+    "installation": "Installation", "master": "Messages of the master",
+    "load": "Installation under load",
+}  # fmt: skip
 COVERAGE = 2.0  # coverage factor of the expanded uncertainty: about 95 % (JCGM 100:2008, 6.2)
 NOTHING_ADDED = 0.9  # of the prior sd: the data hardly added to what was known
 

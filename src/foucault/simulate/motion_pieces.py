@@ -217,7 +217,8 @@ def _piece(segment: Segment, steady: Piece, g: float, what: str) -> Piece:
         case Climb():
             return _climb(segment, steady, what)
         case Sway():
-            return replace(steady, sway=Oscillation.of(segment))
+            turn = Profile(segment.turn, segment.time, segment.time / 2)
+            return replace(steady, sway=Oscillation.of(segment), turn=turn)
         case Rotate():
             _require_rest(steady, what)
             C_lb = matrix_of(steady.course, steady.climb, 0.0) @ steady.C_vb

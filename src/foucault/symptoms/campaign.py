@@ -48,6 +48,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A procedure that does not exist",
      "Procedure '{name}' is not known.{hint}",
      "Known procedures are: {allowed}."),
+    ("campaign.no_master", "error",
+     "A master for a procedure that has none",
+     "[master] is there, and procedure '{procedure}' calibrates an instrument by itself.",
+     "Remove [master]; or write name = \"transfer_alignment\" in [procedure], which calibrates a "
+     "slave against the navigation of a master."),
     ("site.latitude", "error",
      "A latitude beyond a pole",
      "site.latitude: {given:.6g} deg is outside -90 to 90 deg.",

@@ -1,0 +1,88 @@
+"""The benchmarks of transfer alignment, as code for processes of their own; see `run`.
+
+Run these alone: python benchmarks/transfer.py
+"""
+
+from __future__ import annotations
+
+# A slave of the publication's class beside its master: 240 s at 200 Hz, messages at 10 Hz.
+FLIGHT = """
+import json, time
+import numpy as np
+from foucault.models.earth import Site
+from foucault.procedures.transfer_problem import problem_of
+from foucault.procedures.transfer_session import Session, draw_errors, simulate
+from foucault.procedures.transfer_settings import NOISE, Settings
+site, settings = Site.at(np.radians(32.0), 1000.0), Settings(delay="100 ms")
+session = simulate(Session(with_outage=False), model=draw_errors("tactical", 1), noise=NOISE,
+                   site=site, seed=1)
+p = problem_of(session.log, site, settings, NOISE, {})
+at = p.slave, p.master, settings.mount, settings.matched, p.prior
+def best(function, rounds=5):
+    function()
+    out = 1e9
+    for _ in range(rounds):
+        start = time.thread_time()
+        function()
+        out = min(out, time.thread_time() - start)
+    return out
+"""
+
+# The Kalman filter is one pass: the free run, the system, the filter. H-infinity is a run more on
+# the same system, or the whole with it.
+FILTERS = (
+    FLIGHT
+    + """
+from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
+from foucault.estimate.linear_filter import kalman
+from foucault.estimate.transfer_system import free_run
+def free(): return free_run(*at, p.prior, p.sd).system
+system = free()
+L = by_prior(system)
+least = least_gamma(system, L)
+print(json.dumps([best(run) for run in (
+    lambda: kalman(free()), lambda: kalman(system),
+    lambda: h_infinity(free(), L, 1.2 * least), lambda: h_infinity(system, L, 1.2 * least),
+    lambda: least_gamma(system, L),
+)]))
+"""
+)
+
+DELAY = (
+    FLIGHT
+    + """
+from foucault.estimate.delay import delay_of
+from foucault.estimate.transfer import likeliest_delay
+from foucault.models.earth import earth_rate_n, transport_rate
+t = p.table
+turning = earth_rate_n(t.latitude) + transport_rate(t.latitude, t.height, t.velocity_n)
+early = p.with_delay(0.2)
+print(json.dumps([best(run, 3) for run in (
+    lambda: delay_of(p.slave.increments, p.master.time, p.master.C_nm, w_in_n=turning,
+                     C_ms=settings.C_ms, bracket=(-0.3, 0.5)),
+    lambda: likeliest_delay(early.slave, p.master, settings.mount, settings.matched, early.prior,
+                            early.loose(0.2), (0.0, 0.2)),
+)]))
+"""
+)
+
+# The study command over the template, a fresh folder, two processes; wall clock.
+STUDY = """
+import json, subprocess, sys, tempfile, time
+from pathlib import Path
+from foucault import campaign
+with tempfile.TemporaryDirectory() as folder:
+    file = Path(folder) / "campaign.toml"
+    file.write_text(campaign.template("transfer_alignment"))
+    start = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "foucault", "montecarlo", str(file), "--trials", "50",
+                    "--workers", "2", "--output", str(Path(folder) / "study")], check=True,
+                   capture_output=True)
+    print(json.dumps(time.perf_counter() - start))
+"""
+
+if __name__ == "__main__":
+    from run import transfer_rows
+
+    for row in transfer_rows():
+        print(row.markdown())

@@ -1,0 +1,85 @@
+"""Find the time offset of two files: what they hold is described, or told by their titles."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from foucault import logs
+from foucault.campaign.mistakes import validate
+from foucault.campaign.navigation import read
+from foucault.errors import error
+from foucault.estimate.delay import BRACKET
+from foucault.logs import master as masters
+from foucault.logs.layout import FileLayout
+from foucault.logs.master_description import MasterDescription
+from foucault.logs.raw import open_raw
+from foucault.logs.titles import description_of
+from foucault.models.attitude import matrix_of
+from foucault.models.master import MasterTable
+from foucault.procedures.delay import FoundDelay, find_delay
+from foucault.procedures.hand_rotated import Progress, silent
+from foucault.tables import Log
+
+_HEADINGS = ("heading", "yaw", "trueheading", "true heading")
+
+
+def run(
+    slave: str | Path,
+    master: str | Path | None = None,
+    *,
+    mounting: tuple[float, float, float] | None = None,
+    bracket: tuple[float, float] | None = BRACKET,
+    progress: Progress = silent,
+) -> FoundDelay:
+    """Find the offset of two files.
+
+    Parameters
+    ----------
+    slave : str or Path
+        A campaign file, for its log; a log that Foucault has written; or a file whose titles carry
+        the units.
+    master : str, Path or None
+        A file with [master] or [log] in it; a table of a master or a log whose titles carry the
+        units. None where the first file describes both.
+    mounting : (float, float, float) or None
+        Heading, pitch and roll of the slave in the axes of the master [rad].
+    bracket : (float, float) or None
+        Where the offset lies [s]; None for as far as they overlap.
+    progress : callable
+        Called with the fraction done and what is being done.
+    """
+    slave = Path(slave)
+    log = read(slave, progress).log
+    other: Log | MasterTable | None = getattr(log, "master", None)
+    names = slave.name, slave.name if master is None else Path(master).name
+    if master is not None:
+        other = _second(Path(master), lambda part, words: progress(0.4 + part, words))
+    if other is None:
+        raise error("delay.no_second", file=slave.name)
+    progress(0.8, "matching")
+    C_ms = None if mounting is None else np.asarray(matrix_of(*mounting))
+    return find_delay(log, other, C_ms=C_ms, bracket=bracket, names=names)
+
+
+def _second(path: Path, progress: Progress) -> Log | MasterTable:
+    """Read a master, or a second log."""
+    if path.suffix == ".toml" and path.is_file():
+        try:
+            said = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+            raise error("campaign.syntax", path=path, reason=problem) from None
+        if isinstance(said.get("master"), dict):
+            described = validate(MasterDescription, said["master"], ("master",))
+            return masters.read(described, path.parent)
+    if path.suffix == ".toml":
+        return read(path, progress).log
+    raw = open_raw(path, FileLayout.model_validate({"file": path.name}))
+    if any(title.partition("(")[0].strip().lower() in _HEADINGS for title in raw.names):
+        return masters.read(MasterDescription.model_validate({"file": path.name}), path.parent)
+    description, told = description_of(path)
+    log = logs.read(description, path.parent)
+    return replace(log, findings=told + log.findings)

@@ -1,0 +1,145 @@
+"""A slave on its master: what is said, how it is fixed, and what is unknown of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import Coefficient, Layout
+from foucault.models.ins_errors import Sensors
+from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def _triad(group: str, symbol: str, kind: str, what: str) -> tuple[Coefficient, ...]:
+    return tuple(
+        Coefficient(f"{group}.{a}", f"{symbol}_{a}", kind, f"{what}, {a} axis of the slave")
+        for a in AXES
+    )
+
+
+INSTALLATION = Layout(_triad("installation", "mu", "angle", "rotation from the nominal mounting"))
+"""The constant part of how the slave is turned against its nominal mounting."""
+
+DELAY = Layout((Coefficient("master.delay", "tau", "time", "how late messages arrive"),))
+"""Between what a message says and its arrival."""
+
+LOAD = Layout(_triad("load", "k", "angle", "rotation of the mount per g of load"))
+"""Compliance of the mount."""
+
+FLEXURE = Layout(
+    (*_triad("flexure", "th", "angle", "rotation of the mount that comes and goes"),
+     *_triad("flexure_rate", "thdot", "angular rate", "its rate"))
+)  # fmt: skip
+"""The part of the rotation that wanders."""
+
+LIVELY = 2.146
+"""Bandwidth of the second-order Markov process times its correlation time [1]."""
+
+
+@dataclass(frozen=True)
+class Messages:
+    """What the master says.
+
+    Attributes
+    ----------
+    time : ndarray, shape (k,)
+        When each message arrives, by the slave's clock, rising [s].
+    velocity_n : ndarray, shape (k, 3)
+        Velocity of the master [m/s].
+    C_nm : ndarray, shape (k, 3, 3)
+        Its attitude [1].
+    """
+
+    time: FloatArray
+    velocity_n: FloatArray
+    C_nm: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice | npt.NDArray[np.bool_]) -> Messages:
+        """Return some of the messages."""
+        return Messages(self.time[rows], self.velocity_n[rows], self.C_nm[rows])
+
+
+@dataclass(frozen=True)
+class Mount:
+    """How the slave is fixed to the master, as far as it is known.
+
+    Attributes
+    ----------
+    C_ms : ndarray, shape (3, 3)
+        Nominal mounting, slave to master [1].
+    lever_m : ndarray, shape (3,)
+        From the master to the slave, in the master's axes [m].
+    load : bool
+        Whether it gives way under load.
+    flexure_sd : float
+        Standard deviation of what wanders; 0: the mount is rigid [rad].
+    flexure_time : float
+        Its correlation time [s].
+    wander : float
+        Random walk of the installation [rad/sqrt(s)].
+    """
+
+    C_ms: FloatArray
+    lever_m: FloatArray
+    load: bool = False
+    flexure_sd: float = 0.0
+    flexure_time: float = 5.0
+    wander: float = 0.0
+
+
+@dataclass(frozen=True)
+class Matching:
+    """What of the messages is used, and how good it is.
+
+    Attributes
+    ----------
+    velocity_sd : float
+        Of each component of the difference of velocities; infinite: not used [m/s].
+    attitude_sd : float
+        Of each component of the difference of attitudes; infinite: not used [rad].
+    attitude : {"vector", "angles"}
+        Difference of attitudes as a rotation vector, or of heading, pitch and roll, which fail
+        with the nose up or down.
+    vertical : bool
+        Whether vertical velocity counts too; a free run drifts in it.
+    delay : bool
+        Whether the delay is a state.
+    shift : {"interpolated", "sample"}
+        Whether the slave is looked at between its samples, or at the sample before, as the source
+        does.
+    """
+
+    velocity_sd: float
+    attitude_sd: float
+    attitude: Literal["vector", "angles"] = "vector"
+    vertical: bool = False
+    delay: bool = False
+    shift: Literal["interpolated", "sample"] = "interpolated"
+
+
+def states_of_transfer(sensors: Sensors, mount: Mount, matching: Matching) -> Layout:
+    """Return the states: nine of navigation, coefficients, installation, delay, load, flexure.
+
+    Parameters
+    ----------
+    sensors : Sensors
+        Coefficients.
+    mount : Mount
+        The mount.
+    matching : Matching
+        What is used.
+    """
+    return Layout((
+        *sensors.states.coefficients, *INSTALLATION.coefficients,
+        *(DELAY.coefficients if matching.delay else ()),
+        *(LOAD.coefficients if mount.load else ()),
+        *(FLEXURE.coefficients if mount.flexure_sd > 0 else ()),
+    ))  # fmt: skip

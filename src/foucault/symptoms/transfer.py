@@ -1,0 +1,109 @@
+"""What can go wrong where a slave is calibrated against a master in motion."""
+
+from __future__ import annotations
+
+# fmt: off
+ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("transfer.no_master", "error",
+     "A slave without a master",
+     "There is a log of the slave and nothing that its master said.",
+     "Describe the master's navigation in [master]; from Python join the two with "
+     "`SlaveLog.of(log, table)`."),
+    ("transfer.place", "error",
+     "A master that does not say where it is",
+     "The master's table has no latitude, and neither has [site].",
+     "Describe the master's position, or write the latitude into [site]: the rotation of the Earth "
+     "is part of what the gyros read."),
+    ("transfer.overlap", "error",
+     "A slave and a master that have hardly anything in common",
+     "The slave's log goes from {first} to {last} s, the master's messages from {begin} to {end} "
+     "s; {used} messages can be used, and it takes {least}.",
+     "Bring both to one clock: an offset of whole seconds or more is found by `foucault delay`, "
+     "one of hours is a time zone or another epoch."),
+    ("transfer.delay", "error",
+     "A delay that is none",
+     "delay = \"{given}\" is before the message was made.",
+     'Write "estimate", "none" or a time of zero or more, such as "80 ms".'),
+    ("transfer.no_attitude", "error",
+     "A mount that gives way, and no attitudes to see it by",
+     "load and flexure_sd are seen in attitudes only, and matching = \"velocity\".",
+     'Write matching = "velocity+attitude", or leave load and flexure_sd out.'),
+    ("transfer.no_delay", "error",
+     "A delay that cannot be found",
+     "The slave's gyros and the master's attitudes have too few turns in common to find the delay "
+     "by.",
+     'Write delay = "80 ms" or whatever it is known to be; or delay_method = "likelihood".'),
+    ("transfer.hand_over", "error",
+     "A hand-over outside the log",
+     "hand_over is {given} s; messages hold from {begin} s on, and the slave's log ends at {last} "
+     "s.",
+     "Give a time between them, or leave it out: the last message is then taken."),
+    ("transfer.gamma", "error",
+     "A bound of the H-infinity filter below the least",
+     "With gamma = {given} the filter ceases to exist at {time} s; the least gamma of this run is "
+     "{least}.",
+     "Leave gamma out, or give more than the least: 1.05 to 1.5 times it is usual."),
+    ("transfer.noise", "note",
+     "Noise of the slave that nobody stated",
+     "The noise of the slave is not stated; that of a tactical instrument was taken, {gyro} "
+     "deg/sqrt(h) and {accel} ug/sqrt(Hz).",
+     "Write [noise] from its data sheet or from `foucault allan`: every uncertainty rests on it."),
+    ("transfer.at_validity", "warning",
+     "Messages that are stamped when they hold, not when they arrive",
+     "The delay is {delay} +- {sd} ms: as far as can be told, messages are stamped with the time "
+     "at which they hold.",
+     'Where that is so, write delay = "none" and save a state. Where a delay of tens of '
+     "milliseconds is expected, the log was put in order by the master's stamps."),
+    ("transfer.outside", "warning",
+     "A delay outside its bracket",
+     "The delay is {delay} ms, and was looked for from 0 to {longest} ms; what was found is used.",
+     "Raise longest_delay if messages can be that late. A negative delay means clocks that differ: "
+     "messages do not come before they were made."),
+    ("transfer.edge", "warning",
+     "A delay at the edge of its bracket",
+     "The likeliest delay, {delay} ms, lies at an end of the bracket from 0 to {longest} ms: it "
+     "may be outside.",
+     'Raise longest_delay, or take delay_method = "rate matching", which looks further.'),
+    ("transfer.drift", "warning",
+     "Clocks that drift apart",
+     "The clock of the stamps gains {rate} +- {sd} ppm on the slave's, {total} ms over the log; "
+     "this was taken out.",
+     "Log the time of arrival by the slave's clock beside each message, or lock the clocks."),
+    ("transfer.delay_differs", "warning",
+     "A delay that is not the one that was given",
+     "The delay was given as {given} ms; by what both turned it is {found} +- {sd} ms. In a turn "
+     "a wrong delay looks like biases of the accelerometers.",
+     'Write delay = "estimate".'),
+    ("transfer.mounting", "warning",
+     "A slave that is mounted otherwise than was said",
+     "By what both turned the slave is mounted at heading {heading}, pitch {pitch}, roll {roll} "
+     "deg, {angle} deg from the nominal mounting.",
+     "Correct mounting_heading, mounting_pitch and mounting_roll, or the order and the signs of "
+     "the columns."),
+    ("transfer.sense", "warning",
+     "A master whose heading counts the other way",
+     "The slave turns as the master would if its heading counted the other way: {likeness} of its "
+     "turning is explained so, and as it is only by a mounting {angle} deg from the nominal one.",
+     'Write sense = "counter-clockwise" (or "clockwise") in [master.attitude].'),
+    ("transfer.lever", "warning",
+     "A lever arm that the velocities contradict",
+     "The velocities fit better with {words} (log-likelihood {gain} higher).",
+     "The lever arm goes from the master to the slave, right, forward and up of the master: check "
+     "its sign and its axes."),
+    ("transfer.unseen", "warning",
+     "Coefficients that the motion does not show",
+     "The motion shows hardly anything of {names}.",
+     "Add {wanted}; or leave out what is not wanted."),
+    ("transfer.straight", "warning",
+     "No manoeuvre",
+     "The vehicle turned by {turn} deg and changed its speed by {speed} m/s: without a manoeuvre "
+     "hardly more than the difference of installation and tilt can be seen.",
+     "Fly S-turns and changes of speed while the master is heard; `foucault preflight` says "
+     "beforehand what each is worth."),
+    ("transfer.spread", "warning",
+     "Messages that differ from the slave otherwise than was stated",
+     "Innovations of {what} are {ratio} times what is expected.",
+     "{key} = \"{value}\" would explain them. Look for causes first: a mount that bends (load, "
+     "flexure_sd), and stamps that jitter (log the time of arrival beside the master's own)."),
+)
+# fmt: on

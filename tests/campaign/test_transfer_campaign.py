@@ -1,0 +1,133 @@
+"""A campaign of transfer alignment from its file to its report, its study and its outage."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from foucault import campaign, run_folder
+from foucault.campaign import navigation, preflight, study
+from foucault.campaign.navigation import Said
+from foucault.errors import FoucaultError
+from foucault.export import request
+from foucault.models.layouts import kind_of
+from foucault.procedures import transfer_alignment
+from foucault.procedures.navigation_settings import Settings as Navigation
+from foucault.report import html
+from foucault.result import Level
+from make_transfer_campaign import described, missed, written
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """Simulate a session with its outage, and write it."""
+    folder = tmp_path_factory.mktemp("transfer")
+    made = campaign.simulate(described(with_outage="true", rate='"50 Hz"'), 5)
+    return folder, made, campaign.save_session(made, folder)
+
+
+@pytest.fixture(scope="module")
+def run(session):
+    folder, _, file = session
+    heard = []
+    described = campaign.load(file)
+    result = campaign.calibrate(described, lambda done, what: heard.append((done, what)))
+    assert heard[-1] == (1.0, "done")
+    text = campaign.resolved(described, folder / "run")
+    run_folder.save(result, folder / "run", text)
+    return result
+
+
+def test_from_the_file_to_the_report(session, run):
+    folder, made, file = session
+    assert run.verdict.level is Level.PASS, run.verdict.reasons
+    assert not run.findings
+    assert np.abs(missed(run, made)[0]).max() < 4.5
+    assert run.provenance["input"]["master"]["file"] == "master.csv"
+    back = run_folder.load_result(folder / "run")
+    np.testing.assert_array_equal(back.coefficients.cov, run.coefficients.cov)
+    assert "Calibration" in html(back)
+    # The copy in the run folder gives the same result from there.
+    again = campaign.calibrate(folder / "run" / "campaign.toml")
+    np.testing.assert_array_equal(again.coefficients.values, run.coefficients.values)
+    truth = json.loads((folder / "truth.json").read_text())
+    named = {row["name"]: row["value"] for row in truth["coefficients"]}
+    assert named["master.delay"] == pytest.approx(0.1, abs=1e-6)
+    assert named["installation.x"] == made.simulation.made.slave.mu[0]
+    assert file.read_text().count("[master]") == 1
+
+
+def test_a_mounting_is_no_error_of_readings(session, run):
+    """Applied to readings and exported are the errors of the sensors alone."""
+    _, made, _ = session
+    log = run.apply(made.simulation.log)
+    model, true = run.model, made.simulation.model
+    off = np.abs(model.gyro_bias - true.gyro_bias)
+    assert (off < 4 * run.coefficients["gyro.bias"].sd).all()
+    assert len(log) == len(made.simulation.log)
+    made_for = request.request(run, "ros2", ("gyro.bias", "gyro.scale", "accel.bias"))
+    assert made_for.model.gyro_bias == pytest.approx(model.gyro_bias)
+    assert kind_of("installation.x") == "angle"
+
+
+def test_the_outage_is_navigated_with_what_was_found(session, run):
+    folder, made, _ = session
+    handed = run.diagnostics["hand_over"]
+    start = handed["time"] - made.simulation.outage.time[0]
+    angles = {name: handed[name] for name in ("heading", "pitch", "roll")}
+    chosen = Navigation(vertical="aided", start=start, level_sd=5e-5, heading_sd=5e-5, **angles)
+    found = navigation.run(
+        folder / "outage.csv", Said(settings=chosen, gyro_white=1.7e-5, accel_white=3e-4),
+        calibration=folder / "run", reference=folder / "reference.csv",
+    )  # fmt: skip
+    with_, without = (np.hypot(*run.errors.position[-1, :2]) for run in found.runs)
+    assert with_ < 0.5 * without
+    assert with_ < 3000
+
+
+def test_a_study(tmp_path):
+    c = described(rate='"50 Hz"', message_rate='"2 Hz"')
+    found = study.run(c, 4, tmp_path, workers=1)
+    assert found.names == transfer_alignment.names_of(c.settings)
+    assert found.status == {"converged": 4}
+    again = study.run(c, 4, tmp_path / "again", workers=2)
+    assert [row["ratio"] for row in again.rows()] == [row["ratio"] for row in found.rows()]
+
+
+def test_preflight():
+    seen = preflight.foresee(described(profile='"straight"'))
+    assert not seen.complete
+    assert seen.rank < seen.states
+    assert "master.delay" in seen.hardly
+    codes = [f.code for f in seen.findings]
+    assert codes == ["transfer.unseen"]
+    best = min(seen.more, key=lambda extra: extra.ratio)
+    assert best.what == "an S-turn of 40 deg"
+
+
+def test_masters_where_they_do_not_belong():
+    text = written()
+    with pytest.raises(FoucaultError) as caught:
+        campaign.parse(text.replace('name = "transfer_alignment"', 'name = "systematic"'))
+    assert caught.value.code == "campaign.no_master"
+    assert "procedure 'systematic' calibrates an instrument by itself" in caught.value.message
+    head, rest = text.split("[master]")
+    with pytest.raises(FoucaultError) as caught:
+        campaign.parse(head + rest[rest.index("[procedure]") :])
+    assert caught.value.code == "campaign.required"
+    assert "master is missing" in caught.value.message
+    with pytest.raises(FoucaultError) as caught:
+        campaign.parse(text.replace('file = "master.csv"', 'fil = "master.csv"'))
+    assert "master.fil is not a key" in caught.value.message
+
+
+def test_the_schema_knows_the_master():
+    jsonschema = pytest.importorskip("jsonschema")
+    import tomllib
+
+    check = jsonschema.Draft202012Validator(campaign.schema())
+    good = tomllib.loads(written())
+    assert list(check.iter_errors(good)) == []
+    assert list(check.iter_errors(good | {"master": {"fil": "x"}}))

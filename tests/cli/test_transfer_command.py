@@ -1,0 +1,50 @@
+"""Transfer alignment on the command line: init, preflight, simulate, calibrate."""
+
+from __future__ import annotations
+
+import json
+
+from typer.testing import CliRunner
+
+from foucault.cli import app
+from make_transfer_campaign import written
+
+RUNNER = CliRunner()
+
+
+def ran(*words, code=0):
+    result = RUNNER.invoke(app, ["--json", *map(str, words)])
+    assert result.exit_code == code, result.output
+    return json.loads(result.stdout)
+
+
+def test_from_a_plan_to_a_result(tmp_path):
+    file = tmp_path / "plan.toml"
+    ran("init", "transfer_alignment", "-o", file)
+    assert "[master]" in file.read_text()
+    file.write_text(written(profile='"straight"', rate='"50 Hz"'))
+    seen = ran("preflight", file, code=3)
+    assert seen["rank"] < seen["states"]
+    assert seen["findings"][0]["code"] == "transfer.unseen"
+    file.write_text(written(rate='"50 Hz"', message_rate='"2 Hz"'))
+    assert ran("preflight", file)["complete"]
+    made = ran("simulate", file, "-o", tmp_path / "session", "--seed", "3")
+    assert {p.name for p in (tmp_path / "session").iterdir()} == {
+        "campaign.toml", "log.csv", "master.csv", "truth.csv", "truth.json",
+    }  # fmt: skip
+    ran("calibrate", made["campaign"], "-o", tmp_path / "run")
+    found = json.loads((tmp_path / "run" / "result.json").read_text())
+    truth = json.loads((tmp_path / "session" / "truth.json").read_text())
+    named = {row["name"]: row["value"] for row in truth["coefficients"]}
+    delay = next(row for row in found["coefficients"] if row["name"] == "master.delay")
+    assert abs(delay["value"] - named["master.delay"]) < 4 * delay["sd"] < 2e-3
+
+
+def test_a_log_without_its_master(tmp_path):
+    file = tmp_path / "campaign.toml"
+    text = written()
+    head, rest = text.split("[master]")
+    file.write_text(head + rest[rest.index("[procedure]") :])
+    result = RUNNER.invoke(app, ["calibrate", str(file), "-o", str(tmp_path / "run")])
+    assert result.exit_code == 1
+    assert "master is missing" in result.output + str(result.stderr)

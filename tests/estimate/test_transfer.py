@@ -1,0 +1,239 @@
+"""Transfer alignment against a vehicle whose motion is known: every column, NEES, delay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault.diagnose.consistency import chi_square_limits
+from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
+from foucault.estimate.linear_filter import kalman
+from foucault.estimate.transfer import hand_over, likeliest_delay, solve
+from foucault.estimate.transfer_system import free_run
+from foucault.models.rotation import exp
+from foucault.models.transfer import Matching
+from make_transfer import (
+    ARCMIN,
+    ATTITUDE_SD,
+    INSTALLATION,
+    SD,
+    SENSORS,
+    VELOCITY_SD,
+    flight,
+    master,
+    mount,
+    prior,
+    slave,
+)
+
+ZERO = np.zeros(9)
+MATCHING = Matching(VELOCITY_SD, ATTITUDE_SD, vertical=True)
+DELAY = 0.08
+
+
+def all_sd(known, matching, extra=()):
+    more = [0.2] if matching.delay else []
+    return np.concatenate([known, SD, [INSTALLATION] * 3, more, extra])
+
+
+def expected(free, x):
+    """What the system says that an error x at the start makes of z at every epoch."""
+    out = []
+    for Phi, H in zip(free.system.Phi, free.system.H, strict=True):
+        x = Phi @ x
+        out.append(H @ x)
+    return np.array(out)
+
+
+def column(name, attitude):
+    """Return z made by a small error that is real, z of none, and the linear system."""
+    matching = replace(MATCHING, delay=True, attitude=attitude)
+    truth, mu, late = ZERO.copy(), np.zeros(3), 0.0
+    known, sd = prior(DELAY)
+    size = 1.0
+    layout = free_run(slave(ZERO, mu), master(DELAY), mount(), matching, known, known,
+                      all_sd(sd, matching)).layout  # fmt: skip
+    j = layout.index(name)
+    x = np.zeros(len(layout))
+    if 9 <= j < 18:
+        size = 0.1 * SD[j - 9]
+        truth[j - 9] = size
+    elif name.startswith("installation"):
+        size = 0.1 * INSTALLATION
+        mu["xyz".index(name[-1])] = size
+    elif name == "master.delay":
+        late = size = 1e-4
+    x[j] = size
+    arguments = mount(), matching, known, known, all_sd(sd, matching)
+    none = free_run(slave(ZERO, np.zeros(3)), master(DELAY), *arguments)
+    if late:
+        # Messages that come at the same times, of what was so much earlier.
+        said = master(DELAY)
+        motion = flight()[0]
+        true = motion.trajectory(said.time - DELAY - late)
+        said = replace(said, velocity_n=true.velocity_n, C_nm=true.C_nb)
+        some = free_run(slave(ZERO, np.zeros(3)), said, *arguments)
+    else:
+        some = free_run(slave(truth, mu), master(DELAY), *arguments)
+    real = some.system.z - none.system.z
+    linear = expected(none, x)
+    return real, linear
+
+
+@pytest.mark.parametrize("attitude", ["vector", "angles"])
+@pytest.mark.parametrize(
+    "name",
+    [*SENSORS.layout.names, "installation.x", "installation.y", "installation.z", "master.delay"],
+)
+def test_every_column_is_what_the_error_does(name, attitude):
+    """A real error changes the differences as the linear system says, all along the flight.
+
+    The start attitude is that of the master: an installation error is a start error too.
+    """
+    real, linear = column(name, attitude)
+    if name.startswith("installation"):
+        # The slave's own attitude was taken without it: phi = C_nm C_0 mu at the start.
+        known, sd = prior(DELAY)
+        matching = replace(MATCHING, delay=True, attitude=attitude)
+        free = free_run(slave(ZERO, np.zeros(3)), master(DELAY), mount(), matching,
+                        known, known, all_sd(sd, matching))  # fmt: skip
+        x = np.zeros(len(free.layout))
+        mu = np.zeros(3)
+        mu["xyz".index(name[-1])] = 0.1 * INSTALLATION
+        x[:3] = known.state.C_nb @ mu
+        linear = linear + expected(free, x)
+    for block in (slice(0, 3), slice(3, 6)):
+        scale = np.abs(linear[:, block]).max()
+        assert scale > 0
+        # The rate that a delay counts with is a mean over some samples before and after.
+        near = 0.04 if name == "master.delay" else 0.01
+        assert np.abs(real - linear)[:, block].max() < near * scale
+
+
+def test_start_errors_are_what_they_do():
+    known, sd = prior(DELAY)
+    arguments = slave(ZERO, np.zeros(3)), master(DELAY), mount(), MATCHING
+    none = free_run(*arguments, known, known, all_sd(sd, MATCHING))
+    phi, dv = np.array([2e-4, -1e-4, 3e-4]), np.array([0.05, -0.02, 0.01])
+    state = replace(
+        known.state, C_nb=exp(-phi) @ known.state.C_nb, velocity_n=known.state.velocity_n + dv
+    )
+    off = replace(known, state=state)
+    some = free_run(*arguments, off, known, all_sd(sd, MATCHING))
+    real = some.system.z - none.system.z
+    x0 = some.system.x0  # what the prior says of a start that is off
+    np.testing.assert_allclose(x0[:3], phi, atol=1e-7)
+    np.testing.assert_allclose(x0[3:6], dv, atol=1e-6)
+    for block in (slice(0, 3), slice(3, 6)):
+        linear = expected(some, x0)[:, block]
+        assert np.abs(real[:, block] - linear).max() < 0.005 * np.abs(linear).max()
+
+
+def drawn(seed, *, delay_state=False, assumed=DELAY):
+    rng = np.random.default_rng(seed)
+    truth, mu = SD * rng.normal(size=9), INSTALLATION * rng.normal(size=3)
+    known, sd = prior(assumed, rng=rng)
+    matching = replace(MATCHING, delay=delay_state)
+    case = (slave(truth, mu, rng=rng), master(DELAY, rng=rng), mount(), matching, known,
+            all_sd(sd, matching))  # fmt: skip
+    return case, np.concatenate([truth, mu, [DELAY] if delay_state else []])
+
+
+def test_consistent():
+    """NEES and NIS of 20 flights inside two-sided limits at 1 %; a covariance too small is not."""
+    nees, nis, runs = 0.0, 0.0, 20
+    for seed in range(runs):
+        case, truth = drawn(seed)
+        found = solve(*case)
+        err = found.estimate.values - truth
+        nees += err @ np.linalg.solve(found.estimate.cov, err)
+        nis += found.run.nis.sum()
+    n, m = runs * len(truth), runs * int(np.isfinite(found.run.innovation).sum())
+    low, high = chi_square_limits(n, 0.005)
+    assert low < nees < high
+    assert not low < nees / 0.7 < high
+    low, high = chi_square_limits(m, 0.005)
+    assert low < nis < high
+
+
+def test_the_delay_is_found_either_way():
+    errors, sds = [], []
+    for seed in range(6):
+        case, truth = drawn(seed, delay_state=True, assumed=0.02)
+        found = solve(*case, passes=3)
+        errors.append(found.estimate.values[-1] - truth[-1])
+        sds.append(found.estimate.sd[-1])
+    low, high = chi_square_limits(6, 0.01)
+    assert low < np.sum((np.array(errors) / sds) ** 2) < high
+    (s, m, fixed, matching, known, sd), _ = drawn(0)
+    fit = likeliest_delay(s, m, fixed, matching, known, sd, (0.0, 0.2))
+    assert abs(fit.delay - DELAY) < 4 * fit.sd and not fit.at_edge
+    assert fit.sd == pytest.approx(sds[0], rel=0.15)
+    outside = likeliest_delay(s, m, fixed, matching, known, sd, (0.1, 0.2))
+    assert outside.at_edge
+
+
+def test_a_delay_ignored_is_a_false_bias():
+    """The source's M1: in a turn a delay looks like an accelerometer bias of -tau w^2 V forward."""
+    case, truth = drawn(1, assumed=0.0)
+    found = solve(*case)
+    err = (found.estimate.values - truth) / found.estimate.sd
+    assert np.abs(err).max() > 20
+
+
+def test_a_slave_handed_over_goes_on_as_well_as_it_says():
+    total, runs = 0.0, 10
+    motion = flight()[0]
+    for seed in range(runs):
+        case, truth = drawn(seed)
+        found = solve(*case)
+        on = hand_over(case[0], found, motion.end - 0.1)
+        time = case[0].increments.time[on.row]
+        assert time == pytest.approx(motion.end - 0.1, abs=0.006)
+        true = motion.trajectory(np.array([time]))
+        C_true = true.C_nb[0] @ mount().C_ms @ exp(truth[9:])
+        phi = (C_true @ on.state.C_nb.T - np.eye(3))[[2, 0, 1], [1, 2, 0]]
+        err = np.concatenate([phi, on.state.velocity_n - true.velocity_n[0]])
+        total += err @ np.linalg.solve(on.cov[:6, :6], err)
+    low, high = chi_square_limits(6 * runs, 0.01)
+    assert low < total < high
+
+
+def test_flexure_is_a_process_of_the_sd_and_time_that_were_said():
+    """Far on, the covariance of the flexure alone is its stationary one."""
+    known, sd = prior(DELAY)
+    fixed = mount(flexure_sd=2 * ARCMIN, flexure_time=3.0)
+    sd = all_sd(sd, MATCHING, [2 * ARCMIN] * 3 + [2 * ARCMIN * 2.146 / 3.0] * 3)
+    free = free_run(slave(ZERO, np.zeros(3)), master(DELAY), fixed, MATCHING, known, known, sd)
+    P, at = free.system.P0, free.layout.group("flexure")
+    for Phi, half in zip(free.system.Phi, free.system.half, strict=True):
+        P = Phi @ (P + np.diag(half)) @ Phi.T + np.diag(half)
+    np.testing.assert_allclose(np.sqrt(np.diag(P)[at]), 2 * ARCMIN, rtol=0.01)
+
+
+def test_h_infinity_runs_on_the_same_system():
+    case, _ = drawn(2)
+    found = solve(*case)
+    system = found.free.system
+    L = by_prior(system)
+    gamma = least_gamma(system, L)
+    assert h_infinity(system, L, gamma).stopped is None
+    assert h_infinity(system, L, 0.9 * gamma).stopped is not None
+    np.testing.assert_array_equal(h_infinity(system, L, np.inf).states, kalman(system).states)
+
+
+def test_noise_is_no_knowledge_of_the_delay():
+    """On a straight run the delay stays as unknown as it was."""
+    known, sd = prior(0.02)
+    matching = replace(MATCHING, delay=True)
+    quiet, noisy = (slave(ZERO, np.zeros(3), rng=rng) for rng in (None, np.random.default_rng(3)))
+    said = master(DELAY)
+    early = said[said.time < 5.0]  # before anything happens
+    told = []
+    for one in (quiet, noisy):
+        free = free_run(one, early, mount(), matching, known, known, all_sd(sd, matching))
+        told.append(np.sqrt(kalman(free.system).cov[-1, -1]))
+    assert told[0] == pytest.approx(0.2, rel=0.01)
+    assert told[1] > 0.15

@@ -1,0 +1,54 @@
+"""Campaigns of transfer alignment for tests: quick ones, and logs that were spoiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from foucault import campaign
+from foucault.procedures import transfer_alignment
+
+QUICK = {"rate": '"100 Hz"', "message_rate": '"5 Hz"', "with_outage": "false"}
+"""Of [simulate]: a sixth of the work."""
+
+
+def written(**keys) -> str:
+    """Return the template with some keys changed; those of `QUICK` too, where nothing is said."""
+    wanted, lines = {**QUICK, **keys}, []
+    for line in campaign.template("transfer_alignment").splitlines():
+        key, is_key, _ = line.removeprefix("# ").partition(" = ")
+        lines.append(f"{key} = {wanted.pop(key)}" if is_key and key in wanted else line)
+    assert not wanted, wanted
+    return "\n".join(lines)
+
+
+def described(**keys):
+    return campaign.parse(written(**keys))
+
+
+def made(c, seed=1):
+    return campaign.simulate(c, seed)
+
+
+def trial(c, log, **more):
+    known = {"site": c.site, "settings": c.settings, "noise": c.noise, "prior": c.prior} | more
+    return transfer_alignment.trial(log, **known)
+
+
+def calibrated(c, log, **more):
+    known = {"site": c.site, "settings": c.settings, "noise": c.noise, "prior": c.prior} | more
+    return transfer_alignment.calibrate(log, **known)
+
+
+def missed(result, session):
+    """Return the errors of a result, and their NEES."""
+    c = result.coefficients
+    err = c.values - session.truth.chosen(c.names).values
+    return err / c.sd, float(err @ np.linalg.solve(c.cov, err))
+
+
+def codes(result):
+    return [f.code for f in result.findings]
+
+
+def failed(result):
+    return {c.name for c in result.checks if not c.passed}

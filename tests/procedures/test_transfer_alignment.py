@@ -1,0 +1,403 @@
+"""Transfer alignment by its public path: what was put in comes back, and what it says."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault.diagnose.consistency import chi_square_limits
+from foucault.errors import FoucaultError, Status
+from foucault.models.attitude import angles_of, matrix_of
+from foucault.models.earth import Site
+from foucault.models.rotation import log as rotation_vector
+from foucault.procedures import transfer_alignment
+from foucault.procedures.transfer_foresight import per_manoeuvre
+from foucault.procedures.transfer_log import SlaveLog
+from foucault.procedures.transfer_settings import Settings
+from foucault.result import Level
+from make_transfer_campaign import calibrated, codes, described, failed, made, missed, trial
+
+ARCMIN = np.pi / 10800
+LEVER = '["1 m", "2 m", "-0.5 m"]'
+
+
+@pytest.fixture(scope="module")
+def flight():
+    c = described()
+    return c, made(c, 7)
+
+
+@pytest.fixture(scope="module")
+def found(flight):
+    c, session = flight
+    return calibrated(c, session.simulation.log)
+
+
+def settings(c, **changes):
+    return c.settings.model_copy(update=changes)
+
+
+# -- what was put in comes back --------------------------------------------------------------------
+
+
+def test_errors_are_as_large_as_promised():
+    """NEES of 13 numbers over 12 flights; a covariance a third off is found out."""
+    c, runs, total = described(), 12, 0.0
+    for seed in range(runs):
+        session = made(c, seed)
+        result = trial(c, session.simulation.log)
+        assert result.status is Status.CONVERGED
+        assert not result.findings
+        total += missed(result, session)[1]
+    low, high = chi_square_limits(13 * runs)
+    assert low < total < high
+    assert not low < total * 1.5 < high
+    assert not low < total / 1.5 < high
+
+
+def test_one_flight_is_told_whole(flight, found):
+    _, session = flight
+    assert found.verdict.level is Level.PASS, found.verdict.reasons
+    _, score = missed(found, session)
+    low, high = chi_square_limits(13)
+    assert low < score < high
+    assert found.coefficients.names == transfer_alignment.names_of(Settings())
+    assert found.coefficients.names[9:] == (
+        "installation.x", "installation.y", "installation.z", "master.delay",
+    )  # fmt: skip
+    assert set(found.tables) == {
+        "innovations", "estimates", "smoothed", "delayed", "stretches", "delay_parts",
+    }  # fmt: skip
+    last = {name: found.tables["estimates"][name][-1] for name in found.coefficients.names}
+    near = found.tables["estimates"]["master.delay_sd"][-1]
+    assert last["master.delay"] == pytest.approx(found.coefficients.values[-1], abs=near)
+    delayed = found.tables["delayed"]
+    assert 1.5 < np.degrees(np.abs(delayed["heading"]).max()) < 2.2
+    assert 1.0 < np.abs(delayed["velocity_east"]).max() < 2.0
+
+
+def test_the_flight_is_told_by_what_was_flown(found):
+    """The S-turn, the climb between turns, the accelerations and the straight end of the plan."""
+    flown = found.tables["stretches"]
+    kinds = flown["kind"].tolist()
+    assert kinds[-1] == "straight"
+    assert flown["end"][-1] - flown["start"][-1] > 130
+    assert {"accelerated", "turning"} <= set(kinds)
+    turn = float(np.degrees(flown["turn"][flown["kind"] == "turning"]).max())
+    assert turn == pytest.approx(120, abs=5)
+    assert (np.diff(flown["gyro.scale.z_sd"]) <= 1e-12).all()
+    assert flown["gyro.scale.z_sd"][-1] == found.coefficients["gyro.scale.z"].sd[0]
+
+
+def test_the_attitude_history_is_smoothed(flight, found):
+    """Against the true attitude, with the sd it says; sharper than the messages."""
+    table, truth = found.tables["smoothed"], flight[1].simulation.made.truth
+    rows = np.round(table["time"] * 100).astype(int)
+    np.testing.assert_allclose(truth.time[rows], table["time"], atol=1e-9)
+    C = matrix_of(table["heading"], table["pitch"], table["roll"])
+    phi = rotation_vector(truth.C_nb[rows] @ np.swapaxes(C, 1, 2))
+    sd = np.stack([table[f"phi_{a}_sd"] for a in ("east", "north", "up")], axis=1)
+    assert np.abs(phi / sd).max() < 4.5
+    assert np.sqrt(np.mean(phi**2)) < 0.3 * ARCMIN
+    # Some 30 independent stretches: their mean square is about 1.
+    assert 0.3 < np.mean((phi / sd) ** 2) < 2.5
+
+
+def test_it_is_handed_over_as_well_as_it_says():
+    total, runs = 0.0, 8
+    c = described(hand_over='"239.5 s"')
+    for seed in range(20, 20 + runs):
+        session = made(c, seed)
+        handed = trial(c, session.simulation.log).diagnostics["hand_over"]
+        assert handed["time"] == pytest.approx(239.5, abs=0.006)
+        truth = session.simulation.made.truth
+        k = int(np.argmin(np.abs(truth.time - handed["time"])))
+        C = matrix_of(handed["heading"], handed["pitch"], handed["roll"])
+        phi = rotation_vector(truth.C_nb[k] @ C.T)
+        err = np.concatenate([phi, handed["velocity"] - truth.velocity_n[k]])
+        total += err @ np.linalg.solve(np.array(handed["covariance"]), err)
+        assert handed["latitude"] == pytest.approx(truth.latitude[k], abs=2e-6)
+    low, high = chi_square_limits(6 * runs)
+    assert low < total < high
+
+
+def test_the_same_seed_gives_the_same_numbers(flight, found):
+    c, session = flight
+    again = made(c, 7)
+    np.testing.assert_array_equal(again.simulation.log.gyro, session.simulation.log.gyro)
+    np.testing.assert_array_equal(again.simulation.log.messages.C_nb,
+                                  session.simulation.log.messages.C_nb)  # fmt: skip
+    result = calibrated(c, again.simulation.log)
+    np.testing.assert_array_equal(result.coefficients.values, found.coefficients.values)
+
+
+@pytest.mark.parametrize("method", ["likelihood", "state"])
+def test_the_delay_is_found_by_other_methods(flight, found, method):
+    c, session = flight
+    result = trial(c, session.simulation.log, settings=settings(c, delay_method=method))
+    sd = found.coefficients["master.delay"].sd[0]
+    assert sd < 1e-4
+    one, other = (r.coefficients.value("master.delay") for r in (result, found))
+    assert abs(one - other) < 0.1 * sd
+    assert result.diagnostics["delay"]["method"] == method
+    if method == "likelihood":
+        fit = result.diagnostics["delay"]["likelihood"]
+        assert abs(fit["value"] - session.simulation.delay) < 4 * fit["sd"]
+
+
+@pytest.mark.parametrize(
+    "simulated, chosen",
+    [
+        ({"compliance_sd": '"2 arcmin"'}, {"load": "true"}),
+        ({"flexure": '"1 arcmin"'}, {"flexure_sd": '"1 arcmin"'}),
+        ({}, {"lever_arm": LEVER, "mounting_heading": '"30 deg"', "mounting_roll": '"5 deg"'}),
+        ({"profile": '"uav"'}, {"attitude_form": '"angles"'}),
+        ({"profile": '"ship"'}, {"vertical": "true"}),
+        ({"stamped": '"both"', "jitter": '"3 ms"', "clock_drift": "50e-6"}, {}),
+        ({"lost": "0.2", "repeated": "0.2"}, {}),
+    ],
+)
+def test_other_mounts_motions_and_messages(simulated, chosen):
+    c = described(**simulated, **chosen)
+    total, runs = 0.0, 3
+    for seed in range(40, 40 + runs):
+        session = made(c, seed)
+        result = trial(c, session.simulation.log)
+        assert not failed(result)
+        total += missed(result, session)[1]
+    n = len(result.coefficients)
+    low, high = chi_square_limits(n * runs, tests=7)
+    assert low < total < high
+    assert ("load.x" in result.coefficients.layout) == ("load" in chosen)
+
+
+def test_the_published_sixteen_states():
+    c = described(accel_bias_z="false", delay='"100 ms"', shift='"sample"')
+    session = made(c, 3)
+    result = trial(c, session.simulation.log)
+    assert result.diagnostics["filter"]["states"] == 9 + 8 + 3
+    assert "accel.bias.z" not in result.coefficients.layout
+    assert "master.delay" not in result.coefficients.layout
+    assert "transfer.delay_differs" not in codes(result)
+
+
+# -- the bounded filter ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wanted", ["prior", "navigation"])
+def test_h_infinity(flight, found, wanted):
+    c, session = flight
+    bounded = settings(c, filter="h_infinity", wanted=wanted)
+    result = calibrated(c, session.simulation.log, settings=bounded)
+    said = result.diagnostics["filter"]
+    assert said["gamma"] == pytest.approx(1.2 * said["least_gamma"])
+    assert result.tables["gamma"]["margin"].min() > 0
+    assert np.abs(missed(result, session)[0]).max() < 5
+    assert (result.coefficients.sd >= found.coefficients.sd * (1 - 1e-9)).all()
+    few = settings(c, filter="h_infinity", wanted=wanted, gamma=0.5 * said["least_gamma"])
+    with pytest.raises(FoucaultError) as caught:
+        trial(c, session.simulation.log, settings=few)
+    assert caught.value.code == "transfer.gamma"
+    assert re.search(r"ceases to exist at [\d.]+ s; the least gamma of this run is [\d.e+]+\.",
+                     caught.value.message)  # fmt: skip
+
+
+# -- what it says ----------------------------------------------------------------------------------
+
+
+def test_a_delay_that_is_ignored_is_named(flight):
+    c, session = flight
+    result = trial(c, session.simulation.log, settings=settings(c, delay="none"))
+    (said,) = [f for f in result.findings if f.code == "transfer.delay_differs"]
+    assert said.message.startswith("The delay was given as 0.0 ms; by what both turned it is 100.0")
+    assert np.abs(missed(result, session)[0]).max() > 100
+    assert {"velocity innovations", "attitude innovations", "whiteness"} <= failed(result)
+
+
+def test_a_lever_arm_of_the_wrong_sign_is_named():
+    c = described(lever_arm=LEVER)
+    log = made(c, 2).simulation.log
+    assert "transfer.lever" not in codes(calibrated(c, log))
+    wrong = settings(c, lever_arm=("-1 m", "-2 m", "0.5 m"))
+    (said,) = [f for f in calibrated(c, log, settings=wrong).findings
+               if f.code == "transfer.lever"]  # fmt: skip
+    assert "fit better with the opposite lever arm (log-likelihood" in said.message
+
+
+def test_a_heading_that_counts_the_other_way_is_named(flight):
+    c, session = flight
+    log = session.simulation.log
+    heading, pitch, roll = angles_of(log.messages.C_nb).T
+    turned = replace(log.messages, C_nb=matrix_of(-heading, pitch, roll))
+    result = trial(c, replace(log, master=turned))
+    (said,) = [f for f in result.findings if f.code == "transfer.sense"]
+    assert 'sense = "counter-clockwise"' in said.cure
+    assert result.verdict.level is Level.UNUSABLE
+
+
+def test_another_mounting_is_named(flight):
+    c, session = flight
+    result = trial(c, session.simulation.log, settings=settings(c, mounting_heading=np.pi / 2))
+    (said,) = [f for f in result.findings if f.code == "transfer.mounting"]
+    assert re.search(r"mounted at heading -?0\.\d, pitch -?0\.\d, roll -?0\.\d deg, 9?0\.\d deg",
+                     said.message)  # fmt: skip
+
+
+def test_messages_stamped_when_they_hold():
+    c = described(stamped='"validity"')
+    result = trial(c, made(c).simulation.log)
+    (said,) = [f for f in result.findings if f.code == "transfer.at_validity"]
+    assert re.match(r"The delay is -?0\.\d \+- 0\.0\d+ ms: as far as can be told", said.message)
+
+
+def test_clocks_that_drift():
+    c = described(stamped='"validity"', clock_drift="100e-6")
+    session = made(c)
+    result = trial(c, session.simulation.log)
+    (said,) = [f for f in result.findings if f.code == "transfer.drift"]
+    rate = float(re.search(r"gains \+([\d.]+) \+-", said.message).group(1))
+    assert rate == pytest.approx(100.0, abs=40.0)
+
+
+def test_a_delay_outside_its_bracket():
+    c = described(message_delay='"260 ms"')
+    session = made(c)
+    result = trial(c, session.simulation.log)
+    (said,) = [f for f in result.findings if f.code == "transfer.outside"]
+    assert re.match(r"The delay is 2(60|59)\.\d ms, and was looked for from 0 to 200.0 ms",
+                    said.message)  # fmt: skip
+    low, high = chi_square_limits(13)
+    assert low < missed(result, session)[1] < high
+    likely = trial(c, session.simulation.log, settings=settings(c, delay_method="likelihood"))
+    (said,) = [f for f in likely.findings if f.code == "transfer.edge"]
+    assert "The likeliest delay, 200.0 ms, lies at an end of the bracket" in said.message
+
+
+def test_no_manoeuvre():
+    c = described(profile='"straight"')
+    result = trial(c, made(c).simulation.log)
+    told = {f.code: f for f in result.findings}
+    assert told["transfer.straight"].message.startswith("The vehicle turned by 0.")
+    unseen = told["transfer.unseen"]
+    assert "gyro.scale.z" in unseen.message
+    assert "accel.bias.x" in unseen.message
+    assert "gyro.bias" not in unseen.message
+    assert "Add turns of 90 deg and more about the axis" in unseen.cure
+    assert "seen" in failed(result)
+
+
+def test_innovations_that_are_larger_or_smaller_than_stated(flight):
+    c, session = flight
+    wrong = settings(c, velocity_sd=0.02, attitude_sd=5 * ARCMIN)
+    result = trial(c, session.simulation.log, settings=wrong)
+    assert {"velocity innovations", "attitude innovations"} <= failed(result)
+    told = [f for f in result.findings if f.code == "transfer.spread"]
+    explained = [re.match(r'(\w+) = "([\d.]+) ', f.cure).groups() for f in told]
+    assert dict(explained).keys() == {"velocity_sd", "attitude_sd"}
+    for key, value in explained:
+        assert float(value) == pytest.approx(
+            {"velocity_sd": 0.05, "attitude_sd": 1.0}[key], rel=0.3
+        )
+
+
+def test_flexure_that_is_not_modelled_shows():
+    c = described(flexure='"1 arcmin"')
+    result = trial(c, made(c).simulation.log)
+    assert {"attitude innovations", "whiteness"} <= failed(result)
+
+
+def test_noise_that_is_not_stated(flight):
+    c, session = flight
+    result = trial(c, session.simulation.log, noise=None)
+    (said,) = [f for f in result.findings if f.code == "transfer.noise"]
+    assert "0.06 deg/sqrt(h) and 30 ug/sqrt(Hz)" in said.message
+
+
+# -- what it refuses -------------------------------------------------------------------------------
+
+
+def refused(c, log, **more):
+    with pytest.raises(FoucaultError) as caught:
+        trial(c, log, **more)
+    return caught.value
+
+
+def test_input_that_cannot_be_used(flight):
+    c, session = flight
+    log = session.simulation.log
+    for alone in (replace(log, master=None), session.simulation.outage):
+        said = refused(c, alone)
+        assert said.code == "transfer.no_master"
+        assert "nothing that its master said" in said.message
+    away = replace(log.messages, time=log.messages.time + 1000.0)
+    said = refused(c, SlaveLog.of(log, away))
+    assert said.code == "transfer.overlap"
+    assert "from 0 to 240 s" in said.message or "from 0 to 241 s" in said.message
+    assert "0 messages can be used, and it takes 20" in said.message
+    nowhere = replace(log.messages, latitude=None, longitude=None, height=None)
+    said = refused(c, SlaveLog.of(log, nowhere), site=Site(9.81))
+    assert said.code == "transfer.place"
+    assert "has no latitude, and neither has [site]" in said.message
+    result = trial(c, SlaveLog.of(log, nowhere))
+    assert np.abs(missed(result, session)[0]).max() < 4.5
+    said = refused(c, log, settings=settings(c, hand_over=500.0))
+    assert said.code == "transfer.hand_over"
+    assert "hand_over is 500 s; messages hold from 0." in said.message
+
+
+def test_a_delay_that_cannot_be_found(flight):
+    c, session = flight
+    log = session.simulation.log
+    said = refused(c, SlaveLog.of(log, log.messages[:20]))
+    assert said.code == "transfer.no_delay"
+    assert "have too few turns in common" in said.message
+
+
+def test_settings_that_contradict_one_another():
+    for keys, code, words in (
+        ({"delay": '"-5 ms"'}, "transfer.delay", "procedure.delay: delay = \"-5 ms\" is before"),
+        ({"delay": '"soon"'}, "unit.missing", "procedure.delay"),
+        ({"lever_arm": '["1 m", "2 s", "0 m"]'}, "unit.kind", "procedure.lever_arm"),
+        ({"matching": '"velocity"', "load": "true"}, "transfer.no_attitude",
+         'matching = "velocity"'),
+        ({"profile": '"flihgt"'}, "transfer_plan.profile", "Did you mean 'flight'?"),
+    ):  # fmt: skip
+        with pytest.raises(FoucaultError) as caught:
+            made(described(**keys))
+        assert caught.value.code == code
+        assert words in caught.value.message, caught.value.message
+
+
+# -- beforehand ------------------------------------------------------------------------------------
+
+
+def test_what_is_foreseen_is_what_comes(flight, found):
+    c, _ = flight
+    seen = transfer_alignment.foresee(
+        c.settings, session=c.session, site=c.site, noise=c.noise, prior=c.prior
+    )
+    np.testing.assert_allclose(seen.sd, found.coefficients.sd, rtol=0.05)
+    assert seen.complete
+    turns = {extra.what: extra for extra in seen.more}
+    assert turns["an S-turn of 40 deg"].ratio < turns["straight on"].ratio < 1
+
+
+def test_what_each_manoeuvre_shows():
+    """A bias and a tilt are told apart by turning; the delay by anything but a straight run."""
+    c = described()
+    shown = {one.name: one.vector for one in
+             per_manoeuvre(c.settings, session=c.session, site=c.site, noise=c.noise)}  # fmt: skip
+    straight = shown["straight on"]
+    for name, vector in shown.items():
+        if name == "straight on":
+            continue
+        less = {n: vector.sd[i] / straight.sd[i] for i, n in enumerate(vector.names)}
+        assert less["master.delay"] < 0.2
+        assert less["gyro.bias.z"] == pytest.approx(1.0, abs=0.1)
+        turns = "turn" in name
+        assert (less["accel.bias.x"] < 0.3) == turns
+        assert (less["installation.x"] < 0.3) == turns
+    assert straight["gyro.scale"].sd == pytest.approx(straight["gyro.scale"].prior_sd, rel=1e-4)

@@ -1,0 +1,230 @@
+"""The sections of a transfer alignment: what they draw, and that a run folder is enough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault import run_folder
+from foucault.models.earth import Site
+from foucault.procedures import transfer_alignment as procedure
+from foucault.procedures.transfer_settings import NOISE
+from foucault.report import html, transfer, transfer_run
+from foucault.report.figures_transfer import chosen
+from foucault.report.page import Facts, Figure, Table
+
+SITE = Site.at(np.radians(45.0), 100.0)
+MINUTE = np.radians(1 / 60)
+ALL = (
+    transfer.done, transfer.delay, transfer.estimates, transfer.motion,
+    transfer_run.innovations, transfer_run.bound, transfer_run.attitude, transfer_run.handed,
+)  # fmt: skip
+
+
+def calibrated(**chosen):
+    settings = procedure.Settings(**chosen)
+    made = procedure.simulate(
+        procedure.Session(rate=100.0, with_outage=False), settings=settings, noise=NOISE,
+        site=SITE, model=procedure.draw_errors("tactical", 3), seed=3,
+    )  # fmt: skip
+    return procedure.calibrate(made.log, site=SITE, settings=settings, noise=NOISE)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return calibrated()
+
+
+@pytest.fixture(scope="module")
+def bounded():
+    return calibrated(filter="h_infinity", delay_method="likelihood")
+
+
+def figures(section):
+    return [b for b in section.blocks if isinstance(b, Figure)]
+
+
+def tables(section):
+    return [b for b in section.blocks if isinstance(b, Table)]
+
+
+def facts(section):
+    (block,) = [b for b in section.blocks if isinstance(b, Facts)]
+    return dict(block.pairs)
+
+
+def test_what_was_done(result, bounded):
+    said = facts(transfer.done(result))
+    messages = result.diagnostics["messages"]
+    assert said["messages used"] == f"{messages['used']} of {messages['logged']}"
+    assert said["filter"] == "Kalman, 22 states, 3 passes"
+    assert said["sd of a difference"] == "0.05 m/s, 1 arcmin each component"
+    assert said["noise of the gyros"] == "0.06 °/sqrt(h)"
+    assert said["mount"] == "rigid"
+    value, _, sd = said["delay"].split(" ms")[0].partition(" ± ")
+    found = result.coefficients["master.delay"]
+    assert float(value) == pytest.approx(1e3 * found.values[0], abs=1e-3)
+    assert float(sd) == pytest.approx(1e3 * found.sd[0], rel=0.02)
+    assert "gamma" not in said
+    said = facts(transfer.done(bounded))
+    least = bounded.diagnostics["filter"]["least_gamma"]
+    assert f"1.20 times the least, {least:.4g}" in said["gamma"]
+    assert said["bound of"] == "every state, in units of its prior"
+    assert "starting from the likeliest" in said["delay"]
+
+
+def test_a_delay_that_is_given_or_left_out_is_said():
+    for method, used, words in (("80 ms", 0.08, "80 ms, as given"), ("none", 0.0, "none: ")):
+        said = transfer._delay({"method": method, "used": used})
+        assert said.startswith(words)
+
+
+def test_delay_by_every_method_and_what_it_is_worth(bounded):
+    section = transfer.delay(bounded)
+    methods, parts = tables(section)
+    names = ["the result: state of the filter", "likeliest", "what both turned"]
+    assert [row[0] for row in methods.rows] == names
+    known = bounded.diagnostics["delay"]
+    values = [known["used"], known["likelihood"]["value"], known["rate_matching"]["value"]]
+    for row, value in zip(methods.rows, values, strict=True):
+        assert float(row[1]) == pytest.approx(1e3 * value, abs=1e-3)
+    gone, tried = figures(section)
+    heading = np.array(gone.data[0]["y"])
+    np.testing.assert_allclose(
+        heading, np.degrees(bounded.tables["delayed"]["heading"]), rtol=1e-4, atol=1e-9
+    )
+    assert f"{np.abs(heading).max():.2g}° of heading" in section.lead
+    drawn = tried.data[1]
+    log_l = bounded.tables["likelihood"]["log_likelihood"]
+    np.testing.assert_allclose(sorted(drawn["y"]), np.sort(log_l.max() - log_l)[1:], rtol=1e-4)
+    # Straight on, nothing shows the delay.
+    assert parts.rows[0][2] != "not seen"
+    assert parts.rows[-1][2] == "not seen"
+
+
+def test_estimates_stand_in_their_bands(result):
+    section = transfer.estimates(result)
+    assert len(figures(section)) == 5
+    gyro = figures(section)[0]
+    band, line = gyro.data[0], gyro.data[1]
+    unit = np.radians(1 / 3600)
+    c = result.coefficients["gyro.bias.x"]
+    end = len(line["y"]) - 1
+    assert line["y"][end] == pytest.approx(c.values[0] / unit, rel=0.02)
+    assert band["y"][end] - line["y"][end] == pytest.approx(2 * c.sd[0] / unit, rel=0.02)
+    # Bands are clipped to the figure, and what was known beforehand does not set its scale.
+    low, high = gyro.layout["yaxis3"]["range"]
+    assert low - 1e-4 < min(band["y"]) < max(band["y"]) < high + 1e-4
+    delay = figures(section)[-1]
+    low, high = delay.layout["yaxis"]["range"]
+    assert low < 1e3 * result.coefficients["master.delay"].values[0] < high
+    assert high - low < 20.0
+
+
+def test_what_each_manoeuvre_shows(result):
+    section = transfer.motion(result)
+    (table,) = tables(section)
+    stretches = result.tables["stretches"]
+    assert len(table.rows) == len(stretches["start"])
+    at = [c.heading for c in table.columns].index("delay")
+    # What is left after each multiplies to what is left after all.
+    left = np.prod([float(row[at]) for row in table.rows])
+    c = result.coefficients["master.delay"]
+    assert np.log(left) == pytest.approx(np.log(c.sd[0] / c.prior_sd[0]), abs=0.8)
+    first = next(row for row in table.rows if row[0].startswith("turns"))
+    last = table.rows[-1]
+    assert last[0] == "straight on"
+    assert float(first[at]) < 0.1 < float(last[at])
+    curves, path = figures(section)
+    assert [t["name"] for t in curves.data] == [
+        "gyro bias", "gyro scale", "accel bias", "installation", "delay",
+    ]  # fmt: skip
+    assert curves.share + path.share == 100
+    assert len(curves.layout["shapes"]) == len(table.rows) - 1
+
+
+def test_many_manoeuvres_are_counted_only(result):
+    n = transfer.MOST + 1
+    table = {k: np.repeat(v[:1], n) for k, v in result.tables["stretches"].items()}
+    many = replace(result, tables=dict(result.tables) | {"stretches": table})
+    section = transfer.motion(many)
+    assert not tables(section)
+    assert f"{n} manoeuvres" in section.lead
+    assert transfer.changes(many) == []
+
+
+def test_innovations_and_nis(result):
+    section = transfer_run.innovations(result)
+    velocity, attitude, nis = figures(section)
+    assert len(velocity.data) == 4
+    assert len(attitude.data) == 6
+    time, ratio, (low, high) = transfer_run.grouped_nis(result.tables["innovations"])
+    assert low < 1 < high
+    assert low < ratio.min() < ratio.max() < high
+    assert ratio.mean() == pytest.approx(1.0, abs=0.05)
+    assert nis.data[0]["x"][0] == pytest.approx(time[0], rel=1e-5)
+    spread = result.diagnostics["innovations"]["velocity"]["ratio"]
+    assert f"velocity {spread:.3f} times" in section.lead
+
+
+def test_nis_is_over_what_was_used(result):
+    table = dict(result.tables["innovations"])
+    table["velocity_east"] = np.where(np.arange(len(table["time"])) % 2, np.nan, 0.0)
+    _, whole, _ = transfer_run.grouped_nis(result.tables["innovations"])
+    _, fewer, _ = transfer_run.grouped_nis(table)
+    np.testing.assert_allclose(fewer, whole * 5 / 4.5, rtol=0.02)
+
+
+def test_all_that_lies_far_out_is_drawn():
+    must = np.zeros(10_000, bool)
+    must[[17, 4444]] = True
+    rows = chosen(must)
+    assert {17, 4444} <= set(rows.tolist())
+    assert len(rows) < 700
+
+
+def test_bound_of_an_h_infinity_filter(result, bounded):
+    assert transfer_run.bound(result) is None
+    section = transfer_run.bound(bounded)
+    (figure,) = figures(section)
+    used = np.array(figure.data[0]["y"])
+    np.testing.assert_allclose(used, 1 - bounded.tables["gamma"]["margin"], rtol=1e-5)
+    assert np.all((used > 0) & (used < 1))
+    assert f"{used.max():.2g}" in section.lead
+
+
+def test_attitude_and_hand_over(result):
+    section = transfer_run.attitude(result)
+    course, sds = figures(section)
+    smoothed = result.tables["smoothed"]
+    heading = np.array(course.data[0]["y"])
+    assert 0 <= heading[0] < 360
+    turned = (heading - np.degrees(smoothed["heading"]) + 180) % 360 - 180
+    np.testing.assert_allclose(turned, 0, atol=1e-2)
+    np.testing.assert_allclose(sds.data[2]["y"], smoothed["phi_up_sd"] / MINUTE, rtol=1e-5)
+    (table,) = tables(transfer_run.handed(result))
+    rows = {row[0]: row for row in table.rows}
+    state = result.diagnostics["hand_over"]
+    sd = np.sqrt(np.diag(state["covariance"]))
+    assert float(rows["velocity north"][1]) == pytest.approx(state["velocity"][1], abs=1e-3)
+    assert float(rows["velocity north"][3]) == pytest.approx(sd[4], rel=0.05)
+    assert float(rows["heading"][1]) == pytest.approx(np.degrees(state["heading"]), abs=1e-4)
+    assert float(rows["heading"][3].split()[0]) == pytest.approx(sd[2] / MINUTE, rel=0.05)
+
+
+def test_nothing_is_shown_that_is_not_there(result):
+    bare = replace(result, tables={}, diagnostics={})
+    other = replace(result, procedure="systematic")
+    for section in ALL:
+        assert section(bare) is None
+        assert section(other) is None
+
+
+def test_the_report_is_made_from_the_run_folder(bounded, tmp_path):
+    run_folder.save(bounded, tmp_path)
+    page = html(run_folder.load_result(tmp_path))
+    assert page == html(bounded)
+    for title in ("Delay of the messages", "What the motion shows", "Bound of the filter"):
+        assert title in page
