@@ -63,7 +63,14 @@ def unwritable(path: str | Path, problem: OSError) -> FoucaultError:
 
 
 def sha256(path: str | Path) -> str:
-    """Compute the SHA-256 of a file, in hexadecimal, without holding it in memory."""
+    """Compute the SHA-256 of a file, in hexadecimal, without holding it in memory.
+
+    That of a folder is of the names and fingerprints of the files in it, in order.
+    """
+    if Path(path).is_dir():
+        files = sorted(p for p in Path(path).rglob("*") if p.is_file())
+        lines = (f"{p.relative_to(path).as_posix()} {sha256(p)}\n" for p in files)
+        return hashlib.sha256("".join(lines).encode()).hexdigest()
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, Screen
 
 if TYPE_CHECKING:
@@ -52,13 +53,23 @@ def apply(
             help="Apply an unusable result, that of another instrument, or a second time.",
         ),
     ] = False,
+    outside: Annotated[
+        str,
+        typer.Option(
+            help="Where the log is outside the temperatures of the result: error, or hold the "
+            "coefficients at the end of the range."
+        ),
+    ] = "error",
 ) -> None:
     """Remove the calibrated errors from a log of the same instrument."""
+    from foucault.errors import error
     from foucault.export import calibrate_log
     from foucault.files import sha256
     from foucault.run_folder import RESULT_FILE, load_result
 
     screen: Screen = ctx.obj
+    if outside not in ("error", "hold"):
+        raise error("temperature.outside_choice", given=outside)
     with screen.progress() as tell:
         tell(0.0, "reading the result")
         calibrated = _of_an_imu(load_result(result, with_tables=False))
@@ -68,6 +79,7 @@ def apply(
             instrument=instrument,
             sha256=sha256(result / RESULT_FILE if result.is_dir() else result),
             force=force,
+            hold=outside == "hold",
             progress=lambda part: tell(part, "applying"),
         )  # fmt: skip
     screen.findings(done.findings)
@@ -103,6 +115,13 @@ def export(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Export an unusable result.")] = False,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            help="Temperature, such as '25 degC': export the coefficients there, where they change "
+            "with temperature."
+        ),
+    ] = None,
 ) -> None:
     """Write a result in the form of another program or language."""
     from foucault.export import write
@@ -110,6 +129,8 @@ def export(
 
     screen: Screen = ctx.obj
     calibrated = _of_an_imu(load_result(result, with_tables=False))
+    if at is not None:
+        calibrated = calibrated.at(parsed({"at": at})["at"])
     noise, log = _known(calibrated, result)
     write(calibrated, to, output, axes=axes, drop=drop or [], noise=noise, log=log, force=force)
     screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
@@ -132,8 +153,8 @@ def _described(
     the one that the result came from.
     """
     from foucault import campaign
+    from foucault.logs.declared import describes_itself
     from foucault.logs.description import LogDescription
-    from foucault.logs.reading import describes_itself
 
     if log.suffix == ".toml":
         other = campaign.load(log)

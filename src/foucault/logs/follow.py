@@ -20,10 +20,10 @@ import numpy as np
 
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.logs import checks, delimited
+from foucault.logs.declared import complete
 from foucault.logs.dialect import dialect_of
-from foucault.logs.own import sampled_of
-from foucault.logs.raw import RawTable, is_text, unreadable
-from foucault.logs.reading import complete, converted
+from foucault.logs.raw import RawTable, is_text, of_own, unreadable
+from foucault.logs.reading import converted
 from foucault.tables import FloatArray, Log
 
 if TYPE_CHECKING:
@@ -252,7 +252,7 @@ class Follower:
         self.used, self._blocks = complete(self._description, self._wanted, raw, path)
         if self.used.accel is None:
             raise error("watch.no_accel", file=path.name)
-        own = sampled_of(raw.marker) if self.used is not self._description else None
+        own = raw.sampled if self.used is not self._description else None
         self._kind = self.used.accel.kind
         self._sampled = own or self._kind
         self._source = {
@@ -267,7 +267,8 @@ class Follower:
         def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
             return self._parsed(text, columns)
 
-        return RawTable(known.names, known.named, blocks, known.marker, known.stamps)
+        table = RawTable(known.names, known.named, blocks, known.marker, known.stamps)
+        return of_own(table)
 
     def _parsed(self, text: bytes, columns: Sequence[int]) -> Iterator[FloatArray]:
         import pyarrow as pa

@@ -10,13 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from foucault.errors import FoucaultError, error
 from foucault.tables import FloatArray
-from foucault.units import Quantity, factor, parse
+from foucault.units import CELSIUS, ZERO_CELSIUS, Quantity, factor, parse
 
 ColumnName = int | str
 """A column by name, or by number from 0; text may start with "-" to flip the sign."""
-
-ABSOLUTE_ZERO = 273.15
-"""Kelvin at 0 degC [K]."""
 
 
 def scaled_unit(text: str, kind: str) -> float:
@@ -150,8 +147,8 @@ class Temperature(Block):
 
     def conversion(self) -> tuple[FloatArray, FloatArray]:
         """Return zero and factor, each shape (1,): kelvin = (raw - zero) * factor."""
-        if self.unit in ("degC", "°C", "C", "celsius"):  # an offset is no factor: done by hand
-            return np.array([-ABSOLUTE_ZERO]), np.ones(1)
+        if self.unit in CELSIUS:  # an offset is no factor
+            return np.array([-ZERO_CELSIUS]), np.ones(1)
         return np.zeros(1), np.array([factor(self.unit, "temperature")])
 
 
@@ -218,8 +215,14 @@ class FileLayout(Block):
     """Where a log is and how its file is written."""
 
     file: str | None = Field(None, description="path, relative to the campaign file")
-    format: Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary"] = Field(
+    format: Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary", "ros", "ulog",
+                    "novatel", "vectornav"] = Field(
         "auto", description="by suffix and content if left out"
+    )  # fmt: skip
+    topic: str | None = Field(
+        None,
+        description='topic of a ROS bag, or message of a PX4 log such as "vehicle_imu/1"; may be '
+        "left out where there is only one",
     )
     delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
     decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")

@@ -2,20 +2,23 @@
 
 Each format has one module with one function, ``open_raw(path, description, progress)``, which
 returns a `RawTable`. The table hands out its rows in blocks, so that no more than one block
-exists beside the finished log.
+exists beside the finished log. A format that says what its columns are also returns the blocks of
+a description that say it.
 """
 
 from __future__ import annotations
 
 import difflib
 import gzip
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, TYPE_CHECKING, Any, Literal, cast
 
 from foucault.errors import Finding, FoucaultError, error
+from foucault.logs.own import describe, sampled_of
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -50,6 +53,11 @@ class RawTable:
     words : callable or None
         ``column -> iterator`` of lists of str: the cells of one column as text, in the order of
         the file; None where the format holds numbers only.
+    declared : mapping or None
+        Blocks of a description, as [log] has them, that the file or its format says itself; a
+        unit may be open.
+    sampled : {"rate", "increment"} or None
+        What the readings are, where the file or its format says it.
     """
 
     names: tuple[str, ...]
@@ -59,6 +67,15 @@ class RawTable:
     stamps: tuple[int, ...] = ()
     findings: tuple[Finding, ...] = ()
     words: Callable[[int], Iterator[list[str]]] | None = None
+    declared: Mapping[str, Any] | None = None
+    sampled: Literal["rate", "increment"] | None = None
+
+    @property
+    def described(self) -> bool:
+        """Whether the file itself says all that a description must."""
+        said = self.declared or {}
+        triads = [said[name] for name in ("gyro", "accel") if name in said]
+        return bool(triads) and all("unit" in triad for triad in triads)
 
 
 _MODULES = {
@@ -69,6 +86,10 @@ _MODULES = {
     "npz": "numpy_arrays",
     "mat": "matlab",
     "binary": "binary",
+    "ros": "ros",
+    "ulog": "ulog",
+    "novatel": "sentences",
+    "vectornav": "sentences",
 }
 _SUFFIXES = {
     ".csv": "csv",
@@ -84,7 +105,17 @@ _SUFFIXES = {
     ".npz": "npz",
     ".mat": "mat",
     ".bin": "binary",
+    ".bag": "ros",
+    ".mcap": "ros",
+    ".db3": "ros",
+    ".ulg": "ulog",
 }
+_SENTENCES = {
+    "novatel": re.compile(rb"(?m)^[#%]RAWIMU\w*A,"),
+    "vectornav": re.compile(rb"(?m)^\$VNIMU,"),
+}
+ROS_FOLDER = "metadata.yaml"
+"""A folder with this file is a bag of ROS 2."""
 
 
 def open_raw(path: Path, description: FileLayout, progress: Progress | None = None) -> RawTable:
@@ -113,7 +144,34 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
         raise
     except Exception as problem:  # each library raises its own types for a damaged file
         raise unreadable(path, name, problem) from problem
-    return replace(table, blocks=_guarded(table, path, name))
+    return replace(of_own(table), blocks=_guarded(table, path, name))
+
+
+def library(name: str, extra: str, path: Path) -> Any:
+    """Load the library that reads a format; what brings it stands in the error where it is missing.
+
+    Parameters
+    ----------
+    name : str
+        The module.
+    extra : str
+        The extra of this package that installs it.
+    path : Path
+        The file that wants it, for the text.
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError:
+        raise error("log.library", file=path.name, name=name.partition(".")[0],
+                    extra=extra) from None  # fmt: skip
+
+
+def of_own(table: RawTable) -> RawTable:
+    """Return a table with what its marker declares, if this package wrote it."""
+    sampled = sampled_of(table.marker)
+    if sampled is None:
+        return table
+    return replace(table, declared=describe(table.names), sampled=sampled)
 
 
 def _guarded(
@@ -137,7 +195,7 @@ def unreadable(path: Path, name: str, problem: Exception) -> FoucaultError:
 
 
 def _must_exist(path: Path) -> None:
-    if path.is_file():
+    if path.is_file() or (path / ROS_FOLDER).is_file():
         return
     there = sorted(p.name for p in path.parent.iterdir()) if path.parent.is_dir() else []
     near = difflib.get_close_matches(path.name, there, n=3, cutoff=0.5)
@@ -152,12 +210,17 @@ def _format(path: Path, description: FileLayout) -> str:
         return description.format
     if description.record is not None:
         return "binary"
+    if path.is_dir():
+        return "ros"
     plain = path.with_suffix("") if path.suffix.lower() == ".gz" else path
     known = _SUFFIXES.get(plain.suffix.lower())
-    if known:
+    if known not in (None, "csv", "text"):
         return known
     with open_bytes(path) as stream:
         start = stream.read(4096)
+    spoken = next((name for name, tag in _SENTENCES.items() if tag.search(start)), None)
+    if spoken or known:
+        return spoken or cast(str, known)
     if start[:4] == b"PAR1":
         return "parquet"
     if is_text(start):

@@ -12,7 +12,7 @@ import numpy as np
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
 from foucault.logs import axes, checks, columns
-from foucault.logs.own import describe, sampled_of
+from foucault.logs.declared import complete
 from foucault.logs.raw import Progress, RawTable, open_raw
 from foucault.logs.table_rows import means_log, table_of, whole_numbers
 from foucault.tables import FloatArray, Log
@@ -70,7 +70,7 @@ def read(
         told += raw.findings
         names.append(path.name)
         prints.append(sha256(path))
-    sampled = sampled_of(raw.marker) if used is not description else None
+    sampled = raw.sampled if used is not description else None
     data = _joined(parts, names, used)
     data, left_out = usable(data, used, names[0])
     told += left_out
@@ -125,49 +125,8 @@ def _only(description: LogDescription, folder: str | Path, progress: Progress | 
     return replace(log, source=log.source | {"sha256": sha256(Path(folder) / file)})
 
 
-def describes_itself(path: Path) -> bool:
-    """Tell whether the file at `path` is a log that this package has written."""
-    from foucault.logs.description import LogDescription
-
-    plain = LogDescription.model_validate({"file": path.name})
-    try:
-        return sampled_of(open_raw(path, plain).marker) is not None
-    except FoucaultError:  # it needs a description even to be opened, or is not there
-        return False
-
-
 def _part_of(progress: Progress | None, i: int, n: int) -> Progress | None:
     return progress and (lambda done: progress((i + done) / n))
-
-
-def complete(
-    description: LogDescription, wanted: tuple[str, ...], raw: RawTable, path: Path
-) -> tuple[LogDescription, tuple[str, ...]]:
-    """Fill in what one of our own files says about itself; others must be described.
-
-    Parameters
-    ----------
-    description : LogDescription
-        As given.
-    wanted : tuple of str
-        Blocks that the description takes from this file.
-    raw : RawTable
-        The file.
-    path : Path
-        Its name, for error texts.
-    """
-    if description.gyro is not None or description.accel is not None:
-        return description, wanted
-    if sampled_of(raw.marker) is None:
-        have = ", ".join(raw.names) if raw.named else f"{len(raw.names)} unnamed columns"
-        raise error("log.undescribed", file=path.name, have=have)
-    own = describe(raw.names)
-    if not own.keys() & {"gyro", "accel"}:
-        raise error("log.cannot_guess", file=path.name, block="gyro", have=", ".join(raw.names),
-                    example='columns = ["gyro_x", "gyro_y", "gyro_z"]')  # fmt: skip
-    said = description.model_dump(exclude={"time", "rate", "temperature", "table", "averaged"})
-    filled = type(description).model_validate({**said, **own})
-    return filled, tuple(name for name in own if name != "time")
 
 
 def _columns(

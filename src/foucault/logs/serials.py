@@ -16,7 +16,6 @@ import numpy as np
 
 from foucault.errors import FoucaultError, error
 from foucault.logs import columns
-from foucault.logs.own import sampled_of
 from foucault.logs.raw import Progress, RawTable, open_raw
 from foucault.tables import FloatArray, IntArray, Log
 
@@ -58,12 +57,13 @@ def by_serial(
         Serial number and log, in the order in which the instruments end [SI]; where the rows of
         one cannot be a log, the reason, and the others go on.
     """
-    from foucault.logs.reading import complete, converted
+    from foucault.logs.declared import complete
+    from foucault.logs.reading import converted
 
     raw, path, runs = _opened(description, folder, progress)
     ((_, wanted),) = description.files().items()
     used, blocks = complete(description, wanted, raw, path)
-    sampled = sampled_of(raw.marker) if used is not description else None
+    sampled = raw.sampled if used is not description else None
     held: dict[int, list[dict[str, FloatArray]]] = {}
     row = 0
     for part in converted(used, blocks, raw, path):

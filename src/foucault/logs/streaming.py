@@ -18,10 +18,9 @@ import numpy as np
 from foucault.errors import Finding, error
 from foucault.files import sha256
 from foucault.logs import axes, checks
-from foucault.logs.own import sampled_of
+from foucault.logs.declared import complete
 from foucault.logs.raw import Progress, open_raw
 from foucault.logs.reading import (
-    complete,
     converted,
     finished,
     implausible,
@@ -108,7 +107,7 @@ def blocks(
     if used.averaged is not None:  # one of our own files: it says so only now
         yield from _slices(read(description, folder, progress))
         return
-    sampled = sampled_of(raw.marker) if used is not description else None
+    sampled = raw.sampled if used is not description else None
     parts = _checked(_joined(converted(used, columns, raw, path)), used, path)
     source = {"file": path.name, "marker": raw.marker}
     pair = list(islice(parts, 2))

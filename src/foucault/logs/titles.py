@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.logs import columns
 from foucault.logs.layout import scaled_unit
-from foucault.logs.own import sampled_of
 from foucault.logs.raw import RawTable, open_raw
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def description_of(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
 
     alone = LogDescription.model_validate({"file": path.name})
     raw = open_raw(path, alone)
-    if sampled_of(raw.marker) is not None:
+    if raw.declared is not None:
         return alone, ()
     have = "the columns " + ", ".join(raw.names) if raw.named else f"{len(raw.names)} columns"
     words = {"file": path.name, "have": have}

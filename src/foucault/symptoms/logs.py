@@ -22,7 +22,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Correct file in [log]; a relative path starts from the folder of the campaign file."),
     ("log.format_unknown", "error", "A log whose format cannot be told from its name or content",
      "The format of '{file}' cannot be told from its suffix, and it is not text.",
-     'Write format = "csv", "text", "parquet", "npy", "npz", "mat" or "binary" in [log].'),
+     'Write format = "csv", "text", "parquet", "npy", "npz", "mat", "binary", "ros", "ulog", '
+     '"novatel" or "vectornav" in [log].'),
     ("log.unreadable", "error", "A damaged file, or one of another format than it claims",
      "'{file}' cannot be read as {format}: {reason}.",
      "Copy the file again from the logger, or correct format in [log]."),
@@ -63,6 +64,38 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.units_from_titles", "note", "A log given alone, its units taken from its titles",
      "Nothing describes '{file}', so its units were taken from the titles of its columns: {units}.",
      "Check that they are right; a campaign file declares them for good."),
+    # Formats that say what they hold
+    ("log.declared", "note", "A format that declares its own units and axes",
+     "'{file}' was read as {what}, whose format declares {units}, in axes {axes}; in right-forward-"
+     "up: {turned}.",
+     "If the driver keeps to other units or axes, give columns and unit in [log.gyro] and "
+     "[log.accel]; they take the place of these."),
+    ("log.library", "error", "A format whose library is not installed",
+     "'{file}' is read by the library {name}, which is not installed.",
+     "Run `pip install \"foucault[{extra}]\"`."),
+    ("log.no_topic", "error", "A bag or log without the messages wanted",
+     "'{file}' has {what}; it has {have}.",
+     "Correct topic in [log], or record inertial readings: sensor_msgs/Imu, or sensor_combined, "
+     "vehicle_imu or sensor_gyro and sensor_accel of PX4, RAWIMUSXA of NovAtel, $VNIMU."),
+    ("log.several_topics", "error", "A bag or log with several instruments",
+     "'{file}' has readings of several instruments: {have}.",
+     'Choose one in [log], for example topic = "{example}".'),
+    ("log.open_unit", "error", "A format that leaves its unit open",
+     "'{file}': its format does not say what one count of the {block} is; that depends on the "
+     "instrument.",
+     'Write unit in [log.{block}], the size of one count from its manual such as "1e-9 rad" or '
+     '"2e-8 m/s", with kind = "{kind}".'),
+    ("log.sentence", "error", "A damaged sentence of a receiver",
+     "'{file}' line {line} is damaged: {reason}.",
+     'Copy the file again, or write missing = "drop" in [log] to leave such lines out.'),
+    ("log.unpaired", "error", "A gyro and an accelerometer that are not sampled together",
+     "'{file}': only {share} % of the samples of {topic} have one of the accelerometer less than "
+     "half an interval apart.",
+     'Use topic = "vehicle_imu" or "sensor_combined", which are sampled together.'),
+    ("log.px4_calibrated", "warning", "Readings that PX4 has calibrated already",
+     "'{file}': {topic} is less the autopilot's own offsets and scale factors, {count} of which are "
+     "not zero or one.",
+     "What is found is what they leave; calibrate sensor_gyro and sensor_accel to replace them."),
     ("log.cannot_guess", "error", "Columns that were left out and cannot be guessed",
      "'{file}' has {have}; none has a usual name of {block}.",
      "Write {example} in [log.{block}], by name or by number from 0."),

@@ -8,6 +8,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A master's table without messages",
      "{file} has {rows} messages that can be used; two are the least.",
      "Check that the file is the right one and that its columns are numbers."),
+    ("log.master_frame", "warning",
+     "A bag whose odometry may not be east-north-up",
+     "'{file}': {topic} is given in the frame '{frame}', which need not have its x axis east.",
+     "Take the topic whose frame is 'map' and aligned to north; a heading from an arbitrary start "
+     "makes the mounting of the slave wrong by as much."),
     ("master.missing", "error",
      "Messages of a master that lack a number",
      "{file}: {count} of {rows} messages lack a number, the first of them is number {row}.",
