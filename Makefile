@@ -4,7 +4,7 @@ PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 py
   $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
 BIN := .venv/bin
 
-.PHONY: help demo test lint bench docs clean
+.PHONY: help demo test lint bench docs release clean
 
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
@@ -12,6 +12,7 @@ help:
 	@echo "make lint   style, types and layers"
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"
+	@echo "make release   sdist and wheel in dist/, tried in an empty environment"
 
 demo: .venv/installed-run
 	$(BIN)/foucault demo -o demo
@@ -31,6 +32,14 @@ bench: .venv/installed-bench
 docs: .venv/installed-docs
 	$(BIN)/python docs/generate.py
 	$(BIN)/mkdocs build --strict
+
+# The demo runs from the wheel with what it requires and nothing else.
+release: .venv/installed-release
+	rm -rf dist build
+	$(BIN)/python -m build
+	$(PYTHON) -m venv build/empty
+	build/empty/bin/python -m pip install --quiet --constraint constraints.txt dist/*.whl
+	cd build && empty/bin/foucault demo -o demo
 
 clean:
 	rm -rf .venv build dist site demo .mypy_cache .ruff_cache .pytest_cache
