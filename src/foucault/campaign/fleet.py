@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from foucault import logs, monte_carlo, procedures, run_folder
+from foucault.campaign import earlier
 from foucault.campaign.fleet_table import FleetTable, Row
 from foucault.campaign.reading import Campaign
 from foucault.campaign.study import names_of
@@ -148,6 +149,7 @@ def run(
     FoucaultError
         Mistakes in the campaign, and ``fleet.nothing`` where no instrument has a result.
     """
+    earlier.refuse(campaign, "a fleet")
     started, folder = clock.monotonic(), Path(folder)
     names = names_of(campaign)
     if tolerance is not None:

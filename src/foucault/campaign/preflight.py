@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from foucault import procedures
+from foucault.campaign import earlier
 from foucault.campaign.mistakes import validate
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import simulate
@@ -65,6 +66,7 @@ def beforehand(campaign: Campaign) -> tuple[dict[str, Any], tuple[Finding, ...]]
     campaign : Campaign
         The campaign; its log need not exist.
     """
+    earlier.refuse(campaign, "a plan")
     known: dict[str, Any] = {
         "session": campaign.session, "site": campaign.site, "noise": campaign.noise,
         "prior": campaign.prior,
@@ -77,6 +79,7 @@ def beforehand(campaign: Campaign) -> tuple[dict[str, Any], tuple[Finding, ...]]
 
 def _simulated(campaign: Campaign) -> Foresight:
     """Simulate a session and calibrate it: its covariance is what can be expected."""
+    earlier.refuse(campaign, "a plan")
     module, seed = procedures.load(campaign.procedure), campaign.simulate.seed
     log = simulate(campaign, seed).simulation.log
     result = module.calibrate(

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from foucault import procedures
+from foucault.campaign import earlier
 from foucault.campaign.mistakes import parse_at, validate
 from foucault.campaign.tables import (
     CampaignFile,
@@ -60,6 +61,8 @@ class Campaign:
         What a better plan may do, where the procedure has a plan to improve [SI].
     tables : CampaignFile
         The common tables as written, with defaults.
+    earlier : EarlierTable or None
+        An earlier result that is its prior.
     findings : tuple of Finding
         What was noticed in the file.
     """
@@ -78,6 +81,7 @@ class Campaign:
     session: Any
     wanted: Any
     tables: CampaignFile
+    earlier: earlier.EarlierTable | None = None
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -119,6 +123,7 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise error("campaign.syntax", path=path, reason=problem) from None
+    raw, before = earlier.split(raw)
     file = validate(_model(raw), raw)
     name = file.procedure.get("name")
     if name is None:
@@ -144,6 +149,7 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
         session=validate(module.Session, session, ("simulate",), SimulateTable.model_fields),
         wanted=_wanted(str(name), file.optimise),
         tables=file,
+        earlier=before,
         findings=file.site.findings(),
     )
 
@@ -237,6 +243,7 @@ def schema() -> dict[str, Any]:
     out["properties"]["simulate"] = {"anyOf": sessions}
     out["properties"]["optimise"] = {"anyOf": wanted}
     out["properties"]["master"] = {"anyOf": masters}
+    out["properties"]["prior"]["properties"] = _part(out, earlier.EarlierTable, "")["properties"]
     out["title"] = "Foucault campaign"
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | out
 

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from foucault import logs, procedures
+from foucault.campaign import earlier
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign, layout_of, load
 from foucault.campaign.tables import SiteTable, grade
@@ -89,16 +90,23 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> 
     if getattr(module, "STREAMS", False):
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
         log = on_disk if on_disk.size > STREAMED else None
-    result: Result = module.calibrate(
-        read_log(campaign, progress) if log is None else log,
-        site=campaign.site,
-        settings=campaign.settings,
-        noise=campaign.noise,
-        prior=campaign.prior,
-        instrument=campaign.instrument,
-        progress=progress,
-    )
-    return result
+    given = read_log(campaign, progress) if log is None else log
+
+    def run(prior: earlier.Priors) -> Result:
+        result: Result = module.calibrate(
+            given,
+            site=campaign.site,
+            settings=campaign.settings,
+            noise=campaign.noise,
+            prior=prior,
+            instrument=campaign.instrument,
+            progress=progress,
+        )
+        return earlier.with_given(result, prior)
+
+    if campaign.earlier is None:
+        return run(campaign.prior)
+    return earlier.calibrated(campaign, campaign.earlier, run)
 
 
 # -- simulation ----------------------------------------------------------------------------

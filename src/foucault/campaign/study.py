@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import monte_carlo, procedures
-from foucault.campaign import parts
+from foucault.campaign import earlier, parts
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import simulate
 from foucault.campaign.writing import resolved
@@ -137,6 +137,7 @@ def run(
     Study
         Errors, predicted uncertainties and NEES of all trials [SI].
     """
+    earlier.refuse(campaign, "a Monte Carlo study")
     folder, names = Path(folder), names_of(campaign)
     text = resolved(campaign, campaign.folder)
     asked = {

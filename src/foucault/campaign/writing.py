@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from foucault import procedures, units
+from foucault.campaign import earlier
 from foucault.campaign.fields import dotted, kind_of
 from foucault.campaign.reading import Campaign
 from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
@@ -43,6 +44,9 @@ accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_res
 # Increments:  gyro = { columns = [...], unit = "0.1 arcsec", kind = "increment" }
 # A file that says -1 g along up at rest:  accel = { ..., reads = "gravity" }
 """
+
+NOT_Z_UP = (', first_rest = "z up" }', " }")
+"""A table begins where its plan does; `first_rest` may be given, and is checked then."""
 
 WIDTH = 100
 """Longest line of a template [1]."""
@@ -75,7 +79,7 @@ def log_table(
     if log is None and not averaged:
         lines = more.splitlines()
         more = "".join(f"{'# ' * (line[:1] not in ('#', ''))}{line}\n" for line in lines)
-    return LOG_TABLE + AVERAGED * averaged + more
+    return (LOG_TABLE.replace(*NOT_Z_UP) if more else LOG_TABLE) + AVERAGED * averaged + more
 
 
 EXAMPLE = "example IMU"
@@ -240,8 +244,11 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
     ]
     if tables.noise is not None:
         parts.append(_table("noise", _exact(tables.noise)))
-    if tables.prior:
-        parts.append(_table("prior", {k: v.model_dump() for k, v in tables.prior.items()}))
+    prior: dict[str, Any] = {k: v.model_dump() for k, v in tables.prior.items()}
+    if campaign.earlier is not None:
+        prior = earlier.written(campaign.earlier, campaign.folder, Path(folder)) | prior
+    if prior:
+        parts.append(_table("prior", prior))
     simulate = _exact(campaign.simulate) | _exact(campaign.session)
     parts.append(_table("simulate", simulate))
     return "\n\n".join(part.strip() for part in parts) + "\n"

@@ -18,6 +18,7 @@ from foucault.cli import (
     delay,
     export,
     fleet,
+    merge,
     navigate,
     north,
     optimise,
@@ -112,7 +113,7 @@ def _program(
 
 
 for _module in (
-    campaigns, plans, preflight, optimise, sessions, results, fleet, north, align, navigate,
+    campaigns, plans, preflight, optimise, sessions, results, merge, fleet, north, align, navigate,
     delay, allan, study, export, watch,
 ):  # fmt: skip
     _module.add_to(app)

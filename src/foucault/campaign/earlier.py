@@ -1,0 +1,186 @@
+"""An earlier result as prior of a campaign, and results of one instrument merged.
+
+``[prior] from = "run"`` names the run folder of the earlier result; `growth` and `inflate` say how
+much less is known by now. What is done with it is in `procedures.merged`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from foucault.campaign.mistakes import parse_at, validate
+from foucault.campaign.tables import joined
+from foucault.errors import Status, error
+from foucault.files import sha256
+from foucault.models.layouts import kind_of
+from foucault.procedures.merged import Earlier, Hashed, merged, with_prior
+from foucault.result import Result
+from foucault.run_folder import RESULT_FILE, load_result
+
+if TYPE_CHECKING:
+    from foucault.campaign.reading import Campaign
+
+Priors = dict[str, tuple[float, float]]
+
+
+class EarlierTable(BaseModel):
+    """Keys of [prior] about an earlier result; every other key is a coefficient."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    run: str = Field(
+        alias="from",
+        description="Run folder of an earlier result of this instrument; all of its covariance is "
+        "used. An entry of its own takes its place for that coefficient.",
+    )
+    growth: dict[str, str] = Field(
+        default={},
+        description="By how much coefficients or groups may have changed since, as a standard "
+        "deviation.",
+        examples=[{"gyro.bias": "2 deg/h"}],
+    )
+    inflate: float = Field(
+        default=1.0, description="Factor of all its standard deviations.", examples=[2.0]
+    )
+
+
+KEYS = ("from", "growth", "inflate")
+
+
+def split(raw: Mapping[str, Any]) -> tuple[dict[str, Any], EarlierTable | None]:
+    """Part what [prior] says of an earlier result from the rest of a campaign.
+
+    Parameters
+    ----------
+    raw : mapping
+        The campaign as TOML gives it.
+    """
+    prior = raw.get("prior")
+    said = {k: prior[k] for k in KEYS if k in prior} if isinstance(prior, dict) else {}
+    if not said or not isinstance(prior, dict):
+        return dict(raw), None
+    if "from" not in said:
+        raise error("prior.alone", keys=" and ".join(said))
+    if isinstance(said.get("growth"), dict):
+        said["growth"] = joined(said["growth"])
+    table = validate(EarlierTable, said, ("prior",))
+    if not 0 < table.inflate < float("inf"):
+        raise error("prior.growth", key="inflate", given=table.inflate, what="above zero")
+    rest = {k: v for k, v in prior.items() if k not in KEYS}
+    return {k: v for k, v in raw.items() if k != "prior"} | ({"prior": rest} if rest else {}), table
+
+
+def written(table: EarlierTable, old: Path, new: Path) -> dict[str, Any]:
+    """Return the keys of [prior], the folder relative to where the file will lie.
+
+    Parameters
+    ----------
+    table : EarlierTable
+        What is to be written.
+    old, new : Path
+        Folders of the campaign and of the copy.
+    """
+    import os
+
+    run = Path(os.path.relpath(old / table.run, new)).as_posix()
+    grown = {"growth": dict(table.growth)} if table.growth else {}
+    return {"from": run, **grown, "inflate": table.inflate}
+
+
+def read(table: EarlierTable, folder: Path) -> Earlier:
+    """Read the earlier result that a campaign names.
+
+    Parameters
+    ----------
+    table : EarlierTable
+        What [prior] says.
+    folder : Path
+        Folder of the campaign.
+    """
+    growth = {}
+    for name, text in table.growth.items():
+        sd = parse_at(f'prior.growth."{name}"', text, kind_of_group(name))
+        if not 0 <= sd < float("inf"):
+            raise error("prior.growth", key=f'growth."{name}"', given=text, what="zero or more")
+        growth[name] = sd
+    _, sha, result = hashed(folder / table.run)
+    return Earlier(table.run, sha, result, growth, table.inflate)
+
+
+def kind_of_group(name: str) -> str:
+    """Return the kind of coefficient `name`, or of the first of the group `name`."""
+    from foucault.models.layouts import EVERY
+
+    return kind_of(EVERY.names[int(EVERY.group(name)[0])])
+
+
+def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], Result]) -> Result:
+    """Calibrate, and take the earlier result into account.
+
+    The session is calibrated alone, so that it can contradict. Where it cannot tell all
+    coefficients alone, it is given the standard deviations of the earlier result to begin with;
+    these are taken out again, and all of the covariance takes their place.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    table : EarlierTable
+        Its earlier result.
+    run : callable
+        Calibrates with a prior, mean and standard deviation of coefficients or groups.
+    """
+    earlier = read(table, campaign.folder)
+    known = earlier.known(without=campaign.prior).vector
+    result = run(campaign.prior)
+    if result.status is not Status.CONVERGED or not np.isfinite(result.coefficients.sd).all():
+        sure = zip(known.names, known.values.tolist(), known.sd.tolist(), strict=True)
+        lent = {n: (v, sd) for n, v, sd in sure if n in result.coefficients.layout}
+        result = with_given(run({**campaign.prior, **lent}), {**campaign.prior, **lent})
+    return with_prior(replace(result, instrument=campaign.instrument), earlier, campaign.prior)
+
+
+def with_given(result: Result, prior: Mapping[str, tuple[float, float]]) -> Result:
+    """Return a result that remembers which prior it was given.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups [SI].
+    """
+    if not prior:
+        return result
+    given = {name: [mean, sd] for name, (mean, sd) in prior.items()}
+    return replace(result, provenance=result.provenance | {"prior": {"given": given}})
+
+
+def refuse(campaign: Campaign, command: str) -> None:
+    """Refuse an earlier result where `command` has no use for it."""
+    if campaign.earlier is not None:
+        raise error("prior.not_here", command=command)
+
+
+def hashed(path: str | Path) -> Hashed:
+    """Return the name, the fingerprint and the result of a run folder or its result.json."""
+    path = Path(path)
+    result = load_result(path, with_tables=False)
+    return str(path), sha256(path / RESULT_FILE if path.is_dir() else path), result
+
+
+def merge(paths: Sequence[str | Path]) -> Result:
+    """Merge the results of run folders of one instrument.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Run folders or result.json files, two or more.
+    """
+    return merged([hashed(path) for path in paths])

@@ -1,0 +1,45 @@
+"""The command that merges results of one instrument: merge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command of this module to the program."""
+    app.command("merge", epilog="Example: foucault merge monday tuesday -o merged")(merge)
+
+
+def merge(
+    ctx: typer.Context,
+    results: Annotated[list[Path], typer.Argument(help="Run folders or result.json files.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Run folder; a result in it is replaced.")
+    ],
+) -> None:
+    """Merge calibrations of one instrument from different logs into one result."""
+    from foucault import report, run_folder
+    from foucault.campaign import earlier
+
+    screen: Screen = ctx.obj
+    result = earlier.merge(results)
+    run_folder.save(result, output)
+    file = report.write(output)
+    level = result.verdict.level
+    screen.say("", result.coefficients)
+    screen.findings(result.findings)
+    screen.say(*(f"  {check.sentence}" for check in result.checks))
+    screen.say("", f"verdict: {level}", style=COLOURS[level])
+    screen.say(f"Report: {file}")
+    screen.data({
+        "folder": str(output), "report": str(file), "verdict": level,
+        "checks": [{"name": c.name, "value": None if c.value != c.value else c.value,
+                    "passed": c.passed} for c in result.checks],
+        "coefficients": result.coefficients.rows(),
+    })  # fmt: skip
+    raise typer.Exit(EXIT_CODES[level])

@@ -1,0 +1,178 @@
+"""Several results of one instrument as one: each counted by its information.
+
+A result x_i with covariance P_i and a prior of mean m_i and standard deviations D_i^1/2 says, by
+its data alone,
+
+    J_i = P_i^-1 - D_i^-1                  h_i = P_i^-1 x_i - D_i^-1 m_i
+
+and independent data add up: ``x = (sum J_i)^-1 sum h_i``. A prior is knowledge from before, so that
+it counts once: the first result that has a coefficient brings its prior for it. For a linear model
+this is the estimate from all data together; for one that is not, as near as its results are to one
+another.
+
+An error that results share (local gravity that was given to all) is taken out before and put back
+after: more sessions at one site do not make it smaller.
+
+Do two results agree? Where both say something, U diagonalises both, ``U' (J_1 + J_2) U = I`` and
+``U' J_2 U = diag(l)``, and ``z^2 = l (1 - l) (y_1 - y_2)^2`` is chi-square with one degree of
+freedom for every combination of coefficients that both know.
+
+References
+----------
+.. [1] Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
+   Navigation*, 2001, section 7.2 (information form), 8.3 (fusion).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector, Layout
+
+FloatArray = npt.NDArray[np.float64]
+
+LEAST = 1e-6
+"""Share of the information in a combination below which a result says nothing of it [1]."""
+
+DEPENDENT = 1e-10
+"""Relative variance below which a combination of coefficients is fixed by the model [1]."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a result says of the coefficients.
+
+    Attributes
+    ----------
+    vector : CoefficientVector
+        Values with covariance and prior_sd; every coefficient has a standard deviation [SI].
+    means : mapping of str to float
+        Mean of the prior of each coefficient, 0 where it is not here [SI].
+    shared : ndarray, shape (n,), or None
+        Error that other results share, per standard deviation of its source [SI].
+    """
+
+    vector: CoefficientVector
+    means: Mapping[str, float] = field(default_factory=dict)
+    shared: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Fused:
+    """Two results as one.
+
+    Attributes
+    ----------
+    known : Known
+        What both say together.
+    chi_square : float
+        How far they are apart, squared [1].
+    dof : int, shape ()
+        Combinations of coefficients that both know [1].
+    change : ndarray, shape (n,)
+        By how many of its standard deviations each coefficient of `known` moves away from the first
+        result; NaN where that does not have it [1].
+    """
+
+    known: Known
+    chi_square: float
+    dof: int
+    change: FloatArray
+
+
+def fused(first: Known, second: Known) -> Fused:
+    """Join two results that have no data in common.
+
+    Parameters
+    ----------
+    first : Known
+        Counted with its prior.
+    second : Known
+        Counted with its prior only for coefficients that the first does not have.
+    """
+    one, two = first.vector, second.vector
+    more = [c for c in two.layout.coefficients if c.name not in one.layout]
+    layout = Layout((*one.layout.coefficients, *more))
+    unit = np.array([_smallest_sd(name, one, two) for name in layout.names])
+    held = np.isin(two.names, one.names)
+    A, a = _placed(layout, unit, first, np.zeros(len(one), bool))
+    B, b = _placed(layout, unit, second, held)
+    L, U = np.linalg.eigh(A + B)
+    W = U / np.sqrt(np.maximum(L, DEPENDENT))  # W' (A + B) W = I
+    share, V = np.linalg.eigh(W.T @ B @ W)
+    W = W @ V
+    y = W.T @ (a + b)
+    values, cov = W @ y, W @ W.T
+    both = (share > LEAST) & (share < 1 - LEAST)
+    z = (share * (W.T @ a) - (1 - share) * (W.T @ b))[both]
+    chi_square = float(np.sum(z**2 / (share * (1 - share))[both]))
+    vector = _vector(layout, values * unit, cov * np.outer(unit, unit), one, two)
+    shared = _shared(layout, first, second)
+    if shared is not None and vector.cov is not None:
+        vector = CoefficientVector(layout, vector.values, vector.cov + np.outer(shared, shared),
+                                   vector.free, vector.prior_sd)  # fmt: skip
+    known = Known(vector, {**second.means, **first.means}, shared)
+    return Fused(known, chi_square, int(both.sum()), _change(one, vector))
+
+
+def _smallest_sd(name: str, *vectors: CoefficientVector) -> float:
+    return min(float(v.chosen([name]).sd[0]) for v in vectors if name in v.layout)
+
+
+def _placed(
+    layout: Layout, unit: FloatArray, known: Known, without_prior: npt.NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Return J and h of a result among the coefficients of `layout`, in units of `unit`."""
+    vector = known.vector
+    at = np.array([layout.index(name) for name in vector.names])
+    s = unit[at]
+    assert vector.cov is not None
+    P = vector.cov if known.shared is None else vector.cov - np.outer(known.shared, known.shared)
+    values, vectors = np.linalg.eigh(P / np.outer(s, s))
+    J = (vectors / np.maximum(values, DEPENDENT * values[-1])) @ vectors.T
+    means = np.array([known.means.get(name, 0.0) for name in vector.names])
+    prior = np.where(without_prior, (s / vector.prior_sd) ** 2, 0.0)
+    h = J @ (vector.values / s) - prior * means / s
+    J = J - np.diag(prior)
+    if without_prior.any():  # rounding, where the prior is nearly all that is known
+        values, vectors = np.linalg.eigh(J)
+        known_by_data = values > LEAST * prior.max(initial=0.0)
+        keep = vectors[:, known_by_data]
+        J, h = (keep * values[known_by_data]) @ keep.T, keep @ (keep.T @ h)
+    out, vector_out = np.zeros((len(layout),) * 2), np.zeros(len(layout))
+    out[np.ix_(at, at)], vector_out[at] = J, h
+    return out, vector_out
+
+
+def _vector(
+    layout: Layout, values: FloatArray, cov: FloatArray, one: CoefficientVector,
+    two: CoefficientVector,
+) -> CoefficientVector:  # fmt: skip
+    more = [k for k, name in enumerate(two.names) if name not in one.layout]
+    prior = np.concatenate([one.prior_sd, two.prior_sd[more]])
+    free = np.concatenate([one.free, two.free[more]])
+    return CoefficientVector(layout, values, 0.5 * (cov + cov.T), free, prior)
+
+
+def _shared(layout: Layout, *results: Known) -> FloatArray | None:
+    """Return the error that both share, among the coefficients of `layout`."""
+    out = np.zeros(len(layout))
+    for known in reversed(results):
+        if known.shared is not None:
+            out[[layout.index(name) for name in known.vector.names]] = known.shared
+    return out if out.any() else None
+
+
+def _change(before: CoefficientVector, after: CoefficientVector) -> FloatArray:
+    """Return the step to `after` over its standard deviation, which is that of what was learnt."""
+    at = [after.layout.index(name) for name in before.names]
+    learnt = before.sd**2 - after.sd[at] ** 2
+    step = after.values[at] - before.values
+    out = np.full(len(after), np.nan)
+    some = learnt > LEAST * before.sd**2
+    out[np.array(at)[some]] = step[some] / np.sqrt(learnt[some])
+    return out
