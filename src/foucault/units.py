@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall, the ``g`` of every unit string [m/s^2] (CGPM 1901)."""
 
+ZERO_CELSIUS = 273.15
+"""0 degC [K]."""
+
 _DEFINITIONS = f"""
 meter = [length] = m = metre
 second = [time] = s = sec

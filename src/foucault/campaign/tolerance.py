@@ -4,6 +4,7 @@
 
     "accel.bias" = "5 mg"                                       # of every coefficient of a group
     "gyro.scale.x" = { limit = "500 ppm", sd = "20 ppm" }       # how well it must be known too
+    "gyro.bias" = { change = "2 deg/h", drift_per_year = "1 deg/h" }    # from result to result
 
 A measured value near the limit proves nothing: with the guard band of the decision rule a
 coefficient passes only where ``|value| + 2 sd <= limit``, fails only where
@@ -18,7 +19,7 @@ References
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ DECISIONS = ("pass", "undecided", "fail")
 GUARD = 2.0
 """Width of the guard band: a coverage factor of 95 % [standard deviations]."""
 
-KEYS = ("limit", "sd")
+KEYS = ("limit", "sd", "change", "drift_per_year")
 
 
 @dataclass(frozen=True)
@@ -52,14 +53,20 @@ class Entry:
     name : str
         Coefficient or group.
     limit : float
-        Largest size of the value [SI].
+        Largest size of the value, infinite where any will do, as the others are [SI].
     sd : float
-        Largest standard deviation, infinite where any will do [SI].
+        Largest standard deviation of the value [SI].
+    change : float
+        Largest difference of any two results of one instrument [SI].
+    drift_per_year : float
+        Largest size of the slope in time [SI per year].
     """
 
     name: str
-    limit: float
+    limit: float = np.inf
     sd: float = np.inf
+    change: float = np.inf
+    drift_per_year: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -83,11 +90,28 @@ class Tolerance:
         Both are infinite where the file says nothing. `names` are the coefficients, shape (p,).
         """
         value, sd = np.full(len(names), np.inf), np.full(len(names), np.inf)
+        for k, entry in self._matching(names):
+            if np.isfinite(entry.limit):
+                value[k], sd[k] = entry.limit, entry.sd
+        return value, sd
+
+    def changes(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return the limits of changes [SI] and of drifts [SI per year], each shape (p,).
+
+        Both are infinite where the file says nothing. `names` are the coefficients, shape (p,).
+        """
+        change, drift = np.full(len(names), np.inf), np.full(len(names), np.inf)
+        for k, entry in self._matching(names):
+            change[k] = entry.change if np.isfinite(entry.change) else change[k]
+            drift[k] = entry.drift_per_year if np.isfinite(entry.drift_per_year) else drift[k]
+        return change, drift
+
+    def _matching(self, names: Sequence[str]) -> Iterator[tuple[int, Entry]]:
+        """Yield the number of each coefficient with every line for it, longer names later."""
         for entry in sorted(self.entries, key=lambda e: e.name.count(".")):
             for k, name in enumerate(names):
                 if name == entry.name or name.startswith(entry.name + "."):
-                    value[k], sd[k] = entry.limit, entry.sd
-        return value, sd
+                    yield k, entry
 
     def refuse_unknown(self, names: Sequence[str], procedure: str) -> None:
         """Refuse limits of coefficients that a procedure does not estimate.
@@ -119,19 +143,38 @@ class Tolerance:
             Their standard deviations; unknown ones (NaN) leave every decision open [SI].
         """
         limit, largest_sd = self.limits(names)
-        size, guard = np.abs(values), GUARD * sd
-        with np.errstate(invalid="ignore"):
-            good = (size + guard <= limit) & (sd <= largest_sd)
-            out = np.where(good, PASS, np.where(size - guard > limit, FAIL, UNDECIDED))
-        return np.where(np.isinf(limit), PASS, out)
+        return decided(values, sd, limit, largest_sd)
 
     def as_json(self) -> dict[str, Any]:
         """Return the limits as plain values [SI]."""
         rows = {
-            e.name: {"limit": e.limit} | ({"sd": e.sd} if np.isfinite(e.sd) else {})
+            e.name: {key: v for key in KEYS if np.isfinite(v := getattr(e, key))}
             for e in self.entries
         }
         return {"file": self.file, "limits": rows, "guard_band_sd": GUARD}
+
+
+def decided(
+    values: FloatArray, sd: FloatArray, limit: FloatArray, largest_sd: FloatArray | float = np.inf
+) -> IntArray:
+    """Decide whether values keep to their limits: numbers of `DECISIONS`.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., p)
+        Values, changes or drifts [SI].
+    sd : ndarray, shape (..., p)
+        Their standard deviations; unknown ones (NaN) leave every decision open [SI].
+    limit : ndarray, shape (p,)
+        Largest size, infinite where any will do [SI].
+    largest_sd : ndarray, shape (p,), or float
+        Largest standard deviation with which a value passes [SI].
+    """
+    size, guard = np.abs(values), GUARD * sd
+    with np.errstate(invalid="ignore"):
+        good = (size + guard <= limit) & (sd <= largest_sd)
+        out = np.where(good, PASS, np.where(size - guard > limit, FAIL, UNDECIDED))
+    return np.where(np.isinf(limit), PASS, out)
 
 
 def load(path: str | Path) -> Tolerance:
@@ -197,13 +240,13 @@ def _entry(name: str, said: Any) -> Entry:
     for key in parts:
         if key not in KEYS:
             raise error("tolerance.key", name=name, key=key, hint=suggestion(key, KEYS))
-    if "limit" not in parts:
+    if not parts or ("sd" in parts and "limit" not in parts):
         raise error("tolerance.no_limit", name=name)
     numbers = {key: parse_at(f'"{name}".{key}', text, kind) for key, text in parts.items()}
     for key, value in numbers.items():
         if not (value > 0 and np.isfinite(value)):
             raise error("tolerance.positive", name=name, key=key, given=repr(parts[key]))
-    return Entry(name, numbers["limit"], numbers.get("sd", np.inf))
+    return Entry(name, **numbers)
 
 
 def _kind(name: str) -> str:

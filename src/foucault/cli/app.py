@@ -15,6 +15,7 @@ from foucault.cli import (
     align,
     allan,
     campaigns,
+    compare,
     delay,
     export,
     fleet,
@@ -113,8 +114,8 @@ def _program(
 
 
 for _module in (
-    campaigns, plans, preflight, optimise, sessions, results, merge, fleet, north, align, navigate,
-    delay, allan, study, export, watch,
+    campaigns, plans, preflight, optimise, sessions, results, merge, compare, fleet, north, align,
+    navigate, delay, allan, study, export, watch,
 ):  # fmt: skip
     _module.add_to(app)
 

@@ -77,13 +77,22 @@ def _conclude(screen: Screen, result: Result, folder: Path, **more: Any) -> None
 def report(
     ctx: typer.Context,
     folder: Annotated[
-        Path, typer.Argument(help="A run folder, or that of `north`, `navigate` or `optimise`.")
+        Path,
+        typer.Argument(
+            help="A run folder, or that of `north`, `navigate`, `optimise` or `compare`."
+        ),
     ],
 ) -> None:
     """Write the report again from what the run folder holds."""
     from foucault import report as reports
-    from foucault.campaign import found, navigation_folder, north_folder, optimisation
-    from foucault.report import navigation, north
+    from foucault.campaign import (
+        comparison_folder,
+        found,
+        navigation_folder,
+        north_folder,
+        optimisation,
+    )
+    from foucault.report import compare, navigation, north
     from foucault.report import optimisation as search
     from foucault.run_folder import REPORT_FILE
 
@@ -94,6 +103,8 @@ def report(
         file = navigation.write(navigation_folder.load(folder), folder / REPORT_FILE)
     elif (folder / optimisation.ASKED_FILE).is_file():
         file = search.write(found.load(folder), folder / REPORT_FILE)
+    elif (folder / comparison_folder.COMPARE_FILE).is_file():
+        file = compare.write(comparison_folder.load(folder), folder / REPORT_FILE)
     else:
         file = reports.write(folder)
     screen.say(f"Wrote {file}.")

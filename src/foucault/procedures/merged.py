@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.comparable import gravity_site
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.fusion import Fused, Known, fused
@@ -241,18 +242,10 @@ def _gravity(
     result: Result, vector: CoefficientVector, among: Sequence[Result]
 ) -> FloatArray | None:
     """Return the error that local gravity makes, where another result was given the same."""
-    site = _weighed(result)
-    if site is None or sum(_weighed(other) == site for other in among) < 2:
+    site = gravity_site(result)
+    if site is None or sum(gravity_site(other) == site for other in among) < 2:
         return None
     return np.asarray(gravity_slope(vector) * (site[1] / site[0]))
-
-
-def _weighed(result: Result) -> tuple[Any, ...] | None:
-    part = (result.diagnostics.get("budget") or {}).get("local gravity")
-    gravity, sd = result.site.get("gravity"), result.site.get("gravity_sd")
-    if not (part and gravity and sd) or is_cluster(result.coefficients):
-        return None
-    return gravity, sd, result.site.get("latitude"), result.site.get("height")
 
 
 # -- what comes out ----------------------------------------------------------------------------

@@ -1,0 +1,123 @@
+"""Rows of the table about results compared with one another."""
+
+from __future__ import annotations
+
+# fmt: off
+ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("compare.one", "error",
+     "A comparison of fewer than two results",
+     "{count} result was given; a comparison takes two or more.",
+     "Name the run folders, or a TOML file with a [[result]] for each of them."),
+    ("compare.same_log", "error",
+     "Two results of one log",
+     "'{one}' and '{other}' are results of the same log: they share its noise, and their difference "
+     "is no change of the instrument.",
+     "Leave one of them out. Which procedure to believe, `foucault montecarlo` says for each."),
+    ("compare.took_prior", "error",
+     "A result compared with the one that was its prior",
+     "'{late}' took '{early}', or a result of its log, as its prior: it repeats what that says.",
+     "Calibrate the log of '{late}' without `from` in [prior], and compare the result of that."),
+    ("compare.same_prior", "error",
+     "Results that took the same earlier result as their prior",
+     "'{one}' and '{other}' took the same earlier result as their prior, which both repeat.",
+     "Calibrate both logs without `from` in [prior], and compare those results."),
+    ("compare.models", "error",
+     "An IMU compared with a torqued cluster",
+     "'{one}' is of {kind}, '{other}' of {unlike}: their coefficients mean different things.",
+     "Compare results of one kind of instrument."),
+    ("compare.not_finite", "error",
+     "A result without finite numbers in a comparison",
+     "'{name}' holds coefficients that are no finite numbers (status: {status}).",
+     "Leave it out, or look at its log with `foucault inspect` and calibrate again."),
+    ("compare.nothing", "error",
+     "Results that have no coefficient in common",
+     "No coefficient was measured, with its standard deviation, in all of: {names}.",
+     "Compare results of the same procedure, or of procedures that estimate the same coefficients "
+     "in the same axes."),
+    ("compare.which", "error",
+     "Results of which only some say which instrument they are of",
+     "'{name}' does not say which instrument it is of; others do: {others}.",
+     "If all are of one instrument, add `--same`; otherwise say `instrument = \"...\"` of each in a "
+     "TOML file of [[result]] tables."),
+    ("compare.dates", "error",
+     "Not one date for each result",
+     "{given} dates were given for {wanted} results.",
+     "Separate them by commas, in the order of the results; leave one empty to keep what is known: "
+     "--dates 2025-03-01,,2026-03-02."),
+    ("compare.date", "error",
+     "A date that is none",
+     "'{given}' is no date.",
+     "Write it as 2026-03-02 or 2026-03-02T14:30:00Z."),
+    ("compare.list", "error",
+     "A list of results that cannot be read",
+     "'{path}': {reason}.",
+     "Write a [[result]] table for each result, with folder and, where wanted, date, instrument "
+     "and label."),
+    ("compare.folder", "error",
+     "A comparison written over something else",
+     "'{folder}' already holds {what}.",
+     "Choose another folder with -o."),
+    ("compare.undated", "note",
+     "Results without a date",
+     "The date of {names} is not known: the results are taken in the order given, and no drift per "
+     "year is computed.",
+     "Give `--dates`, one for each result."),
+    ("compare.computed", "note",
+     "The date of a result is that of its computation",
+     "The log of {names} has no date: that of the computation is taken.",
+     "If the measurements were made at other times, give `--dates`."),
+    ("compare.unnamed", "note",
+     "Results that do not say which instrument they are of",
+     "No result says which instrument it is of: all are taken to be of one.",
+     "Fill in name and serial of [instrument] in the campaign, or `instrument` in a TOML list."),
+    ("compare.turned", "note",
+     "Results whose body axes were defined differently",
+     "{names}: turned to the body axes of the others ({gauge}), accelerometers and gyros together.",
+     "Nothing is to be done: covariances were turned too."),
+    ("compare.gauge", "warning",
+     "Results in body axes that cannot be turned into one another",
+     "The body axes are defined differently, and not all results know how theirs lie to the "
+     "accelerometers: {gauges}.",
+     "Compared is what no choice of axes changes: biases, asymmetries and cubic terms. For scale "
+     "factors and misalignments compare results of the same procedure."),
+    ("compare.only_some", "note",
+     "Coefficients that only some of the results have",
+     "Not in all results, and not compared: {names}.",
+     "Where a term is left out of a model, others take its place in part. For a strict comparison "
+     "calibrate all logs with the same settings."),
+    ("compare.held", "note",
+     "Coefficients that a result did not measure",
+     "Held at a value in at least one result, and not compared: {names}.",
+     "Calibrate with them free where the data can show them."),
+    ("compare.no_sd", "warning",
+     "Coefficients whose uncertainty is not known",
+     "Without a standard deviation in at least one result, and not compared: {names}.",
+     "A change cannot be told from noise without one. Calibrate again with this version."),
+    ("compare.prior", "warning",
+     "Results that lean on what was believed beforehand",
+     "In all results a prior gives more than {share:.0f} % of what is known of {names}.",
+     "A prior pulls results together: a change shows smaller than it is. Calibrate with a wider "
+     "prior, or measure longer."),
+    ("compare.gravity", "note",
+     "Results that were given the same local gravity",
+     "{count} results use the same local gravity; its error is the same in them and drops out of "
+     "their differences.",
+     "Nothing is to be done. It still counts in every value."),
+    ("compare.temperature", "warning",
+     "Results at different temperatures",
+     "The instrument was not equally warm: {temperatures} (means).",
+     "What looks like a change in time may be one with temperature: compare at equal temperature, "
+     "or model it."),
+    ("compare.unusable", "warning",
+     "An unusable result in a comparison",
+     "The verdict of {names} is unusable: its uncertainties are not to be trusted, and neither is "
+     "the comparison.",
+     "Read the report of that result, measure again, or leave it out."),
+    ("compare.too_alike", "note",
+     "Results that agree better than their uncertainties allow",
+     "{name}: the results differ less than they should by chance (chi-square {given} of {dof} "
+     "degrees of freedom).",
+     "The uncertainties are too large, the results lean on the same prior, or they are not "
+     "independent."),
+)
+# fmt: on
