@@ -26,6 +26,7 @@ from foucault.diagnose.comparable import (
 )
 from foucault.diagnose.compare import History, history
 from foucault.diagnose.compare_instruments import Between, between
+from foucault.diagnose.compare_temperature import at_one_temperature
 from foucault.errors import Finding, finding
 from foucault.models.layouts import EVERY
 from foucault.units import plain
@@ -101,11 +102,13 @@ def of(read: Sequence[Entry], tolerance: Tolerance | None = None) -> Comparison:
         Limits of values, changes and drifts.
     """
     refuse_dependent(read)
+    read, taken = at_one_temperature(read)
     groups = [(name, list(mine)) for name, mine in groupby(read, lambda e: e.instrument)]
     if tolerance is not None:
         every = {name for e in read for name in e.result.coefficients.names}
         tolerance.refuse_unknown([n for n in EVERY.names if n in every], "the results")
-    instruments, found = [], _dates([e for _, mine in groups if len(mine) > 1 for e in mine])
+    instruments, found = [], taken
+    found += _dates([e for _, mine in groups if len(mine) > 1 for e in mine])
     for name, mine in groups:
         together = comparable(mine) if len(mine) > 1 else None
         past = None if together is None else history(together.series)

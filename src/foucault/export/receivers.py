@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foucault.errors import error, suggestion
-from foucault.export.request import OWN_AXES, request
+from foucault.export.request import OWN_AXES, request, usable
 from foucault.files import atomic
+from foucault.models.layouts import is_cluster
 from foucault.models.noise import ImuNoise
 from foucault.result import Result
 
@@ -72,6 +73,9 @@ def write(
     module = import_module(f"foucault.export.{RECEIVERS[receiver]}")
     usual: str = getattr(module, "AXES", OWN_AXES)
     wanted = request(
+    other = _not_of_an_imu(result)
+    if other:
+        return _written(path, _whole(result, other, receiver, axes, tuple(drop), force))
         result,
         receiver,
         module.CAN,
@@ -81,7 +85,33 @@ def write(
         log=log,
         force=force,
     )
-    text = module.text(wanted)
+    return _written(path, module.text(wanted))
+
+
+def _not_of_an_imu(result: Result) -> str:
+    """Return the module that writes results which are no errors of an IMU, empty for an IMU."""
+    if is_cluster(result.coefficients):
+        return "cluster"
+    return "north_seeker" if result.procedure == "north_seeking" else ""
+
+
+def _whole(
+    result: Result, module: str, receiver: str, axes: str | None, drop: tuple[str, ...], force: bool
+) -> str:
+    """Return the text for a receiver that takes all coefficients, in the axes they are in."""
+    writers = import_module(f"foucault.export.{module}").WRITERS
+    if receiver not in writers:
+        raise error("export.cluster", procedure=result.procedure, receiver=receiver,
+                    allowed=", ".join(writers))  # fmt: skip
+    if drop or axes is not None:
+        raise error("export.whole", procedure=result.procedure,
+                    option="--drop" if drop else "--axes")  # fmt: skip
+    usable(result, force)
+    text: str = writers[receiver](result)
+    return text
+
+
+def _written(path: str | Path, text: str) -> Path:
     with atomic(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return Path(path)

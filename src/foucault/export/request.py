@@ -12,7 +12,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
 from foucault.models.imu import LAYOUT, ImuModel
-from foucault.models.layouts import is_cluster, of_one_sample, of_sensors
+from foucault.models.layouts import of_one_sample, of_sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import SizeEffect
@@ -98,22 +98,9 @@ class Request:
 
     def statement(self) -> list[str]:
         """Return what every exported file says of itself, line by line."""
-        result, made = self.result, self.result.provenance
-        given = {key: result.instrument.get(key) for key in ("name", "serial")}
-        instrument = ", ".join(f"{key} {value}" for key, value in given.items() if value)
-        lines = [
-            f"Calibration by foucault {(made.get('versions') or {}).get('foucault', '')}".rstrip()
-            + f", procedure {result.procedure}"
-            + (f", {made['created']}" if made.get("created") else "")
-            + ".",
-            f"Instrument: {instrument or 'not named'}. Verdict: {result.verdict.level}.",
-            f"Model: {result.equation}",
-            "Signs: a bias is measured minus true; at rest the axis that points up reads +1 g.",
-            f"Axes: {self.axes}"
-            + ("" if self.axes == OWN_AXES else f", turned from the result's {OWN_AXES}")
-            + f". Body axes of the result: {result.gauge}.",
-        ]
-        lines += [f"Valid for: {words}." for words in _validity(result.validity)]
+        turned = "" if self.axes == OWN_AXES else f", turned from the result's {OWN_AXES}"
+        signs = "Signs: a bias is measured minus true; at rest the axis that points up reads +1 g."
+        lines = about(self.result, f"Axes: {self.axes}{turned}", signs)
         if len(self.dropped):
             lines += ["LOST, because it was dropped on request (the numbers are in SI units):"]
             lines += [
@@ -122,7 +109,34 @@ class Request:
                     self.dropped.layout.coefficients, self.dropped.values.tolist(), strict=True
                 )
             ]
-        return [" ".join(line.split()) if line[0] != " " else line for line in lines]
+        return lines
+
+
+def about(result: Result, axes: str, signs: str = "") -> list[str]:
+    """Return what every exported file says of its result, line by line.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    axes, signs : str
+        In which axes its numbers are, and in which signs.
+    """
+    made = result.provenance
+    given = {key: result.instrument.get(key) for key in ("name", "serial")}
+    instrument = ", ".join(f"{key} {value}" for key, value in given.items() if value)
+    lines = [
+        f"Calibration by foucault {(made.get('versions') or {}).get('foucault', '')}".rstrip()
+        + f", procedure {result.procedure}"
+        + (f", {made['created']}" if made.get("created") else "")
+        + ".",
+        f"Instrument: {instrument or 'not named'}. Verdict: {result.verdict.level}.",
+        f"Model: {result.equation}",
+        *([signs] if signs else []),
+        f"{axes}. Body axes of the result: {result.gauge}.",
+        *(f"Valid for: {words}." for words in _validity(result.validity)),
+    ]
+    return [" ".join(line.split()) for line in lines]
 
 
 def request(
@@ -163,13 +177,7 @@ def request(
         What the receiver's file is written from.
     """
     vector = of_sensors(result.coefficients)
-    if is_cluster(result.coefficients):
-        raise error("export.cluster", procedure=result.procedure, receiver=receiver)
-    if not np.isfinite(vector.values).all():
-        raise error("export.not_finite", procedure=result.procedure)
-    if result.verdict.level is Level.UNUSABLE and not force:
-        reasons = " ".join(result.verdict.reasons) or "No reason is given."
-        raise error("export.unusable", reasons=reasons)
+    usable(result, force)
     if axes not in AXES:
         hint = suggestion(axes, AXES)
         raise error("export.axes", given=axes, hint=hint, allowed=", ".join(AXES))
@@ -193,6 +201,15 @@ def request(
     size = SizeEffect.of(kept).rotated(C_sb)
     size = replace(size, arms=np.abs(C_sb) @ size.arms)  # the accelerometers change places
     return Request(result, model, size, axes, dropped, noise, _counts(log, C_sb))
+
+
+def usable(result: Result, force: bool) -> None:
+    """Refuse a result with unknown coefficients, and an unusable one without `force`."""
+    if not np.isfinite(of_sensors(result.coefficients).values).all():
+        raise error("export.not_finite", procedure=result.procedure)
+    if result.verdict.level is Level.UNUSABLE and not force:
+        reasons = " ".join(result.verdict.reasons) or "No reason is given."
+        raise error("export.unusable", reasons=reasons)
 
 
 def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:

@@ -36,9 +36,6 @@ print(result.verdict.level, result.coefficients, sep="\\n")
 compensated = result.apply(log)"""
 
 
-_CLUSTER_COMMANDS = """\
-foucault apply result.json LOG -o compensated.parquet"""
-
 _CLUSTER_PYTHON = """\
 import foucault
 
@@ -48,7 +45,8 @@ print(result.verdict.level, result.coefficients, sep="\\n")
 f_p, w_ip_p = result.model.compensate(accel, command)"""
 
 _NORTH = """\
-foucault north READINGS --calibration result.json -o fix"""
+foucault north READINGS --calibration result.json -o fix
+foucault export result.json --to c -o calibration.h"""
 
 
 def how_to_apply(result: Result) -> Section | None:
@@ -64,7 +62,7 @@ def how_to_apply(result: Result) -> Section | None:
     imu = inverse is not None
     lead = "The instrument says, for what is true:"
     if result.equation == cluster.EQUATION:
-        inverse, commands, python = cluster.INVERSE, _CLUSTER_COMMANDS, _CLUSTER_PYTHON
+        inverse, commands, python = cluster.INVERSE, _COMMANDS, _CLUSTER_PYTHON
         lead = "How the cluster turns, and what its accelerometers say:"
     finite = bool(np.isfinite(result.coefficients.values).all())
     if finite and inverse is not None:

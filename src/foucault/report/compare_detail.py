@@ -55,7 +55,7 @@ def changes(about: About, one: About, of: str) -> Section:
     blocks.append(_change_table(about, c, ends, drifting))
     joint = "more than" if c["chi_square"] > c["limits"][1] else "no more than"
     lead = (
-        f"Above, the change {what} over its standard deviation. All coefficients of all results "
+        f"First the change {what} over its standard deviation. All coefficients of all results "
         f"together differ by {joint} chance explains: chi-square {plain(c['chi_square'], 4)} of "
         f"{c['dof']} degrees of freedom, limit {plain(c['limits'][1], 4)}. One comparison in a "
         "hundred of an instrument that does not change is beyond a limit."

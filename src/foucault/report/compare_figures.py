@@ -104,8 +104,8 @@ def in_sd(names: Sequence[str], z: FloatArray, limit: float, what: str) -> Figur
             "hovertemplate": "%{y}: %{x:.2f} sd<extra></extra>",
         }
         for pick, word, colour, symbol in (
-            (~far, "chance explains it", figures.FIRST, "circle"),
-            (far, "it does not", figures.WARNING, "diamond"),
+            (~far, "within chance", figures.FIRST, "circle"),
+            (far, "beyond chance", figures.WARNING, "diamond"),
         )
         if pick.any()
     ]  # fmt: skip

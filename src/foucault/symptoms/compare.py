@@ -10,8 +10,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Name the run folders, or a TOML file with a [[result]] for each of them."),
     ("compare.same_log", "error",
      "Two results of one log",
-     "'{one}' and '{other}' are results of the same log: they share its noise, and their difference "
-     "is no change of the instrument.",
+     "'{one}' and '{other}' are results of the same log: they share its noise, and their "
+     "difference is no change of the instrument.",
      "Leave one of them out. Which procedure to believe, `foucault montecarlo` says for each."),
     ("compare.took_prior", "error",
      "A result compared with the one that was its prior",
@@ -37,8 +37,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("compare.which", "error",
      "Results of which only some say which instrument they are of",
      "'{name}' does not say which instrument it is of; others do: {others}.",
-     "If all are of one instrument, add `--same`; otherwise say `instrument = \"...\"` of each in a "
-     "TOML file of [[result]] tables."),
+     "If all are of one instrument, add `--same`; otherwise say `instrument = \"...\"` of each in "
+     "a TOML file of [[result]] tables."),
     ("compare.dates", "error",
      "Not one date for each result",
      "{given} dates were given for {wanted} results.",
@@ -108,6 +108,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The instrument was not equally warm: {temperatures} (means).",
      "What looks like a change in time may be one with temperature: compare at equal temperature, "
      "or model it."),
+    ("compare.at_temperature", "note",
+     "Results over temperature in a comparison",
+     "Known as functions of temperature, and compared at {temperature} °C: {names}.",
+     "Nothing is to be done. Give results at another temperature to compare there."),
     ("compare.unusable", "warning",
      "An unusable result in a comparison",
      "The verdict of {names} is unusable: its uncertainties are not to be trusted, and neither is "
