@@ -7,7 +7,7 @@ checks, a verdict and tables and returns a `Result`. N procedures and M estimato
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
 from typing import Any
@@ -16,11 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.errors import Finding, Status
+from foucault.errors import Finding, Status, error
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of
 from foucault.models.size_effect import SizeEffect
+from foucault.models.temperature import TemperatureModel
 from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
@@ -199,6 +200,9 @@ class Result:
         Plain JSON values; the keys are documented in the schema of result.json.
     tables : dict of str to table
         Tables for the report, saved as Parquet: name -> column -> array.
+    temperature : TemperatureModel or None
+        The coefficients as functions of temperature, where they are known so; `coefficients` are
+        then those at its reference temperature.
     """
 
     procedure: str
@@ -216,6 +220,7 @@ class Result:
     diagnostics: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     tables: dict[str, TableData] = field(default_factory=dict)
+    temperature: TemperatureModel | None = None
 
     @property
     def model(self) -> ImuModel | ClusterModel:
@@ -240,9 +245,25 @@ class Result:
         Log
             The same samples, compensated [SI].
         """
+        if self.temperature is not None:
+            return self.temperature.apply(log)
         if isinstance(self.model, ImuModel):
             return self.size_effect.apply(self.model, log)
         return self.model.apply(log)
+
+    def at(self, temperature: float) -> Result:
+        """Return the result for one temperature, with coefficients that do not change with it.
+
+        Parameters
+        ----------
+        temperature : float
+            Temperature within the range of validity [K].
+        """
+        if self.temperature is None:
+            raise error("temperature.option", option="--at")
+        validity = self.validity | {"temperature": [temperature, temperature]}
+        vector = self.temperature.at(temperature)
+        return replace(self, coefficients=vector, validity=validity, temperature=None)
 
 
 def provenance(source: Mapping[str, Any], seconds: float) -> dict[str, Any]:

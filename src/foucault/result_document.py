@@ -19,6 +19,7 @@ from typing_extensions import TypedDict
 from foucault import units
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.errors import ADVICE, Finding, Status
+from foucault.models.temperature import TemperatureModel
 from foucault.result import Check, Level, Result, Verdict
 
 FloatArray = npt.NDArray[np.float64]
@@ -112,6 +113,52 @@ class CampaignRow(BaseModel):
     sha256: str
 
 
+class TemperatureFunction(BaseModel):
+    """One coefficient as a function of temperature."""
+
+    name: str
+    unit: str = Field(description="SI unit of the coefficient")
+    weights: list[float] = Field(
+        description="polynomial: those of (T - reference)^k, k = 0, 1, ... [unit/K^k]; piecewise "
+        "linear: the values at the knots [unit]"
+    )
+    scatter: float | None = Field(
+        description="sd about the function from one session to the next [unit]; null where unknown"
+    )
+
+
+class TemperatureDocument(BaseModel):
+    """The coefficients as functions of temperature, in the order of `coefficients`."""
+
+    kind: Literal["polynomial", "piecewise linear"]
+    reference: float = Field(description="temperature of `coefficients` and of T - reference [K]")
+    low: float = Field(description="below this temperature nothing is known [K]")
+    high: float = Field(description="above this temperature nothing is known [K]")
+    knots: list[float] = Field(description="of piecewise linear functions, else empty [K]")
+    functions: list[TemperatureFunction]
+    covariance: list[list[float]] = Field(
+        description="of all weights, those of a function side by side"
+    )
+
+    @model_validator(mode="after")
+    def _shapes_agree(self) -> Self:
+        terms = {len(f.weights) for f in self.functions}
+        if len(terms) != 1:
+            raise ValueError("functions must all have the same number of weights")
+        if bool(self.knots) != (self.kind == "piecewise linear"):
+            raise ValueError("knots are those of piecewise linear functions")
+        if self.knots and (terms != {len(self.knots)} or len(self.knots) < 2):
+            raise ValueError("there must be a weight for every knot, and two knots or more")
+        if any(b <= a for a, b in zip(self.knots, self.knots[1:], strict=False)):
+            raise ValueError("knots must rise")
+        size = len(self.functions) * terms.pop()
+        if [len(row) for row in self.covariance] != [size] * size or not size:
+            raise ValueError(f"covariance must have {size} x {size} numbers")
+        if not 0 < self.low <= self.reference <= self.high:
+            raise ValueError("low, reference and high must rise")
+        return self
+
+
 _OPEN = ConfigDict(extra="allow")  # these keep keys that are not listed here
 
 
@@ -188,6 +235,9 @@ class ResultDocument(BaseModel):
     provenance: Provenance
     campaign: CampaignRow | None = None
     tables: dict[str, TableRow]
+    temperature: TemperatureDocument | None = Field(
+        None, description="null where coefficients are not known as functions of temperature"
+    )
 
     @model_validator(mode="after")
     def _names_agree(self) -> Self:
@@ -199,6 +249,8 @@ class ResultDocument(BaseModel):
                 raise ValueError("covariance.names differ from the names of the coefficients")
             if [len(r) for r in self.covariance.matrix] != [len(names)] * len(names):
                 raise ValueError(f"covariance.matrix must have {len(names)} x {len(names)} numbers")
+        if self.temperature is not None and [f.name for f in self.temperature.functions] != names:
+            raise ValueError("temperature.functions differ from the names of the coefficients")
         return self
 
 
@@ -244,6 +296,8 @@ def document(result: Result) -> dict[str, Any]:
         "campaign": None,
         "tables": {},
     }
+    if result.temperature is not None:
+        out["temperature"] = _functions(result.temperature)
     ResultDocument.model_validate(out)  # what is written can be read back
     return out
 
@@ -269,6 +323,37 @@ def result_of(doc: ResultDocument, tables: dict[str, Any]) -> Result:
         diagnostics=dict(doc.diagnostics),
         provenance=dict(doc.provenance),
         tables=tables,
+        temperature=None if doc.temperature is None else _temperature(doc),
+    )
+
+
+def _functions(model: TemperatureModel) -> dict[str, Any]:
+    return {
+        "kind": model.kind,
+        "reference": model.reference,
+        "low": model.low,
+        "high": model.high,
+        "knots": plain(model.knots),
+        "functions": [
+            {"name": c.name, "unit": c.unit, "weights": plain(w), "scatter": plain(float(s))}
+            for c, w, s in zip(model.layout.coefficients, model.weights, model.scatter, strict=True)
+        ],
+        "covariance": plain(model.cov),
+    }
+
+
+def _temperature(doc: ResultDocument) -> TemperatureModel:
+    given = doc.temperature
+    assert given is not None
+    return TemperatureModel(
+        _vector(doc).layout,
+        np.array([f.weights for f in given.functions]),
+        np.array(given.covariance),
+        given.reference,
+        given.low,
+        given.high,
+        np.array(given.knots),
+        np.array([_number(f.scatter) for f in given.functions]),
     )
 
 

@@ -31,6 +31,9 @@ STANDARD_GRAVITY = 9.80665
 ZERO_CELSIUS = 273.15
 """0 degC [K]."""
 
+CELSIUS = ("degC", "°C", "C", "celsius")
+"""Names of the one unit with an offset; only a temperature may be given in it."""
+
 _DEFINITIONS = f"""
 meter = [length] = m = metre
 second = [time] = s = sec
@@ -92,7 +95,8 @@ KINDS: dict[str, Kind] = _kinds(
         ("length", "m", "m", "250 m"),
         ("lever arm", "m", "mm m", "3 cm"),
         ("angle", "rad", "arcsec arcmin deg", "45 deg"),
-        ("temperature", "K", "K", "293.15 K"),
+        ("temperature", "K", "K", "25 degC"),
+        ("temperature difference", "K", "K", "2 K"),
         ("specific force", "m/s^2", "ug mg", "50 ug"),
         ("gravity", "m/s^2", "m/s^2", "9.81234 m/s^2"),
         ("angular rate", "rad/s", "deg/h deg/s", "0.01 deg/h"),
@@ -218,11 +222,16 @@ def parse(text: object, kind: str, key: str = "value") -> float:
     match = _NUMBER.match(text) if isinstance(text, str) else None
     if match is None or not match.group(2).strip():
         raise error("unit.missing", key=key, given=repr(text), kind=kind, example=want.example)
-    return float(match.group(1)) * factor(match.group(2).strip(), kind)
+    number, unit = float(match.group(1)), match.group(2).strip()
+    if kind == "temperature" and unit in CELSIUS:
+        return number + ZERO_CELSIUS
+    return number * factor(unit, kind)
 
 
 def convert(value: float, kind: str, unit: str) -> float:
     """Express `value` [SI unit of `kind`] in `unit`."""
+    if kind == "temperature" and unit in CELSIUS:
+        return value - ZERO_CELSIUS
     return value / factor(unit, kind)
 
 

@@ -172,6 +172,8 @@ def hashed(path: str | Path) -> Hashed:
     """Return the name, the fingerprint and the result of a run folder or its result.json."""
     path = Path(path)
     result = load_result(path, with_tables=False)
+    if result.temperature is not None:
+        raise error("temperature.as_prior", name=path)
     return str(path), sha256(path / RESULT_FILE if path.is_dir() else path), result
 
 

@@ -28,6 +28,7 @@ from foucault.cli import (
     results,
     sessions,
     study,
+    temperature,
     watch,
 )
 from foucault.cli.screen import INTERRUPTED, Screen
@@ -115,7 +116,7 @@ def _program(
 
 for _module in (
     campaigns, plans, preflight, optimise, sessions, results, merge, compare, fleet, north, align,
-    navigate, delay, allan, study, export, watch,
+    navigate, delay, allan, study, temperature, export, watch,
 ):  # fmt: skip
     _module.add_to(app)
 

@@ -128,7 +128,7 @@ def export(
     from foucault.run_folder import load_result
 
     screen: Screen = ctx.obj
-    calibrated = _of_an_imu(load_result(result, with_tables=False))
+    calibrated = load_result(result, with_tables=False)
     if at is not None:
         calibrated = calibrated.at(parsed({"at": at})["at"])
     noise, log = _known(calibrated, result)

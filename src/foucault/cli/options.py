@@ -9,7 +9,8 @@ KINDS = {
     "height": "length", "gravity": "gravity", "gyro_noise": "angle random walk",
     "accel_noise": "velocity random walk", "gyro_bias_sd": "angular rate",
     "accel_bias_sd": "specific force", "align": "time", "from": "time", "until": "time",
-    "rate": "frequency",
+    "rate": "frequency", "at": "temperature", "reference": "temperature",
+    "margin": "temperature difference",
 }  # fmt: skip
 """Kind of quantity of every option; the others are angles."""
 
@@ -19,7 +20,7 @@ POSITIVE = (
 )  # fmt: skip
 """Options that must be greater than zero."""
 
-NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd")
+NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd", "margin")
 """Options that may be zero, but no less."""
 
 

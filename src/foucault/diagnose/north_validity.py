@@ -12,6 +12,7 @@ from foucault.errors import Finding, finding
 from foucault.estimate.north_seeking import Fixes
 from foucault.models.dwells import Dwells
 from foucault.models.rotation import turned
+from foucault.units import ZERO_CELSIUS
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,9 +21,6 @@ NEAR_STOP = np.radians(2.0)
 
 WARM = 5.0
 """Temperatures within so much of those of the calibration are the same [K]."""
-
-ZERO = 273.15
-"""0 degC [K]."""
 
 CONTRADICTS = 4.0
 """A heading further from its reference than this contradicts it [sd]."""
@@ -88,5 +86,5 @@ def _list(angles: list[Any]) -> str:
 
 
 def _range(low: float, high: float) -> str:
-    one, two = f"{low - ZERO:.0f}", f"{high - ZERO:.0f}"
+    one, two = f"{low - ZERO_CELSIUS:.0f}", f"{high - ZERO_CELSIUS:.0f}"
     return one if one == two else f"{one} to {two}"

@@ -47,9 +47,12 @@ def text(wanted: Request) -> str:
         _vector("foucault_accel_bias", model.accel_bias),
         *_gyro_matrix(model),
         _vector("foucault_gyro_bias", model.gyro_bias),
-        "/* g-sensitivity of the gyros [rad/s per m/s^2]. */",
-        _matrix("foucault_g_sensitivity", model.g_sensitivity),
     ]
+    if model.g_sensitivity.any():
+        parts += [
+            "/* g-sensitivity of the gyros [rad/s per m/s^2]. */",
+            _matrix("foucault_g_sensitivity", model.g_sensitivity),
+        ]
     if not model.accel_linear:
         parts += [
             "/* Asymmetry of the accelerometers' scale factors [1]. */",
@@ -108,7 +111,8 @@ def _function(model: ImuModel) -> str:
         "SENSED": "" if model.straight else _CALL_SENSED,
         "RATE": _CALL_BENT if model.deflection.any() else _CALL_RATE,
     }
-    out = _FUNCTION
+    felt = _FELT if model.g_sensitivity.any() else ""
+    out = _FUNCTION.replace("/*FELT*/", felt)
     for mark, lines in steps.items():
         out = out.replace(f"/*{mark}*/\n", lines)
     return out
@@ -150,6 +154,9 @@ _UNLIKE = """\
         a[i] /= a[i] < 0.0 ? 1.0 - foucault_accel_asymmetry[i] : 1.0 + foucault_accel_asymmetry[i];
 """
 
+_FELT = """ - foucault_g_sensitivity[i][0] * f_b[0]
+             - foucault_g_sensitivity[i][1] * f_b[1] - foucault_g_sensitivity[i][2] * f_b[2]"""
+
 _CALL = "    foucault_solve_force(accel_raw, f_b);\n"
 
 _CALL_SENSED = "    foucault_sensed_rate(w);\n"
@@ -188,8 +195,7 @@ static inline void foucault_compensate(const double accel_raw[3], const double g
                + foucault_accel_inverse[i][2] * a[2];
 /*NEWTON*/
     for (i = 0; i < 3; i++)
-        w[i] = gyro_raw[i] - foucault_gyro_bias[i] - foucault_g_sensitivity[i][0] * f_b[0]
-             - foucault_g_sensitivity[i][1] * f_b[1] - foucault_g_sensitivity[i][2] * f_b[2];
+        w[i] = gyro_raw[i] - foucault_gyro_bias[i]/*FELT*/;
 /*SENSED*/
 /*RATE*/
 }

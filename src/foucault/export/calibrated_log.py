@@ -16,9 +16,11 @@ from foucault.logs import own, streaming
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import is_cluster
 from foucault.models.size_effect import AFTER, BEFORE
+from foucault.models.temperature import TemperatureModel
 from foucault.procedures.tumble_log import of_a_command
 from foucault.result import Level, Result
 from foucault.tables import Log
+from foucault.units import ZERO_CELSIUS
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -64,6 +66,7 @@ def calibrate_log(
     instrument: Mapping[str, Any] | None = None,
     sha256: str = "",
     force: bool = False,
+    hold: bool = False,
     progress: Progress | None = None,
 ) -> Applied:
     """Write a calibrated log; memory does not grow with its length where the format allows.
@@ -84,6 +87,9 @@ def calibrate_log(
         Fingerprint of the result file, to be kept in the log.
     force : bool
         Go on where the result is unusable or of another instrument.
+    hold : bool
+        Where coefficients change with temperature and the log is outside their range, take those
+        at the end of the range, instead of an error.
     progress : callable or None
         Called with the fraction done, from 0 to 1.
 
@@ -96,10 +102,12 @@ def calibrate_log(
         _fits(result, description, instrument or {})
     if any((Path(folder) / name).resolve() == Path(path).resolve() for name in description.files()):
         raise error("apply.onto_itself", path=path)
+    if hold and result.temperature is None:
+        raise error("temperature.option", option="--outside")
     seen = _Seen(result)
     logs = streaming.blocks(description, folder, progress)
     remarks = {own.CALIBRATED_KEY: _made_by(result, sha256)}
-    samples = own.write_blocks(_calibrated(result, logs, seen, force), path, remarks)
+    samples = own.write_blocks(_calibrated(result, logs, seen, force, hold), path, remarks)
     return Applied(Path(path), samples, seen.findings())
 
 
@@ -137,7 +145,9 @@ def _made_by(result: Result, sha256: str) -> str:
     return json.dumps(keep)
 
 
-def _calibrated(result: Result, logs: Iterator[Log], seen: _Seen, force: bool) -> Iterator[Log]:
+def _calibrated(
+    result: Result, logs: Iterator[Log], seen: _Seen, force: bool, hold: bool
+) -> Iterator[Log]:
     model, apart = result.model, bool(result.size_effect)
     # A cluster always needs them, and says so itself.
     forced = isinstance(model, ImuModel) and model.gyros_feel_force
@@ -149,7 +159,13 @@ def _calibrated(result: Result, logs: Iterator[Log], seen: _Seen, force: bool) -
             raise error("apply.needs_accel", file=file)
         if log.gyro is None and apart:
             raise error("apply.needs_gyro", file=file)
+        if result.temperature is not None:
+            if log.temperature is None or not hold:
+                result.temperature.refuse_outside(log, seen.samples)
+            seen.warmth(result.temperature, log)
         whole = _joined(before, log, after)
+        if hold and result.temperature is not None and whole.temperature is not None:
+            whole = replace(whole, temperature=result.temperature.held(whole.temperature))
         first = 0 if before is None else len(before)
         out = result.apply(whole)[first : first + len(log)]
         out = replace(log, accel=out.accel, gyro=out.gyro)
@@ -178,7 +194,7 @@ def _joined(before: Log | None, log: Log, after: Log | None) -> Log:
         return None if blocks[0] is None else np.concatenate(blocks)
 
     time = np.concatenate([part.time for part in some])
-    return Log(time, both("gyro"), both("accel"), log.sampled)
+    return Log(time, both("gyro"), both("accel"), log.sampled, both("temperature"))
 
 
 @dataclass
@@ -227,21 +243,39 @@ class _Seen:
     result: Result
     found: list[tuple[Finding, ...]] = field(default_factory=list)
     untouched: set[str] = field(default_factory=set)
+    samples: int = 0
+    beyond: int = 0
+    first_beyond: int = -1
+    span: tuple[float, float] = (np.inf, -np.inf)
 
     def __post_init__(self) -> None:
         self.ranges: dict[str, _Range] = {}
         for key, rest in (
             ("accel", ("the specific force", "m/s^2", 0.0)),
             ("gyro", ("the angular rate", "deg/s", np.radians(0.5), np.radians(1.0))),
-            ("temperature", ("the temperature", "degC", 1.0, 1.0, 273.15)),
+            ("temperature", ("the temperature", "degC", 1.0, 1.0, ZERO_CELSIUS)),
         ):
             limits = self.result.validity.get(key)
+            if key == "temperature" and self.result.temperature is not None:
+                continue  # its functions are not extrapolated
             if limits is not None and None not in limits:
                 what, unit, floor, *scale = rest
                 self.ranges[key] = _Range(what, limits[0], limits[1], unit, floor, *scale)
 
+    def warmth(self, model: TemperatureModel, log: Log) -> None:
+        """Count the samples of one block that the functions of temperature do not hold at."""
+        assert log.temperature is not None
+        rows = np.flatnonzero(model.outside(log.temperature))
+        if rows.size and not self.beyond:
+            self.first_beyond = self.samples + int(rows[0])
+        self.beyond += rows.size
+        low, high = self.span
+        T = log.temperature
+        self.span = (min(low, float(T.min())), max(high, float(T.max())))
+
     def add(self, log: Log, out: Log) -> None:
         """Look at one block before and after."""
+        self.samples += len(log)
         command = is_cluster(self.result.coefficients)
         self.found.append(of_a_command(log.findings) if command else log.findings)
         names = self.result.coefficients.names
@@ -262,4 +296,12 @@ class _Seen:
             text = "; ".join(words)
             found.append(finding("apply.outside", words=text[0].upper() + text[1:]))
         found += [finding("apply.untouched", triad=t) for t in sorted(self.untouched)]
+        model = self.result.temperature
+        if model is not None and self.beyond:
+            low, high = (f"{v - ZERO_CELSIUS:.2f}" for v in (model.low, model.high))
+            found.append(finding("temperature.held_outside", count=self.beyond, low=low, high=high,
+                                 row=self.first_beyond))  # fmt: skip
+        if self.span[0] == self.span[1] and self.samples > 1:
+            found.append(finding("temperature.constant", count=self.samples,
+                                 given=f"{self.span[0] - ZERO_CELSIUS:.2f}"))  # fmt: skip
         return tuple(found)

@@ -10,6 +10,7 @@ from typing import Any
 
 from foucault.export.numbers import inverse
 from foucault.export.request import FAMILIES, Request
+from foucault.export.temperature_terms import TemperatureTerms
 from foucault.models.size_effect import SizeEffect
 
 CAN = FAMILIES
@@ -58,7 +59,30 @@ def text(wanted: Request) -> str:
         **_size_effect(wanted.size),
         "dropped": dict(zip(wanted.dropped.names, wanted.dropped.values.tolist(), strict=True)),
     }
+    if wanted.temperature is not None:
+        out = _with_temperature(out, wanted.temperature)
     return json.dumps(out, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _with_temperature(out: dict[str, Any], terms: TemperatureTerms) -> dict[str, Any]:
+    """Put terms in the place of constants, which would hold at one temperature only."""
+    forward = {name: terms.block(name).tolist() for name in out["forward"] if name != "equation"}
+    for part in ("forward", "inverse"):
+        out[part] = {"equation": out[part]["equation"]}
+    f = terms.functions
+    out["temperature"] = {
+        "equation": "every array of forward is the sum over k of terms[k] phi_k(T); phi_k is "
+        + ("1 at knot k, 0 at every other, and straight between" if f.knots.size
+           else "(T - reference)^k")
+        + "; accel_inverse and gyro_inverse are the inverses of accel_matrix and gyro_matrix",
+        "unit": "K",
+        "low": f.low,
+        "high": f.high,
+        "reference": f.reference,
+        "knots": f.knots.tolist(),
+        "terms": forward,
+    }  # fmt: skip
+    return out
 
 
 def _size_effect(size: SizeEffect) -> dict[str, Any]:

@@ -38,6 +38,14 @@ def tensor(values: FloatArray, opening: str, closing: str) -> str:
     return ",\n".join(f"{part},\n    {closing}" for part in parts)
 
 
+def nested(values: FloatArray, opening: str, closing: str) -> str:
+    """Write `values`, shape (n,), (m, n) or (l, m, n) [SI], between brackets."""
+    if values.ndim == 1:
+        return f"{opening}{row(values)}{closing}"
+    lines = (rows if values.ndim == 2 else tensor)(values, opening, closing)
+    return f"{opening}\n{lines},\n{closing}"
+
+
 def commented(lines: Iterable[str], mark: str) -> str:
     """Put a comment mark before each of `lines`."""
     return "\n".join(f"{mark} {line}".rstrip() for line in lines)

@@ -29,9 +29,12 @@ def text(wanted: Request) -> str:
         f"ACCEL_BIAS = ({row(model.accel_bias)})",
         *_gyro_matrix(model),
         f"GYRO_BIAS = ({row(model.gyro_bias)})",
-        "# g-sensitivity of the gyros [rad/s per m/s^2].",
-        _matrix("G_SENSITIVITY", model.g_sensitivity),
     ]
+    if model.g_sensitivity.any():
+        parts += [
+            "# g-sensitivity of the gyros [rad/s per m/s^2].",
+            _matrix("G_SENSITIVITY", model.g_sensitivity),
+        ]
     if not model.accel_linear:
         parts += [
             "# Asymmetry of the accelerometers' scale factors [1].",
@@ -96,6 +99,7 @@ def _function(model: ImuModel) -> str:
     steps = {
         "SENSE": _UNLIKE if model.accel_asymmetry.any() else "",
         "NEWTON": _CALL if model.accel_quadratic.any() else "",
+        "FELT": _FELT if model.g_sensitivity.any() else _UNFELT,
         "SENSED": "" if model.straight else _CALL_SENSED,
         "RATE": _CALL_BENT if model.deflection.any() else _CALL_RATE,
     }
@@ -161,6 +165,13 @@ _UNLIKE = """\
     p = [v / (1.0 - e if v < 0.0 else 1.0 + e) for v, e in zip(p, ACCEL_ASYMMETRY)]
 """
 
+_FELT = """\
+    sensed = _times(G_SENSITIVITY, f)
+    y = [gyro[i] - GYRO_BIAS[i] - sensed[i] for i in range(3)]
+"""
+
+_UNFELT = "    y = [gyro[i] - GYRO_BIAS[i] for i in range(3)]\n"
+
 _CALL = "    f = _solve_force(accel, f)\n"
 
 _CALL_RATE = "    return f, _times(GYRO_INVERSE, y)\n"
@@ -182,8 +193,7 @@ def compensate(accel, gyro):
     #SENSE
     f = _times(ACCEL_INVERSE, p)
     #NEWTON
-    sensed = _times(G_SENSITIVITY, f)
-    y = [gyro[i] - GYRO_BIAS[i] - sensed[i] for i in range(3)]
+    #FELT
     #SENSED
     #RATE
 '''

@@ -29,6 +29,9 @@ RECEIVERS = {
 }
 """Name of a receiver -> its module: ``CAN``, the families it can express, and ``text``."""
 
+AT_TEMPERATURES = {"c": "c_temperature", "python": "python_temperature", "json": "json_matrices"}
+"""The same of receivers that take coefficients which change with temperature."""
+
 
 def write(
     result: Result,
@@ -70,12 +73,14 @@ def write(
     if receiver not in RECEIVERS:
         hint = suggestion(receiver, RECEIVERS)
         raise error("export.receiver", given=receiver, hint=hint, allowed=", ".join(RECEIVERS))
-    module = import_module(f"foucault.export.{RECEIVERS[receiver]}")
-    usual: str = getattr(module, "AXES", OWN_AXES)
-    wanted = request(
+    if result.temperature is not None and receiver not in AT_TEMPERATURES:
+        raise error("temperature.receiver", receiver=receiver)
     other = _not_of_an_imu(result)
     if other:
         return _written(path, _whole(result, other, receiver, axes, tuple(drop), force))
+    module = import_module(f"foucault.export.{RECEIVERS[receiver]}")
+    usual: str = getattr(module, "AXES", OWN_AXES)
+    wanted = request(
         result,
         receiver,
         module.CAN,
@@ -85,6 +90,8 @@ def write(
         log=log,
         force=force,
     )
+    if result.temperature is not None:
+        module = import_module(f"foucault.export.{AT_TEMPERATURES[receiver]}")
     return _written(path, module.text(wanted))
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
+from foucault.export.temperature_terms import TemperatureTerms
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import of_one_sample, of_sensors
 from foucault.models.noise import ImuNoise
@@ -86,6 +87,9 @@ class Request:
         Noise of the instrument, where known [SI].
     counts : dict of str to Counts
         How raw counts become SI, for the triads whose log was in counts.
+    temperature : TemperatureTerms or None
+        The matrices as functions of temperature, where they are; `model` is then that at the
+        reference temperature.
     """
 
     result: Result
@@ -95,6 +99,7 @@ class Request:
     dropped: CoefficientVector
     noise: ImuNoise | None
     counts: Mapping[str, Counts]
+    temperature: TemperatureTerms | None = None
 
     def statement(self) -> list[str]:
         """Return what every exported file says of itself, line by line."""
@@ -181,6 +186,7 @@ def request(
     if axes not in AXES:
         hint = suggestion(axes, AXES)
         raise error("export.axes", given=axes, hint=hint, allowed=", ".join(AXES))
+    drop = tuple(drop)
     dropped = _dropped(vector, drop)
     kept = vector.with_values(dict.fromkeys(dropped.names, 0.0))
     lost = [
@@ -200,7 +206,11 @@ def request(
     model = in_axes(ImuModel.from_coefficients(of_one_sample(kept)), C_sb)
     size = SizeEffect.of(kept).rotated(C_sb)
     size = replace(size, arms=np.abs(C_sb) @ size.arms)  # the accelerometers change places
-    return Request(result, model, size, axes, dropped, noise, _counts(log, C_sb))
+    terms = None
+    if result.temperature is not None:
+        gone = tuple({ALL.names[i] for name in drop for i in ALL.group(name)})
+        terms = TemperatureTerms.of(result.temperature, gone, lambda m: in_axes(m, C_sb))
+    return Request(result, model, size, axes, dropped, noise, _counts(log, C_sb), terms)
 
 
 def usable(result: Result, force: bool) -> None:

@@ -98,11 +98,13 @@ def bending(T: FloatArray, f_b: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    T : ndarray, shape (3, 3, 3)
+    T : ndarray, shape (3, 3, 3) or (..., 3, 3, 3)
         Gyro, direction, axis of the specific force [rad/(m/s^2)].
     f_b : ndarray, shape (..., 3)
         Specific force [m/s^2].
     """
+    if T.ndim > 3:  # one for every specific force
+        return np.asarray(np.einsum("...ijk,...k->...ij", T, f_b))
     return np.asarray((f_b @ T.reshape(9, 3).T).reshape(*f_b.shape[:-1], 3, 3))
 
 

@@ -76,6 +76,9 @@ class Gauge(StrEnum):
 class ImuModel:
     """The error model of one IMU as matrices.
 
+    Where coefficients differ from sample to sample, as with temperature, every matrix has one more
+    axis in front, that of the samples: `measure` and `compensate` take those.
+
     Attributes
     ----------
     accel_matrix : ndarray, shape (3, 3)
@@ -119,6 +122,28 @@ class ImuModel:
             block, where = coefficient_slot(name)
             getattr(model, block)[where] += value
         return model
+
+    @classmethod
+    def of_samples(cls, names: Iterable[str], values: FloatArray) -> ImuModel:
+        """Build a model whose coefficients differ from sample to sample.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Names of n coefficients.
+        values : ndarray, shape (m, n)
+            Their values at every sample [SI].
+        """
+        start = cls()
+        blocks: dict[str, FloatArray] = {}
+        for name, column in zip(names, values.T, strict=True):
+            block, where = coefficient_slot(name)
+            if block not in blocks:
+                one = getattr(start, block)
+                blocks[block] = np.broadcast_to(one, (len(values), *one.shape)).copy()
+            where = where if isinstance(where, tuple) else (where,)
+            blocks[block][(slice(None), *where)] += column
+        return replace(start, **blocks)
 
     def coefficients(self, names: Iterable[str] | None = None) -> CoefficientVector:
         """Return the named coefficients (all of `LAYOUT` by default) of these matrices."""
@@ -165,14 +190,16 @@ class ImuModel:
             Gyro readings [rad/s].
         """
         accel = self._accel(f_b)
-        gyro = w_ib_b @ self.gyro_matrix.T
-        if self.deflection.any():
+        gyro = _times(self.gyro_matrix, w_ib_b)
+        if self.deflection.ndim > 3:  # one for every sample
+            gyro = gyro + _times(deflection.bending(self.deflection, f_b), w_ib_b)
+        elif self.deflection.any():
             gyro = gyro + deflection.felt(self.deflection, f_b, w_ib_b)
         if not self.straight:
             gyro = gyro_scale.readout(gyro, self.gyro_asymmetry, self.gyro_cubic)
         gyro = gyro + self.gyro_bias
         if self.g_sensitivity.any():
-            gyro += f_b @ self.g_sensitivity.T
+            gyro += _times(self.g_sensitivity, f_b)
         return accel, gyro
 
     def compensate(
@@ -207,35 +234,35 @@ class ImuModel:
             )
         rate = gyro - self.gyro_bias
         if f_b is not None and self.g_sensitivity.any():
-            rate -= f_b @ self.g_sensitivity.T
+            rate -= _times(self.g_sensitivity, f_b)
         if not self.straight:
             rate = gyro_scale.sensed(rate, self.gyro_asymmetry, self.gyro_cubic)
         if f_b is None or not self.deflection.any():
-            return f_b, rate @ np.linalg.inv(self.gyro_matrix).T
+            return f_b, _times(_inverse(self.gyro_matrix), rate)
         matrix = self.gyro_matrix + deflection.bending(self.deflection, f_b)
         return f_b, np.asarray(np.linalg.solve(matrix, rate[..., None])[..., 0], float)
 
     def _accel(self, f_b: FloatArray) -> FloatArray:
-        sensed = f_b @ self.accel_matrix.T
+        sensed = _times(self.accel_matrix, f_b)
         accel = sensed + self.accel_bias
         if self.accel_asymmetry.any():
             accel += self.accel_asymmetry * np.abs(sensed)
         if self.accel_quadratic.any():
-            accel += products(f_b) @ self.accel_quadratic.T
+            accel += _times(self.accel_quadratic, products(f_b))
         return np.asarray(accel)
 
     def _accel_slope(self, f_b: FloatArray) -> FloatArray:
         """Derivative of the readings by the specific force, shape (..., 3, 3) [1]."""
-        sense = np.sign(f_b @ self.accel_matrix.T)
+        sense = np.sign(_times(self.accel_matrix, f_b))
         slope = (1.0 + self.accel_asymmetry * sense)[..., None] * self.accel_matrix
-        slope += np.einsum("ik,...kj->...ij", self.accel_quadratic, products_slope(f_b))
+        slope += np.einsum("...ik,...kj->...ij", self.accel_quadratic, products_slope(f_b))
         return np.asarray(slope)
 
     def _compensate_accel(self, accel: FloatArray) -> FloatArray:
         sensed = accel - self.accel_bias
         if self.accel_asymmetry.any():
             sensed = gyro_scale.sensed(sensed, self.accel_asymmetry, np.zeros(3))
-        f_b: FloatArray = sensed @ np.linalg.inv(self.accel_matrix).T
+        f_b = _times(_inverse(self.accel_matrix), sensed)
         if not self.accel_quadratic.any():
             return f_b
         for _ in range(20):
@@ -328,6 +355,17 @@ def products_slope(f_b: FloatArray) -> FloatArray:
     o = np.zeros_like(x)
     rows = [(2 * x, o, o), (o, 2 * y, o), (o, o, 2 * z), (y, x, o), (z, o, x), (o, z, y)]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Multiply every vector by a matrix, the same one or its own."""
+    if matrix.ndim == 2:
+        return np.asarray(vector @ matrix.T)
+    return np.asarray(np.einsum("...ij,...j->...i", matrix, vector))
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def _rotate_quadratic(K: FloatArray, C_bc: FloatArray) -> FloatArray:

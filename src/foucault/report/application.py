@@ -36,6 +36,21 @@ print(result.verdict.level, result.coefficients, sep="\\n")
 compensated = result.apply(log)"""
 
 
+_TEMPERATURE_COMMANDS = (
+    _COMMANDS
+    + """
+foucault export result.json --to px4 --at "25 degC" -o px4.params"""
+)
+
+_TEMPERATURE_PYTHON = """\
+import foucault
+
+result = foucault.load_result("result.json")
+print(result.verdict.level, result.coefficients, sep="\\n")
+# log: a foucault.Log with temperature [K]; every sample gets the coefficients of its own
+compensated = result.apply(log)
+at_20_degC = result.at(293.15)  # a result like any other"""
+
 _CLUSTER_PYTHON = """\
 import foucault
 
@@ -61,6 +76,8 @@ def how_to_apply(result: Result) -> Section | None:
     inverse = INVERSES.get(result.equation)
     imu = inverse is not None
     lead = "The instrument says, for what is true:"
+    if result.temperature is not None:
+        commands, python, imu = _TEMPERATURE_COMMANDS, _TEMPERATURE_PYTHON, False
     if result.equation == cluster.EQUATION:
         inverse, commands, python = cluster.INVERSE, _COMMANDS, _CLUSTER_PYTHON
         lead = "How the cluster turns, and what its accelerometers say:"

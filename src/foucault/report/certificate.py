@@ -9,8 +9,7 @@ import numpy as np
 
 from foucault.report.page import Facts, Section
 from foucault.result import Result
-
-ZERO_CELSIUS = 273.15  # [K]
+from foucault.units import ZERO_CELSIUS
 
 SLOW = np.radians(0.1)
 """Slower rates are those of a north seeker, in degrees per hour [rad/s]."""
@@ -90,7 +89,8 @@ def _temperature(validity: dict[str, Any]) -> str:
     low, high = (v - ZERO_CELSIUS for v in span)
     mean = validity.get("temperature_mean")
     words = f"{low:.1f} to {high:.1f} °C"
-    return words if mean is None else f"{words}, mean {mean - ZERO_CELSIUS:.1f} °C"
+    words = words if mean is None else f"{words}, mean {mean - ZERO_CELSIUS:.1f} °C"
+    return words.replace("-", "−")
 
 
 def _covered(result: Result) -> list[tuple[str, str]]:

@@ -14,7 +14,15 @@ import numpy as np
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
-from foucault.report import on_table, systematic, systematic_choice, transfer, transfer_run, tumble
+from foucault.report import (
+    on_table,
+    systematic,
+    systematic_choice,
+    temperature,
+    transfer,
+    transfer_run,
+    tumble,
+)
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
@@ -146,6 +154,8 @@ def words(value: Any) -> str:
 SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     certificate,
     tumble.alignment,
+    temperature.functions,
+    temperature.left_out,
     coefficients,
     systematic_choice.deflection,
     systematic.velocities,

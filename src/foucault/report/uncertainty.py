@@ -14,6 +14,7 @@ from foucault.coefficients import CoefficientVector, format_value
 from foucault.report import figures
 from foucault.report.page import Block, Column, Items, Section, Table
 from foucault.result import Result
+from foucault.units import ZERO_CELSIUS
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -52,6 +53,9 @@ def coefficients(result: Result) -> Section | None:
         rows += [[TRIADS.get(head, head)], *_coefficient_rows(part, prior, limit)]
         start += len(part)
     lead = f"Value and standard deviation (1 sigma). Axes: {result.frame}; {result.gauge}."
+    if result.temperature is not None:
+        at = f"{result.temperature.reference - ZERO_CELSIUS:.1f}".replace("-", "−")
+        lead = f"At {at}\N{NO-BREAK SPACE}°C. {lead}"
     if bound is not None:
         lead += (
             " sd / bound compares with the smallest uncertainty that the sensor noise alone "

@@ -42,6 +42,7 @@ from foucault.symptoms import (
     strapdown,
     study,
     systematic_procedure,
+    temperature,
     torquing,
     transfer,
     turntable,
@@ -98,6 +99,7 @@ SYMPTOMS: dict[str, Symptom] = {
             *faces.ROWS,
             *watch.ROWS,
             *study.ROWS,
+            *temperature.ROWS,
             *torquing.ROWS,
             *transfer.ROWS,
         )

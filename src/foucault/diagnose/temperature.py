@@ -1,0 +1,301 @@
+"""Are functions of temperature right: terms, scatter, sessions left out, heating and cooling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg, stats
+
+from foucault.coefficients import Layout
+from foucault.errors import Finding, finding
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.temperature import Evidence, solve
+from foucault.estimate.temperature_order import Choice, Spaces, against, refit
+from foucault.result import Check
+from foucault.units import ZERO_CELSIUS
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+ORDERS = ("constant", "straight line", "parabola", "cubic")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A fit and what it was made from.
+
+    Attributes
+    ----------
+    layout : Layout
+        The n coefficients fitted.
+    families : tuple of str
+        Their families.
+    family : ndarray of int, shape (n,)
+        The family of each [1].
+    unit : ndarray, shape (n,)
+        Unit of the fit [SI].
+    spaces : Spaces
+        Functions there were to choose from.
+    evidence : tuple of Evidence
+        Sessions, then parts of ramps.
+    choice : Choice
+        The fit.
+    names : tuple of str
+        Names of the sessions.
+    temperature : ndarray, shape (m,)
+        Mean temperature of every session [K].
+    counts : ndarray of int, shape (families,)
+        At how many temperatures sessions tell each family [1].
+    knots : ndarray, shape (p,) or (0,)
+        Knots of piecewise linear functions [K].
+    turning : bool
+        Whether heating and cooling are to be compared.
+    """
+
+    layout: Layout
+    families: tuple[str, ...]
+    family: IntArray
+    unit: FloatArray
+    spaces: Spaces
+    evidence: tuple[Evidence, ...]
+    choice: Choice
+    names: tuple[str, ...]
+    temperature: FloatArray
+    counts: IntArray
+    knots: FloatArray
+    turning: bool
+
+    @property
+    def ramps(self) -> bool:
+        """Whether there are ramps."""
+        return len(self.evidence) > len(self.names)
+
+    def label(self, order: int) -> str:
+        """Name one of the nested functions.
+
+        Parameters
+        ----------
+        order : int, shape ()
+            Its number [1].
+        """
+        if self.knots.size and order == 2:
+            return f"line through {self.knots.size} knots"
+        return ORDERS[order] if order < len(ORDERS) else f"power {order}"
+
+    @cached_property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """Every temperature as predicted without its sessions, where the others can."""
+        order = np.argsort(self.temperature, kind="stable")
+        groups = np.split(order, np.flatnonzero(np.diff(self.temperature[order]) > 1.0) + 1)
+        found = [self._without(np.sort(group)) for group in groups]
+        return tuple(one for one in found if one is not None)
+
+    def _without(self, group: IntArray) -> LeftOut | None:
+        rest = [e for k, e in enumerate(self.evidence) if k not in set(group.tolist())]
+        design, choice = self.choice.fit.design, self.choice
+        found = refit(rest, design, choice.known, choice.wanted) if rest else None
+        if found is None:
+            return None
+        fit, dof, free = found
+        if (self.choice.wanted & ~free & ~self.choice.untold).any():
+            return None  # too few are left to tell how far sessions scatter
+        z = np.full((len(group), len(self.layout)), np.nan)
+        worst = (1.0, 0)
+        for k, member in enumerate(group):
+            one = self.evidence[member]
+            said, cov = fit.predicted(one)
+            miss, at = one.y - said, np.argmax(one.H, axis=1)
+            z[k, at] = miss / np.sqrt(np.diag(cov))
+            for f in np.unique(one.group):
+                mine = one.group == f
+                r, S = miss[mine], cov[np.ix_(mine, mine)]
+                square = float(r @ linalg.solve(S, r, assume_a="pos"))
+                worst = min(worst, (_chance(square, int(mine.sum()), float(dof[f])), int(f)))
+        return LeftOut(group, z, worst[0], worst[1])
+
+    @cached_property
+    def hysteresis(self) -> tuple[tuple[int, float, float], ...]:
+        """Family, F and probability of a difference between heating and cooling, where told."""
+        choice, out = self.choice, []
+        small = self.spaces.design(choice.orders)
+        extra = np.zeros((1, self.spaces.constant.shape[1]))
+        extra[0, -1] = 1.0
+        for f, order in enumerate(self.choice.orders):
+            if order == 0 or not self.turning:
+                continue
+            design = self.spaces.design(choice.orders, extra, f)
+            # The scatter is that of the larger design, or the difference would be a part of it.
+            found = refit(self.evidence, design, choice.known, choice.wanted)
+            if found is not None:
+                large, dof, _ = found
+                fit = solve(self.evidence, small, large.variance)
+                assert fit is not None  # a part of what was told
+                F, p, _ = against(fit, large, float(dof[f]))
+                out.append((f, F, p))
+        return tuple(out)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One temperature predicted without its sessions.
+
+    Attributes
+    ----------
+    sessions : ndarray of int, shape (k,)
+        Its sessions [1].
+    z : ndarray, shape (k, n)
+        What they found minus what the others predict, over its standard deviation [1].
+    p : float
+        Smallest probability of any family by chance [1].
+    family : int
+        That family [1].
+    """
+
+    sessions: IntArray
+    z: FloatArray
+    p: float
+    family: int
+
+
+def checks(seen: Seen) -> tuple[Check, ...]:
+    """Return every test of the functions.
+
+    Parameters
+    ----------
+    seen : Seen
+        The fit.
+    """
+    some = (_freedom(seen), _terms(seen), _chi_square(seen), _left_out(seen), _hysteresis(seen),
+            _one_temperature(seen))  # fmt: skip
+    return tuple(check for check in some if check is not None)
+
+
+def _freedom(seen: Seen) -> Check | None:
+    """More temperatures than terms, or nothing is tested."""
+    if seen.ramps:
+        return None
+    terms = [len(seen.spaces.nested[f][n]) for f, n in enumerate(seen.choice.orders)]
+    spare = [int(c) - t if t > 1 else int(c) for c, t in zip(seen.counts, terms, strict=True)]
+    f = int(np.argmin(spare))
+    enough = spare[f] > 0
+    what = f"{seen.families[f]}: {seen.counts[f]} temperatures for {terms[f]} terms"
+    return Check(
+        "temperatures", float(spare[f]), 1.0, None, enough,
+        f"{what}, with {spare[f]} to spare." if enough
+        else f"{what}: a function fits them whatever they are. Calibrate at one temperature more.",
+    )  # fmt: skip
+
+
+def _terms(seen: Seen) -> Check | None:
+    """A term that is missing shows against the largest function that could be told."""
+    tests = seen.choice.missing
+    if not tests:
+        return None
+    worst = min(tests, key=lambda t: t.p)
+    limit = FALSE_ALARM / len(tests)
+    passed = worst.p >= limit
+    name, has = seen.families[worst.family], seen.label(worst.order)
+    more = f"a {seen.label(worst.against)}"
+    return Check(
+        "terms", worst.p, limit, None, passed,
+        f"No family needs more terms than it has; nearest is {name} ({has}) against {more}, "
+        f"probability {worst.p:.2g}." if passed
+        else f"{name} is no {has}: {more} fits better by F = {worst.F:.3g}, which chance does with "
+        f"probability {worst.p:.1g}. Leave out --order, or ask for a higher one.",
+    )  # fmt: skip
+
+
+def _chi_square(seen: Seen) -> Check | None:
+    """Where the scatter is declared, residuals are to be what it and the covariances predict."""
+    fit = seen.choice.fit
+    if seen.choice.wanted.any() or fit.dof < 1:
+        return None
+    low, high = chi_square_limits(fit.dof)
+    passed = low <= fit.chi_square <= high
+    words = f"chi-square {fit.chi_square:.4g} with {fit.dof} degrees of freedom"
+    return Check(
+        "chi-square", fit.chi_square, low, high, passed,
+        f"Residuals agree with the covariances and the declared scatter: {words}." if passed
+        else f"Residuals are {'larger' if fit.chi_square > high else 'smaller'} than covariances "
+        f"and declared scatter say: {words}. "
+        + ("Leave out --scatter to have it found, or look for a session unlike the others."
+           if fit.chi_square > high else "The sessions' uncertainties, or --scatter, are too "
+           "large."),
+    )  # fmt: skip
+
+
+def _left_out(seen: Seen) -> Check | None:
+    told = seen.left_out
+    if not told:
+        return None
+    worst = min(told, key=lambda one: one.p)
+    limit = FALSE_ALARM / (len(told) * len(seen.families))
+    passed = worst.p >= limit
+    at = f"{seen.temperature[worst.sessions].mean() - ZERO_CELSIUS:.1f} degC"
+    who = ", ".join(seen.names[k] for k in worst.sessions)
+    return Check(
+        "temperature left out", worst.p, limit, None, passed,
+        f"Each of {len(told)} temperatures is predicted by the others; the worst is {at}, "
+        f"{seen.families[worst.family]}, probability {worst.p:.2g}." if passed
+        else f"The sessions at {at} ({who}) are not what the others predict: "
+        f"{seen.families[worst.family]}, probability {worst.p:.1g}. Look at this session, or "
+        "calibrate at temperatures between.",
+    )  # fmt: skip
+
+
+def _hysteresis(seen: Seen) -> Check | None:
+    if not seen.hysteresis:
+        return None
+    family, F, p = min(seen.hysteresis, key=lambda row: row[2])
+    limit = FALSE_ALARM / len(seen.hysteresis)
+    name = seen.families[family]
+    passed = p >= limit
+    return Check(
+        "heating and cooling", p, limit, None, passed,
+        f"Heating and cooling agree; nearest is {name}, probability {p:.2g}." if passed
+        else f"{name} differs between heating and cooling, F = {F:.3g}, probability {p:.1g}: the "
+        "instrument has hysteresis, or its sensor of temperature lags. Wait longer at each "
+        "temperature, or declare the difference with --scatter.",
+    )  # fmt: skip
+
+
+def _one_temperature(seen: Seen) -> Check | None:
+    """With a ramp, what sessions know at one temperature only is taken as constant."""
+    alone = [n for n, c in zip(seen.families, seen.counts, strict=True) if c < 2]
+    constant = [
+        n for n in alone if seen.choice.orders[seen.families.index(n)] == 0
+        and n not in ("gyro.bias", "accel.bias")
+    ]  # fmt: skip
+    if not seen.ramps:
+        return None
+    return Check(
+        "what a ramp cannot tell", float(len(constant)), None, 0.0, not constant,
+        "Sessions at several temperatures tell what a ramp does not." if not constant
+        else f"{', '.join(constant)}: known at one temperature, taken as constant over all. "
+        "Calibrate at a second temperature to know.",
+    )  # fmt: skip
+
+
+def findings(seen: Seen) -> tuple[Finding, ...]:
+    """Return what should be known of the fit.
+
+    Parameters
+    ----------
+    seen : Seen
+        The fit.
+    """
+    count = len(seen.families)
+    untold = [n for n, u in zip(seen.families, seen.choice.untold[:count], strict=True) if u]
+    out = [finding("temperature.no_scatter", families=", ".join(untold))] if untold else []
+    if seen.turning and not seen.hysteresis:
+        out.append(finding("temperature.one_way"))
+    return tuple(out)
+
+
+def _chance(square: float, terms: int, dof: float) -> float:
+    if np.isinf(dof):
+        return float(stats.chi2.sf(square, terms))
+    return float(stats.f.sf(square / terms, terms, dof))

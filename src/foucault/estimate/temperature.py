@@ -1,0 +1,311 @@
+"""Fit functions of temperature to what several sessions found: generalised least squares.
+
+A piece of evidence at the temperature T (the coefficients that one session found, or a mean over
+a part of a ramp) says
+
+    y = H c(T) + e,     c_i(T) = sum over k of theta_ik psi_k(T),     e ~ N(0, C + D)
+
+C is the covariance it came with. D is diagonal: the variance s_f^2 by which coefficients of the
+family f (the three biases of the gyros, say) scatter from one piece to the next. It is declared, or
+found with the functions by restricted maximum likelihood (REML), which allows for the parameters
+that the functions take.
+
+References
+----------
+.. [1] H. D. Patterson, R. Thompson, "Recovery of inter-block information when block sizes are
+   unequal", Biometrika 58, 1971 (restricted likelihood).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg, optimize
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+JITTER = 1e-10
+"""Added to the variances, as a part: a covariance may be singular where coefficients are tied [1].
+"""
+
+DEPENDENT = 1e-8
+"""An eigenvalue of a correlation matrix below this belongs to what is tied [1]."""
+
+NOTHING = 1e-4
+"""A scatter whose variance is a smaller part of the evidence's own is none [1]."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What one session, or a part of a ramp, says: ``y = H c + e``, in units of its own.
+
+    Attributes
+    ----------
+    basis : ndarray, shape (b,)
+        Functions of temperature, and whatever else may be a factor, at this temperature [any].
+    y : ndarray, shape (r,)
+        What was found [unit].
+    cov : ndarray, shape (r, r)
+        Its covariance [unit^2].
+    H : ndarray, shape (r, n)
+        Derivative by the coefficients, and by constants that nobody wants to know [1].
+    group : ndarray of int, shape (r,)
+        Which s_f each row has [1].
+    """
+
+    basis: FloatArray
+    y: FloatArray
+    cov: FloatArray
+    H: FloatArray
+    group: IntArray
+
+
+@dataclass(frozen=True)
+class Design:
+    """Which functions the coefficients have: a row of each array is one parameter.
+
+    Attributes
+    ----------
+    coefficient : ndarray of int, shape (q,)
+        The coefficient, or constant, that it belongs to.
+    weights : ndarray, shape (q, b)
+        psi as a sum of what `Evidence.basis` holds [any].
+    """
+
+    coefficient: IntArray
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, spaces: Sequence[FloatArray]) -> Design:
+        """Put together the functions of every coefficient.
+
+        Parameters
+        ----------
+        spaces : sequence of ndarray, each shape (k, b)
+            The functions of each [any].
+        """
+        owner = np.repeat(np.arange(len(spaces)), [len(s) for s in spaces])
+        return cls(owner, np.concatenate(spaces))
+
+    def rows(self, one: Evidence) -> FloatArray:
+        """Return the derivative of what `one` says by the parameters, shape (r, q)."""
+        return np.asarray(one.H[:, self.coefficient] * (self.weights @ one.basis))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Functions found.
+
+    Attributes
+    ----------
+    design : Design
+        What was fitted.
+    theta : ndarray, shape (q,)
+        The parameters [any].
+    cov : ndarray, shape (q, q)
+        Their covariance [any].
+    variance : ndarray, shape (g,)
+        s_f^2 of each group [unit^2].
+    evidence : tuple of Evidence
+        What it was fitted to.
+    chi_square : float
+        Sum of squares of the residuals over their standard deviations [1].
+    """
+
+    design: Design
+    theta: FloatArray
+    cov: FloatArray
+    variance: FloatArray
+    evidence: tuple[Evidence, ...]
+    chi_square: float
+
+    @cached_property
+    def residuals(self) -> tuple[FloatArray, ...]:
+        """What was found minus what the functions say, one array per piece of evidence [unit]."""
+        return tuple(e.y - self.design.rows(e) @ self.theta for e in self.evidence)
+
+    @cached_property
+    def dof(self) -> int:
+        """Degrees of freedom: what is not tied, minus the parameters that are not [1]."""
+        seen = sum(_rank(covariance(e, self.variance)) for e in self.evidence)
+        return seen - _rank(self.cov)
+
+    def predicted(self, one: Evidence) -> tuple[FloatArray, FloatArray]:
+        """Return what `one` would say, shape (r,), and its covariance with that of `one`."""
+        X = self.design.rows(one)
+        return X @ self.theta, X @ self.cov @ X.T + covariance(one, self.variance)
+
+
+def covariance(one: Evidence, variance: FloatArray) -> FloatArray:
+    """Return the covariance of a piece of evidence with its scatter, shape (r, r) [unit^2].
+
+    Parameters
+    ----------
+    one : Evidence
+        The piece.
+    variance : ndarray, shape (g,)
+        s_f^2 of each group [unit^2].
+    """
+    return one.cov + np.diag(variance[one.group] + JITTER * np.diag(one.cov))
+
+
+def solve(evidence: Sequence[Evidence], design: Design, variance: FloatArray) -> Fit | None:
+    """Fit the functions with the scatter known; None where the evidence cannot tell them.
+
+    Parameters
+    ----------
+    evidence : sequence of Evidence
+        What there is.
+    design : Design
+        The functions.
+    variance : ndarray, shape (g,)
+        s_f^2 of each group [unit^2].
+    """
+    A, b = [], []
+    for stack in _stacks(evidence, design):
+        L = np.linalg.cholesky(stack.covariance(variance))
+        white = np.linalg.solve(L, np.concatenate([stack.X, stack.y[..., None]], axis=-1))
+        A.append(white[..., :-1].reshape(-1, white.shape[-1] - 1))
+        b.append(white[..., -1].ravel())
+    return _least_squares(np.concatenate(A), np.concatenate(b), evidence, design, variance)
+
+
+def _least_squares(
+    A: FloatArray, b: FloatArray, evidence: Sequence[Evidence], design: Design,
+    variance: FloatArray,
+) -> Fit | None:  # fmt: skip
+    size = np.linalg.norm(A, axis=0)
+    if len(A) < A.shape[1] or not (size > 0).all():
+        return None
+    Q, R = np.linalg.qr(A / size)
+    values = np.linalg.svd(R, compute_uv=False)
+    if values[-1] < len(A) * np.finfo(float).eps * values[0]:
+        return None
+    inverse = linalg.solve_triangular(R, np.eye(len(R))) / size[:, None]
+    theta = inverse @ (Q.T @ b)
+    square = float(np.sum((b - A @ theta) ** 2))
+    return Fit(design, theta, inverse @ inverse.T, variance, tuple(evidence), square)
+
+
+def scatter(
+    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: npt.NDArray[np.bool_]
+) -> FloatArray:
+    """Find the scatter by restricted maximum likelihood, s_f^2, shape (g,) [unit^2].
+
+    Parameters
+    ----------
+    evidence : sequence of Evidence
+        What there is.
+    design : Design
+        The functions, all of them to be told by the evidence.
+    known : ndarray, shape (g,)
+        s_f^2 where it is declared [unit^2].
+    wanted : ndarray of bool, shape (g,)
+        Which are to be found.
+    """
+    if not wanted.any():
+        return known
+    size, stacks = _typical(evidence, len(known)), _stacks(evidence, design)
+
+    def cost(root: FloatArray) -> tuple[float, FloatArray]:
+        variance = known.copy()
+        variance[wanted] = root**2 * size[wanted]
+        value, slope = _restricted(stacks, variance)
+        return value, slope[wanted] * 2 * root * size[wanted]
+
+    start = np.sqrt(np.maximum(_misfit(evidence, design, known), 0.1))[wanted]
+    found = optimize.minimize(
+        cost, start, jac=True, method="L-BFGS-B", bounds=[(0.0, None)] * len(start),
+        options={"maxiter": 300, "ftol": 1e-12, "gtol": 1e-7},
+    )  # fmt: skip
+    out = known.copy()
+    part = found.x**2
+    out[wanted] = np.where(part > NOTHING, part, 0.0) * size[wanted]
+    return out
+
+
+@dataclass(frozen=True)
+class _Stack:
+    """Evidence with equally many rows, side by side: the pieces are the first axis."""
+
+    y: FloatArray
+    cov: FloatArray
+    X: FloatArray
+    group: IntArray
+
+    def covariance(self, variance: FloatArray) -> FloatArray:
+        """Return the covariances with their scatter, shape (m, r, r) [unit^2]."""
+        out = self.cov.copy()
+        at = np.arange(self.y.shape[1])
+        out[:, at, at] += variance[self.group] + JITTER * self.cov[:, at, at]
+        return out
+
+
+def _stacks(evidence: Sequence[Evidence], design: Design) -> list[_Stack]:
+    sizes = dict.fromkeys(len(e.y) for e in evidence)
+    alike = [[e for e in evidence if len(e.y) == n] for n in sizes]
+    return [
+        _Stack(
+            np.array([e.y for e in some]),
+            np.array([e.cov for e in some]),
+            np.array([design.rows(e) for e in some]),
+            np.array([e.group for e in some]),
+        )
+        for some in alike
+    ]
+
+
+def _restricted(stacks: Sequence[_Stack], variance: FloatArray) -> tuple[float, FloatArray]:
+    """Return minus the restricted log-likelihood and its derivative by each s_f^2."""
+    q = stacks[0].X.shape[-1]
+    A, b, value = np.zeros((q, q)), np.zeros(q), 0.0
+    inverses = []
+    for stack in stacks:
+        V = stack.covariance(variance)
+        W = np.linalg.inv(V)
+        A += np.einsum("mrq,mrs,msp->qp", stack.X, W, stack.X, optimize=True)
+        b += np.einsum("mrq,mrs,ms->q", stack.X, W, stack.y, optimize=True)
+        value += float(np.linalg.slogdet(V)[1].sum())
+        inverses.append(W)
+    cov = np.linalg.inv(A)
+    value += float(np.linalg.slogdet(A)[1])
+    theta = cov @ b
+    slope = np.zeros_like(variance)
+    for stack, W in zip(stacks, inverses, strict=True):
+        r = stack.y - stack.X @ theta
+        Pr = np.einsum("mrs,ms->mr", W, r)
+        value += float(np.sum(r * Pr))
+        WX = W @ stack.X
+        P = np.einsum("mrr->mr", W) - np.einsum("mrq,qp,mrp->mr", WX, cov, WX, optimize=True)
+        np.add.at(slope, stack.group, 0.5 * (P - Pr**2))
+    return 0.5 * value, slope
+
+
+def _typical(evidence: Sequence[Evidence], groups: int) -> FloatArray:
+    """Return the mean variance of each group [unit^2]."""
+    total, count = np.zeros(groups), np.zeros(groups)
+    for one in evidence:
+        np.add.at(total, one.group, np.diag(one.cov))
+        np.add.at(count, one.group, 1.0)
+    return total / np.maximum(count, 1.0)
+
+
+def _misfit(evidence: Sequence[Evidence], design: Design, variance: FloatArray) -> FloatArray:
+    """Return the mean square of the residuals of each group, in sd of the evidence [1]."""
+    fit = solve(evidence, design, variance)
+    total, count = np.zeros(len(variance)), np.zeros(len(variance))
+    for one, r in zip(evidence, fit.residuals if fit else (), strict=False):
+        np.add.at(total, one.group, r**2 / np.diag(one.cov))
+        np.add.at(count, one.group, 1.0)
+    return total / np.maximum(count, 1.0)
+
+
+def _rank(cov: FloatArray) -> int:
+    """How much of a covariance is not tied."""
+    sd = np.sqrt(np.diag(cov))
+    return int((np.linalg.eigvalsh(cov / np.outer(sd, sd)) > DEPENDENT).sum())

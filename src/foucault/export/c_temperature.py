@@ -1,0 +1,217 @@
+"""The C header where coefficients change with temperature.
+
+The functions are those of `c_header`, with one more argument: the coefficients at a temperature,
+which ``foucault_at`` makes. A program makes them as often as its temperature changes, and
+compensates as often as it reads.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from foucault.export import c_header as plain
+from foucault.export.numbers import commented, number, row
+from foucault.export.request import Request
+from foucault.export.temperature_terms import TemperatureTerms
+from foucault.models.imu import ImuModel
+
+INVERSES = {"accel_matrix": "accel_inverse", "gyro_matrix": "gyro_inverse"}
+
+_ARGUMENT = re.compile(
+    r"\bfoucault_(solve_force|sensed_rate|compensate_next|compensate_counts|compensate)\("
+)
+
+
+def text(wanted: Request) -> str:
+    """Write the header."""
+    terms = wanted.temperature
+    assert terms is not None
+    model = terms.pattern
+    blocks = _blocks(model)
+    statement = [line.replace("*/", "* /") for line in (*wanted.statement(), terms.statement())]
+    body = [plain._SOLVE] if _solves(model) else []  # the parts of a header are one family's own
+    if model.accel_quadratic.any():
+        body += [plain._NEWTON.replace("STEPS", str(plain.NEWTON_STEPS))]
+    if not model.straight:
+        body += [plain._SENSED.replace("STEPS", str(plain.NEWTON_STEPS))]
+    body += [plain._function(model)]
+    body += plain._size_effect(wanted.size) if wanted.size else []
+    body += plain._from_counts(wanted.counts, bool(wanted.size))
+    return "\n".join([
+        "/*",
+        commented(statement, " *"),
+        " *",
+        " * Readings and results: accelerometers in m/s^2, gyros in rad/s. C99 and C++, nothing to",
+        " * link, no state but the caller's; the results must not share memory with the readings.",
+        " * foucault_at makes the coefficients at a temperature, the others use them.",
+        " */",
+        "#ifndef FOUCAULT_CALIBRATION_H",
+        "#define FOUCAULT_CALIBRATION_H",
+        "",
+        _struct(blocks),
+        "/* What each function of temperature multiplies, one line after the other [SI]. */",
+        *[_terms(terms, name) for name in blocks],
+        *_functions(terms, blocks),
+        with_argument("\n".join(body), [*blocks, *INVERSES.values()]),
+        _AT,
+        "#endif /* FOUCAULT_CALIBRATION_H */",
+        "",
+    ])  # fmt: skip
+
+
+def with_argument(code: str, names: list[str]) -> str:
+    """Turn constants into members of the coefficients, which functions get as first argument.
+
+    Parameters
+    ----------
+    code : str
+        Functions of a header with constants.
+    names : list of str
+        The constants, without the prefix.
+    """
+    code = re.sub(rf"\bfoucault_({'|'.join(names)})\b", r"at->\1", code)
+    lines = []
+    for line in code.splitlines():
+        head = "const foucault_coefficients *at" if line.startswith("static inline") else "at"
+        lines.append(_ARGUMENT.sub(rf"foucault_\1({head}, ", line))
+    return "\n".join(lines) + "\n"
+
+
+def _blocks(model: ImuModel) -> dict[str, tuple[int, ...]]:
+    """Return the matrices that are computed, with their shapes."""
+    always = ("accel_matrix", "accel_bias", "gyro_matrix", "gyro_bias")
+    some = {
+        "g_sensitivity": bool(model.g_sensitivity.any()),
+        "accel_asymmetry": not model.accel_linear,
+        "accel_quadratic": bool(model.accel_quadratic.any()),
+        "gyro_asymmetry": not model.straight,
+        "gyro_cubic": not model.straight,
+        "deflection": bool(model.deflection.any()),
+    }
+    names = [*always, *(name for name, there in some.items() if there)]
+    return {name: getattr(model, name).shape for name in names}
+
+
+def _solves(model: ImuModel) -> bool:
+    return bool(model.accel_quadratic.any() or model.deflection.any())
+
+
+def _struct(blocks: dict[str, tuple[int, ...]]) -> str:
+    rows = [f"    double {name}{_shape(shape)};" for name, shape in blocks.items()]
+    rows += [f"    double {name}[3][3];" for name in INVERSES.values()]
+    head = ["/* The coefficients at one temperature. */", "typedef struct {"]
+    return "\n".join([*head, *rows, "} foucault_coefficients;", ""])
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return "".join(f"[{n}]" for n in shape)
+
+
+def _terms(terms: TemperatureTerms, name: str) -> str:
+    values = terms.block(name)
+    flat = values.reshape(len(values), -1)
+    rows = ",\n".join(f"    {row(line)}" for line in flat)
+    return f"static const double foucault_terms_{name}[{flat.size}] = {{\n{rows}}};\n"
+
+
+def _functions(terms: TemperatureTerms, blocks: dict[str, tuple[int, ...]]) -> list[str]:
+    f = terms.functions
+    count = len(terms.terms)
+    if f.knots.size:
+        phi = _PIECEWISE.replace("COUNT", str(count)).replace("KNOTS", row(f.knots))
+    else:
+        phi = _POWERS.replace("COUNT", str(count)).replace("REFERENCE", number(f.reference))
+    sums = "\n".join(
+        f"    foucault_sum(foucault_terms_{name}, {int(np.prod(shape))}, phi, "
+        f"&c->{name}{'[0]' * len(shape)});"
+        for name, shape in blocks.items()
+    )
+    inverses = "\n".join(
+        f"    foucault_invert(c->{one}, c->{other});" for one, other in INVERSES.items()
+    )
+    make = _MAKE.replace("COUNT", str(count)).replace("SUMS", sums).replace("INVERSES", inverses)
+    make = make.replace("LOW", number(f.low)).replace("HIGH", number(f.high))
+    return [phi, _SUM.replace("COUNT", str(count)), make]
+
+
+_POWERS = """\
+static inline void foucault_phi(double kelvin, double phi[COUNT])
+{
+    int k;
+    phi[0] = 1.0;
+    for (k = 1; k < COUNT; k++)
+        phi[k] = phi[k - 1] * (kelvin - REFERENCE);
+}
+"""
+
+_PIECEWISE = """\
+static inline void foucault_phi(double kelvin, double phi[COUNT])
+{
+    static const double knots[COUNT] = {KNOTS};
+    int at = 0, k;
+    double part;
+    while (at < COUNT - 2 && kelvin >= knots[at + 1])
+        at++;
+    part = (kelvin - knots[at]) / (knots[at + 1] - knots[at]);
+    for (k = 0; k < COUNT; k++)
+        phi[k] = k == at ? 1.0 - part : k == at + 1 ? part : 0.0;
+}
+"""
+
+_SUM = """\
+static inline void foucault_sum(const double *terms, int size, const double phi[COUNT], double *out)
+{
+    int i, k;
+    for (i = 0; i < size; i++) {
+        out[i] = 0.0;
+        for (k = 0; k < COUNT; k++)
+            out[i] += terms[k * size + i] * phi[k];
+    }
+}
+
+/* Invert by cofactors; indices run on in a circle. */
+static inline void foucault_invert(double s[3][3], double out[3][3])
+{
+    double det;
+    int i, j;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++)
+            out[j][i] = s[(i + 1) % 3][(j + 1) % 3] * s[(i + 2) % 3][(j + 2) % 3]
+                      - s[(i + 1) % 3][(j + 2) % 3] * s[(i + 2) % 3][(j + 1) % 3];
+    det = s[0][0] * out[0][0] + s[0][1] * out[1][0] + s[0][2] * out[2][0];
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++)
+            out[i][j] /= det;
+}
+"""
+
+_MAKE = """\
+/* Make the coefficients at a temperature [K]. Returns 0, or 1 where they are not known there (a
+   temperature that is no number included): they are then those at the nearer end of the range. */
+static inline int foucault_at(double kelvin, foucault_coefficients *c)
+{
+    const double low = LOW, high = HIGH;
+    const int known = kelvin >= low && kelvin <= high;
+    double phi[COUNT];
+    if (!known)
+        kelvin = kelvin > high ? high : low;
+    foucault_phi(kelvin, phi);
+SUMS
+INVERSES
+    return !known;
+}
+"""
+
+_AT = """\
+/* Both at once; returns what foucault_at does. */
+static inline int foucault_compensate_at(double kelvin, const double accel_raw[3],
+                                         const double gyro_raw[3], double f_b[3], double w_b[3])
+{
+    foucault_coefficients c;
+    const int outside = foucault_at(kelvin, &c);
+    foucault_compensate(&c, accel_raw, gyro_raw, f_b, w_b);
+    return outside;
+}
+"""

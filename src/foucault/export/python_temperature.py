@@ -1,0 +1,151 @@
+"""The Python module where coefficients change with temperature: pure Python, no imports.
+
+Its functions are those of `python_module`, with one more argument: the coefficients at a
+temperature, which ``coefficients_at`` makes.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+
+from foucault.export import python_module as plain
+from foucault.export.c_header import NEWTON_STEPS
+from foucault.export.numbers import commented, number, row
+from foucault.export.request import Request
+from foucault.export.temperature_terms import TemperatureTerms
+from foucault.models.imu import ImuModel
+
+NAMES = (*(f.name for f in fields(ImuModel)), "accel_inverse", "gyro_inverse")
+
+_CONSTANT = re.compile(rf"\b({'|'.join(n.upper() for n in NAMES)})\b")
+_ARGUMENT = re.compile(r"\b(_solve_force|compensate_next|compensate_counts|compensate)\(")
+
+
+def text(wanted: Request) -> str:
+    """Write the module."""
+    terms = wanted.temperature
+    assert terms is not None
+    model = terms.pattern
+    quadratic = bool(model.accel_quadratic.any())
+    body = [plain._TIMES, plain._SOLVE]  # the parts of a module are one family's own
+    body += [plain._NEWTON.replace("STEPS", str(NEWTON_STEPS))] if quadratic else []
+    body += [] if model.straight else [plain._SENSED.replace("STEPS", str(NEWTON_STEPS))]
+    body += [plain._function(model)]
+    constants: list[str] = []
+    if wanted.size:
+        constants += [
+            "# Places of the x, y and z accelerometer in rows [m], and how much later they read",
+            "# than gyros [s].",
+            plain._matrix("ACCEL_PLACES", wanted.size.arms),
+            f"ACCEL_DELAY = {number(wanted.size.delay)}",
+        ]
+        body += [plain._NEXT]
+    if set(wanted.counts) == {"accel", "gyro"}:
+        for name in ("accel", "gyro"):
+            counts = wanted.counts[name]
+            constants += [
+                "# SI = (count - zero) * factor; counts in this order: "
+                f"{', '.join(counts.columns)}.",
+                f"{name.upper()}_ZERO = ({row(counts.zero)})",
+                f"{name.upper()}_FACTOR = ({row(counts.factor)})",
+            ]
+        body += [plain._COUNTS_NEXT if wanted.size else plain._COUNTS]
+    return "\n".join([
+        commented([*wanted.statement(), terms.statement()], "#"),
+        "# Readings and results: accelerometers in m/s^2, gyros in rad/s, three numbers each.",
+        "# coefficients_at makes the coefficients at a temperature, the others use them.",
+        "",
+        *_terms(terms),
+        *constants,
+        _at(terms),
+        with_argument("\n".join(body)),
+        _COMPENSATE_AT,
+    ])  # fmt: skip
+
+
+def with_argument(code: str) -> str:
+    """Turn constants into entries of the coefficients, which functions get as first argument.
+
+    Parameters
+    ----------
+    code : str
+        Functions of a module with constants.
+    """
+    code = _CONSTANT.sub(lambda found: f'at["{found[1].lower()}"]', code)
+    return _ARGUMENT.sub(r"\1(at, ", code)
+
+
+def _terms(terms: TemperatureTerms) -> list[str]:
+    f = terms.functions
+    out = [
+        "# Range in which the coefficients are known, and temperature that powers count from [K].",
+        f"LOW, HIGH = {number(f.low)}, {number(f.high)}",
+        f"REFERENCE = {number(f.reference)}",
+        f"KNOTS = ({row(f.knots)}{',' if f.knots.size == 1 else ''})",
+        "# What each function of temperature multiplies, one after the other [SI].",
+        "TERMS = {",
+    ]
+    for field in fields(ImuModel):
+        values = terms.block(field.name).tolist()
+        rows = ",\n".join(f"        {_nested(v)}" for v in values)
+        out.append(f'    "{field.name}": (\n{rows},\n    ),')
+    return [*out, "}"]
+
+
+def _nested(values: float | list[float]) -> str:
+    if isinstance(values, list):
+        return "(" + ", ".join(_nested(v) for v in values) + ")"
+    return number(values)
+
+
+def _at(terms: TemperatureTerms) -> str:
+    phi = _PIECEWISE if terms.functions.knots.size else _POWERS
+    return _MAKE.replace("PHI\n", phi.replace("COUNT", str(len(terms.terms))))
+
+
+_POWERS = """\
+    phi = [(kelvin - REFERENCE) ** k for k in range(COUNT)]
+"""
+
+_PIECEWISE = """\
+    i = max([k for k in range(COUNT - 1) if kelvin >= KNOTS[k]], default=0)
+    part = (kelvin - KNOTS[i]) / (KNOTS[i + 1] - KNOTS[i])
+    phi = [1.0 - part if k == i else part if k == i + 1 else 0.0 for k in range(COUNT)]
+"""
+
+_MAKE = '''
+
+def _sum(terms, phi):
+    if not isinstance(terms[0], tuple):
+        return sum(t * p for t, p in zip(terms, phi))
+    return [_sum([t[i] for t in terms], phi) for i in range(len(terms[0]))]
+
+
+def _inverse(s):
+    """Invert by cofactors; indices run on in a circle."""
+    c = [
+        [s[i - 2][j - 2] * s[i - 1][j - 1] - s[i - 2][j - 1] * s[i - 1][j - 2] for j in range(3)]
+        for i in range(3)
+    ]
+    det = sum(s[0][j] * c[0][j] for j in range(3))
+    return [[c[i][j] / det for i in range(3)] for j in range(3)]
+
+
+def coefficients_at(kelvin):
+    """Return the coefficients at a temperature [K]; ValueError where they are not known."""
+    if not LOW <= kelvin <= HIGH:
+        raise ValueError(f"the coefficients are known from {LOW} K to {HIGH} K, not at {kelvin} K")
+PHI
+    at = {name: _sum(terms, phi) for name, terms in TERMS.items()}
+    for name in ("accel", "gyro"):
+        at[name + "_inverse"] = _inverse(at[name + "_matrix"])
+    return at
+'''
+
+_COMPENSATE_AT = '''
+
+def compensate_at(kelvin, accel, gyro):
+    """Do the same with the coefficients at a temperature [K]."""
+    return compensate(coefficients_at(kelvin), accel, gyro)
+'''
