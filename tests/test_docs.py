@@ -15,6 +15,7 @@ import pytest
 from foucault import campaign, report, run_folder
 from foucault.campaign import north
 from foucault.units import parse
+from make_recordings import START, Bag, ulog
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -29,6 +30,17 @@ def blocks(language: str) -> list[Any]:
     return out
 
 
+def write_recordings(folder: Path) -> None:
+    """Write drive.bag and flight.ulg."""
+    rng = np.random.default_rng(1)
+    w, f = rng.normal(0, 0.01, (50, 3)), rng.normal([0, 0, 9.81], 0.01, (50, 3))
+    with Bag(folder / "drive.bag") as bag:
+        bag.imu("/imu/data", START + np.arange(50) * 10**7, w, f)
+    fields = "uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;"
+    rows = [(10_000 * i, *w[i], *(f[i] * [1, 1, -1])) for i in range(50)]
+    ulog(folder / "flight.ulg", {"sensor_combined": (fields, rows)})
+
+
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder as a reader of the docs has it: campaign.toml, log.csv, session.csv, run/."""
@@ -36,6 +48,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     described = campaign.parse(campaign.template("hand_rotated"), folder / "campaign.toml")
     campaign.save_session(campaign.simulate(described), folder)
     shutil.copy(folder / "log.csv", folder / "session.csv")
+    write_recordings(folder)
     loaded = campaign.load(folder / "campaign.toml")
     run_folder.save(campaign.calibrate(loaded), folder / "run", loaded.text)
     report.write(folder / "run")

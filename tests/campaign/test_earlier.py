@@ -120,7 +120,9 @@ def test_the_command(runs):
         str(folder / "b"),
         "merged",
     }
-    assert (folder / "m" / "report.html").is_file()
+    page = (folder / "m" / "report.html").read_text()
+    assert "Sessions merged" in page
+    assert str(folder / "b") in page
 
 
 def test_a_change_is_noticed(runs):

@@ -104,8 +104,10 @@ _NOISE = """\
 """
 
 _PRIOR = """\
-# What is known beforehand of a coefficient, or of every coefficient of a group.
+# What is known beforehand of a coefficient, or of every coefficient of a group; or, with its
+# whole covariance, an earlier result of this instrument.
 # [prior]
+# from = "../earlier/run"
 # "gyro.bias" = { mean = "0 deg/h", sd = "1000 deg/h" }
 # "accel.scale.x" = { mean = "0 ppm", sd = "500 ppm" }
 """

@@ -27,6 +27,7 @@ from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
 from foucault.report.headings import headings
+from foucault.report.merged import merged
 from foucault.report.page import Column, Items, Section, Table
 from foucault.report.rate_table import rate_steps
 from foucault.report.uncertainty import budget, coefficients, correlation, unseen
@@ -157,6 +158,7 @@ SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     temperature.functions,
     temperature.left_out,
     coefficients,
+    merged,
     systematic_choice.deflection,
     systematic.velocities,
     systematic.navigation,

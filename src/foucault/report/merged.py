@@ -1,0 +1,35 @@
+"""The section of a merged result: what each session said beside what they say together."""
+
+from __future__ import annotations
+
+from foucault.coefficients import format_value
+from foucault.report.page import Column, Section, Table
+from foucault.result import Result
+from foucault.units import factor
+
+
+def merged(result: Result) -> Section | None:
+    """Return one row per coefficient, one column per result, the merged one last."""
+    table = result.tables.get("merged")
+    if table is None:
+        return None
+    names = list(dict.fromkeys(table["result"].tolist()))
+    said = {
+        (c, r): (value, sd)
+        for c, r, value, sd in zip(*(table[k].tolist() for k in ("coefficient", "result", "value",
+                                                                "sd")), strict=True)
+    }  # fmt: skip
+    rows = []
+    for row in result.coefficients.rows():
+        unit = factor(row["display_unit"], row["kind"])
+        cells = []
+        for name in names:
+            value, sd = said.get((row["name"], name), (None, 0.0))
+            cells.append("" if value is None else
+                         f"{format_value(value / unit, sd / unit)} ± {sd / unit:.2g}")  # fmt: skip
+        rows.append([row["name"], *cells, row["display_unit"]])
+    columns = [Column("coefficient", "name"), *(Column(n, "number") for n in names), Column("unit")]
+    return Section(
+        "Sessions merged", "What each result says, with its standard deviation, and all together.",
+        [Table(columns, rows)],
+    )  # fmt: skip
