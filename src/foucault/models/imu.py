@@ -365,7 +365,16 @@ def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.inv(matrix), np.float64)
+    """Invert a matrix, or every one of many: by cofactors, as they are nearly the identity."""
+    if matrix.ndim == 2:
+        return np.asarray(np.linalg.inv(matrix), np.float64)
+    m = np.ascontiguousarray(np.moveaxis(matrix, 0, -1))
+    out = np.empty_like(m)
+    for i in range(3):
+        for j in range(3):  # indices run on in a circle
+            out[j, i] = m[i - 2, j - 2] * m[i - 1, j - 1] - m[i - 2, j - 1] * m[i - 1, j - 2]
+    out /= m[0, 0] * out[0, 0] + m[0, 1] * out[1, 0] + m[0, 2] * out[2, 0]
+    return np.moveaxis(out, -1, 0)
 
 
 def _rotate_quadratic(K: FloatArray, C_bc: FloatArray) -> FloatArray:
