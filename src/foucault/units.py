@@ -133,6 +133,7 @@ def _registry() -> Any:
 
 
 _SQRT = re.compile(r"sqrt\(([^()]+)\)")
+_INTEGER = re.compile(r"(?<![\w.])(\d+)(?![\w.])")
 # No digit, comma or point may follow: "1,5 deg" is not 1 of something.
 _NUMBER = re.compile(
     r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\d.,])\s*(.*)$", re.DOTALL
@@ -151,7 +152,8 @@ def _known_units() -> list[str]:
 def _pint_text(unit: str) -> str:
     text = unit.replace("µ", "u").replace("μ", "u").replace("°", "deg").replace("%", "percent")
     text = text.replace("^", "**").replace("²", "**2").replace("√", "sqrt")
-    return _SQRT.sub(r"((\1)**0.5)", text)
+    # Floats overflow where integers would grow without bound: 9^9^9^9.
+    return _INTEGER.sub(r"\1.0", _SQRT.sub(r"((\1)**0.5)", text))
 
 
 @cache
@@ -161,6 +163,8 @@ def _factor_and_dimension(unit: str) -> tuple[float, str]:
         return 1.0, "dimensionless"
     try:
         quantity = _registry().parse_expression(_pint_text(unit)).to_base_units()
+        if not 0 < quantity.magnitude < math.inf:
+            raise ValueError("nothing, or more than there is")
     except Exception as problem:  # pint raises many types; the user needs one clear sentence
         words = re.findall(r"[A-Za-z_]+", _pint_text(unit))
         known = _known_units()
@@ -225,7 +229,10 @@ def parse(text: object, kind: str, key: str = "value") -> float:
     number, unit = float(match.group(1)), match.group(2).strip()
     if kind == "temperature" and unit in CELSIUS:
         return number + ZERO_CELSIUS
-    return number * factor(unit, kind)
+    value = number * factor(unit, kind)
+    if not math.isfinite(value):
+        raise error("unit.missing", key=key, given=repr(text), kind=kind, example=want.example)
+    return value
 
 
 def convert(value: float, kind: str, unit: str) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import types
 from collections.abc import Mapping
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -11,10 +13,16 @@ from pydantic.fields import FieldInfo
 
 from foucault.units import Quantity
 
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
 
 def dotted(keys: tuple[str | int, ...]) -> str:
     """Write `keys`, shape (any,), as TOML would: ``prior."gyro.bias".sd``."""
-    return ".".join(f'"{k}"' if "." in str(k) else str(k) for k in keys)
+    return ".".join(str(k) if _BARE.fullmatch(str(k)) else _quoted(str(k)) for k in keys)
+
+
+def _quoted(key: str) -> str:
+    return json.dumps(key, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def kind_of(field: FieldInfo) -> str | None:

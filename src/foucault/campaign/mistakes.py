@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Collection, Mapping
 from typing import Any, TypeVar
@@ -14,6 +15,25 @@ from foucault.campaign.fields import dotted, fields_at, kind_of, models_in
 from foucault.errors import FoucaultError, error, suggestion
 
 Model = TypeVar("Model", bound=BaseModel)
+
+
+def all_finite(tree: Any, where: tuple[str | int, ...] = ()) -> None:
+    """Refuse nan and inf, which TOML can write and no key takes.
+
+    Parameters
+    ----------
+    tree : dict, list or a value
+        As TOML gives it.
+    where : tuple of str or int, shape (any,)
+        Keys that lead to it.
+    """
+    if isinstance(tree, float) and not math.isfinite(tree):
+        reason = "it should be a number that is finite"
+        raise error("campaign.value", key=dotted(where), given=repr(tree), reason=reason, hint="",
+                    more="")  # fmt: skip
+    if isinstance(tree, Mapping | list):
+        for key, value in tree.items() if isinstance(tree, Mapping) else enumerate(tree):
+            all_finite(value, (*where, key))
 
 
 def validate(

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from foucault import procedures
 from foucault.campaign import earlier
-from foucault.campaign.mistakes import parse_at, validate
+from foucault.campaign.mistakes import all_finite, parse_at, validate
 from foucault.campaign.tables import (
     CampaignFile,
     PriorEntry,
@@ -124,6 +124,7 @@ def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
     except tomllib.TOMLDecodeError as problem:
         raise error("campaign.syntax", path=path, reason=problem) from None
     raw, before = earlier.split(raw)
+    all_finite(raw)
     file = validate(_model(raw), raw)
     name = file.procedure.get("name")
     if name is None:
@@ -168,7 +169,8 @@ def _wanted(procedure: str, table: Mapping[str, Any]) -> Any:
     """Read [optimise]; refused where the procedure has no plan to improve."""
     model = getattr(procedures.load(procedure), "Wanted", None)
     if model is not None:
-        weighted = {"weights": joined(table["weights"])} if "weights" in table else {}
+        weights = table.get("weights")
+        weighted = {"weights": joined(weights)} if isinstance(weights, Mapping) else {}
         return validate(model, {**table, **weighted}, ("optimise",))
     if table:
         able = ", ".join(improvable())
@@ -185,7 +187,8 @@ def _model(raw: dict[str, Any]) -> type[CampaignFile]:
     """Return the model of a campaign file: some procedures have a [log] of their own."""
     procedure = raw.get("procedure")
     name = procedure.get("name") if isinstance(procedure, dict) else None
-    return file_with(_description(name) if name in procedures.PROCEDURES else LogDescription)
+    known = isinstance(name, str) and name in procedures.PROCEDURES
+    return file_with(_description(str(name)) if known else LogDescription)
 
 
 def _description(name: str) -> type[FileLayout]:

@@ -229,7 +229,7 @@ def joined(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Undo TOML's nesting of ``gyro.bias = ...`` written without quotes."""
     out: dict[str, Any] = {}
     for key, value in table.items():
-        if isinstance(value, dict) and not {"mean", "sd"} & value.keys():
+        if isinstance(value, dict) and value and not {"mean", "sd"} & value.keys():
             out |= joined(value, f"{before}{key}.")
         else:
             out[before + key] = value

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.errors import error
-from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, open_bytes
+from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable, open_bytes
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         size, done = max(1, path.stat().st_size), 0
         with open_bytes(path) as stream:
-            stream.read(skip)
+            for start in range(0, skip, PIECE):
+                if not stream.read(min(PIECE, skip - start)):
+                    break
             while data := stream.read(BLOCK_ROWS * dtype.itemsize):
                 whole = len(data) // dtype.itemsize
                 done += len(data)

@@ -76,8 +76,8 @@ def finite(
             rows = np.flatnonzero(wrong.any(axis=1) if wrong.ndim == 2 else wrong)
             if len(rows):
                 bad[name] = rows
-    if missing == "mask":  # the rest of such a row is needed
-        bad.pop("accel", None)
+    if missing == "mask" and not np.isinf(columns.get("accel", np.zeros(1))).any():
+        bad.pop("accel", None)  # the rest of such a row is needed
     if not bad:
         return None, ()
     rows = np.unique(np.concatenate(list(bad.values())))

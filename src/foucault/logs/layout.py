@@ -191,7 +191,9 @@ class Record(Block):
     type: NumberType | tuple[NumberType, ...] = Field(
         description="type of every number, or a list with one type per column"
     )
-    columns: int | None = Field(None, ge=1, description="numbers per record, for a single type")
+    columns: int | None = Field(
+        None, ge=1, le=10_000, description="numbers per record, for a single type"
+    )
     byte_order: Literal["little", "big"] = Field("little", description="byte order")
     skip: int = Field(0, ge=0, description="bytes before the first record")
 

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 """Called with the fraction done, from 0 to 1."""
 
+PIECE = 1 << 20
+"""A file is asked for no more at once, whatever it says of its length [bytes]."""
+
 BLOCK_ROWS = 1 << 18
 """Rows per block where the format leaves the choice to us."""
 
@@ -136,9 +139,10 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
         Its columns, not yet read.
     """
     _must_exist(path)
-    name = _format(path, description)
-    module = import_module(f"foucault.logs.{_MODULES[name]}")
+    name = "gzip"
     try:
+        name = _format(path, description)
+        module = import_module(f"foucault.logs.{_MODULES[name]}")
         table: RawTable = module.open_raw(path, description, progress)
     except FoucaultError:
         raise

@@ -167,7 +167,8 @@ def converted(
         part, start = {}, 0
         for pick in picks:
             end = start + len(pick.numbers)
-            values = (rows[:, start:end] - pick.zero) * pick.factor
+            with np.errstate(invalid="ignore", over="ignore"):  # found by `checks.finite`
+                values = (rows[:, start:end] - pick.zero) * pick.factor
             part[pick.block] = values if values.shape[1] > 1 else values[:, 0]
             start = end
         if "position" in part:
