@@ -7,6 +7,7 @@ explains the turns, it is named.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations, product
 
@@ -113,12 +114,42 @@ def explain_turns(
     if miss < SUSPICIOUS:
         return declared, declared
     best = declared
+    for tried in _tried(log, rate, up_b, first, last):
+        if tried.miss < best.miss * 0.999:
+            best = tried
+    return declared, best
+
+
+def as_good(
+    log: Log, up_b: FloatArray, bias: FloatArray, first: IntArray, last: IntArray, best: Match
+) -> list[Match]:
+    """Return every exchange and unit that explains the turns as well as `best`, itself included.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    up_b : ndarray, shape (n, 3)
+        Direction of up at each rest, frame b [1].
+    bias : ndarray, shape (3,)
+        Mean rate at rest [rad/s].
+    first, last : ndarray of int, shape (n - 1,)
+        First and last sample of each turn.
+    best : Match
+        As `explain_turns` returns it.
+    """
+    assert log.gyro is not None
+    every = _tried(log, log.gyro - bias, up_b, first, last)
+    return [tried for tried in every if tried.miss < best.miss + SUSPICIOUS]
+
+
+def _tried(
+    log: Log, rate: FloatArray, up_b: FloatArray, first: IntArray, last: IntArray
+) -> Iterator[Match]:
     for scale in (1.0, 180 / np.pi, np.pi / 180, log.rate, log.interval):
         for exchange in exchanges():
             miss, _ = _miss(log, scale * rate @ exchange.T, up_b, first, last)
-            if miss < best.miss * 0.999:
-                best = Match(miss, exchange, scale)
-    return declared, best
+            yield Match(miss, exchange, scale)
 
 
 def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:

@@ -11,7 +11,9 @@ GRAVITY_BAND = 1.25
 """The mean specific force is gravity within this factor, whatever the calibration [1]."""
 
 
-def wrong_force(seen: float, gravity: float, interval: float) -> FoucaultError | None:
+def wrong_force(
+    seen: float, gravity: float, interval: float, band: float = GRAVITY_BAND
+) -> FoucaultError | None:
     """Return what explains a specific force at rest that is not gravity by far.
 
     Parameters
@@ -22,6 +24,8 @@ def wrong_force(seen: float, gravity: float, interval: float) -> FoucaultError |
         Local gravity [m/s^2].
     interval : float, shape ()
         Usual interval between samples [s].
+    band : float, shape ()
+        It is gravity within this factor; wider where the instrument moves [1].
 
     Returns
     -------
@@ -29,7 +33,7 @@ def wrong_force(seen: float, gravity: float, interval: float) -> FoucaultError |
         None where it is gravity but for errors of accelerometers.
     """
     ratio = seen / gravity
-    if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
+    if 1 / band < ratio < band:
         return None
     causes = {
         interval: "increments were declared as rates",

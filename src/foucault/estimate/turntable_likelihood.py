@@ -31,6 +31,9 @@ from foucault.result import Estimate, Linearised, Problem
 
 FloatArray = npt.NDArray[np.float64]
 
+DEAD = 1e6
+"""Axes whose scale factors differ by more do not all read something [1]."""
+
 
 @dataclass(frozen=True)
 class Observed:
@@ -308,11 +311,13 @@ def _heading(readings: Readings, model: ImuModel, C_bk: FloatArray, trust: Trust
 
 
 def _affine(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Solve ``y = M x + b``, shapes (n, 3); None where the inputs do not span."""
+    """Solve ``y = M x + b``, shapes (n, 3); None if inputs do not span or an axis is dead."""
     size = float(np.abs(x).max()) or 1.0
     rows = np.column_stack([x / size, np.ones(len(x))])
     fit, _, rank, _ = np.linalg.lstsq(rows, y, rcond=1e-9)
-    return None if rank < 4 else (np.asarray(fit[:3].T / size), np.asarray(fit[3]))
+    if rank < 4 or np.linalg.cond(fit[:3]) > DEAD:
+        return None
+    return np.asarray(fit[:3].T / size), np.asarray(fit[3])
 
 
 def fit(

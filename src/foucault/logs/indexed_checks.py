@@ -24,6 +24,9 @@ RATES = ("deg/h", "deg/s", "rad/s", "mrad/s", "arcsec/s")
 
 FORCES = ("m/s^2", "g", "mg")
 
+FEW = 4
+"""Fewer rows may well read the same [1]."""
+
 ROUND = np.radians(15.0)
 """Base stops are usually at multiples of this [rad]."""
 
@@ -31,7 +34,22 @@ ROUND = np.radians(15.0)
 def implausible(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     """Return what the sizes of the numbers in `log` say about the units declared in `used`."""
     index = _index(log, used)
-    return index or (*_gyro(log, used), *_accel(log, used))
+    return (*_stuck(log), *(index or (*_gyro(log, used), *_accel(log, used))))
+
+
+def _stuck(log: IndexedLog) -> tuple[Finding, ...]:
+    """Tell a sensor that turns with the base and reads one value at every stop."""
+    turning = {"gyro": log.gyro}
+    if log.accel is not None and log.accel.shape[1] == 1:
+        turning["accel"] = log.accel[:, 0]
+    if len(log.gyro) < FEW or np.ptp(log.index) == 0:
+        return ()
+    last = f"{float(log.time[-1] - log.time[0]):.9g}"
+    return tuple(
+        finding("log.stuck", triad=name, axis="column", value=f"{x[0]:.6g}", start="0", end=last)
+        for name, x in turning.items()
+        if np.ptp(x) == 0
+    )
 
 
 def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:

@@ -24,6 +24,9 @@ FloatArray = npt.NDArray[np.float64]
 GAP = 1.5
 """An interval longer than this many usual ones is a gap [1]."""
 
+SLOWEST = 1.0
+"""Longest usual interval: nobody samples an instrument to be navigated more slowly [s]."""
+
 
 @dataclass(frozen=True)
 class Increments:
@@ -128,6 +131,8 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     assert log.gyro is not None and log.accel is not None
     dt = _lengths(log.time)
     usual = log.interval
+    if not usual <= SLOWEST:
+        raise error("strapdown.slow", interval=span(usual), rate=plain(1 / usual))
     gap = dt > GAP * usual
     gap[0] = False
     found: tuple[Finding, ...] = ()

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
+from foucault.diagnose.face_moves import check_moves
 from foucault.diagnose.whole_turns import find_turns
 from foucault.errors import error
 from foucault.estimate.ferraris import published, scale_and_rotation
@@ -209,6 +210,7 @@ def calibrate(
     progress(0.1, "finding faces and turns")
     faces = on_faces.found_faces(log, site, settings)
     faces, turns = find_turns(log, faces, settings.angle, settings.sections)
+    check_moves(log, faces)
     progress(0.5, "calibrating")
     given = (settings.placement_sd, settings.level_sd, settings.angle_sd)
     solution = on_faces.solve(

@@ -19,6 +19,7 @@ from foucault.diagnose import table_checks, table_hints, table_report
 from foucault.diagnose.coverage import Coverage, coverage
 from foucault.diagnose.gyro_axes import check_gyro_axes
 from foucault.diagnose.positions import find_readings, stream_readings
+from foucault.diagnose.session_input import first_as_declared
 from foucault.diagnose.session_report import coverage_json
 from foucault.diagnose.table_checks import TableEvidence
 from foucault.diagnose.table_input import check_readings, enough_readings
@@ -188,6 +189,7 @@ def read_positions(
         angles_matter=task.trust is not None, shortest=s.shortest,
     )  # fmt: skip
     check_gyro_axes(found)  # `checked` has the senses of spins from the gyros
+    first_as_declared(found, described)
     return checked
 
 

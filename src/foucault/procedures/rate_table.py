@@ -29,6 +29,7 @@ from foucault.diagnose import rate_report
 from foucault.diagnose.positions import find_readings
 from foucault.diagnose.rate_report import RateEvidence
 from foucault.diagnose.rate_steps import Commanded, rate_steps, require_determined
+from foucault.diagnose.session_input import first_as_declared
 from foucault.errors import Finding, error
 from foucault.estimate import gauss_newton
 from foucault.estimate.rate_scatter import fit_scatter, scaled_noise
@@ -120,6 +121,7 @@ def calibrate(
         raise error("rate_table.no_gyro")
     progress(0.05, "finding the steps")
     readings = find_readings(log, noise=noise, shortest=settings.shortest)
+    first_as_declared(readings, log)
     told = log.table is not None and (
         log.table.rate is not None or bool(np.isfinite(log.table.angles[:, 0]).all())
     )

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.diagnose.face_moves import check_moves
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
@@ -136,6 +137,7 @@ def calibrate(
         site = replace(site, latitude=None)
     progress(0.1, "finding the faces")
     faces = on_faces.found_faces(log, site, settings)
+    check_moves(log, faces)
     progress(0.5, "calibrating")
     solution = on_faces.solve(
         log, faces, None, site, names_of(settings, log.gyro is not None),

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.force_at_rest import wrong_force
 from foucault.diagnose.transfer_turns import turning
 from foucault.errors import Finding, error, finding
 from foucault.estimate.delay import Delay, delay_of
@@ -27,6 +28,9 @@ from foucault.procedures.transfer_settings import NOISE, PRIOR, Settings
 from foucault.units import convert, plain
 
 FloatArray = npt.NDArray[np.float64]
+
+MANOEUVRES = 2.5
+"""Half of the time a vehicle feels gravity within this factor, whatever it does [1]."""
 
 LEAST = 20
 """Messages that it takes at least [1]."""
@@ -145,6 +149,7 @@ def problem_of(
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
+    _of_this_earth(log, site)
     table = _placed(log.messages, site)
     hand_over, table, increments = _common(log, _even(table), settings)
     said, told = table.messages, [] if noise else [assumed_noise()]
@@ -176,6 +181,16 @@ def problem_of(
         replace(slave, first=first), said, table, settings, site, known, _sd(settings, vector),
         vector, hand_over, matched, (*told, *drifting),
     )  # fmt: skip
+
+
+def _of_this_earth(log: SlaveLog, site: Site) -> None:
+    """Refuse specific forces that no vehicle feels for half of its way."""
+    if log.accel is None:
+        return
+    usual = float(np.median(np.linalg.norm(log.accel, axis=1)))
+    wrong = wrong_force(usual, site.gravity, log.interval, MANOEUVRES)
+    if wrong is not None:
+        raise wrong
 
 
 def _placed(table: MasterTable, site: Site) -> MasterTable:

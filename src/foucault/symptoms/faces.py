@@ -19,6 +19,13 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A quiet time between the faces",
      "{where} is {tilt} deg off the nearest face ({face}) and was left out.",
      "Nothing to do if it was a pause between two faces."),
+    ("faces.moves", "error",
+     "Gyros whose axes, signs or unit contradict the moves from face to face",
+     "Between the faces up turns by {declared} deg (rms) otherwise than the gyros say. {count} "
+     "exchanges of axes, signs or units would explain it to {better} deg, such as: body axis = "
+     "gyro column {causes}.",
+     "Correct `columns`, `unit` or `kind` of [log.gyro], or `columns` of [log.accel]; a turn about "
+     "each axis in between tells which (name = \"hand_rotated\" or \"ferraris\")."),
     ("faces.moving", "error",
      "A rest whose mean still moves",
      "The instrument moves in the rest with {face} at {start} s: its mean changes by {moved}.",

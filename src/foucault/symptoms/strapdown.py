@@ -13,6 +13,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A log of means where every sample is needed",
      "Every row of the log is the mean over a position; navigation needs the samples.",
      "Give the log as it was recorded."),
+    ("strapdown.slow", "error",
+     "Rows too far apart to be navigated (a wrong unit of time)",
+     "The rows are {interval} apart ({rate} Hz); navigation needs one a second at least.",
+     "Correct `unit` in [log.time] (ms given as s look like this), or give the log as it was "
+     "recorded."),
     ("strapdown.gap", "error",
      "A gap in the log",
      "Samples are missing at {where} ({count} in all, the longest {longest}; the usual interval is "

@@ -1,0 +1,77 @@
+"""The input guard: every mistake with every procedure and command, as docs/guard.toml says it.
+
+A mistake is told, by an error or by what is found; or it does no harm; or the table says why no
+reading shows it, and then nothing is told indeed.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foucault.procedures import PROCEDURES
+from foucault.symptoms import SYMPTOMS
+from make_guard import COLUMNS, MISTAKES, Outcome, session
+
+GUARD = tomllib.loads(
+    (Path(__file__).parents[2] / "docs" / "guard.toml").read_text(encoding="utf-8")
+)
+CELLS = [(column, mistake) for column, cells in GUARD["columns"].items() for mistake in cells]
+
+ALIKE = {"hand_rotated_published": "hand_rotated", "multi_position": "turntable"}
+"""Procedures whose input is that of another, checked by the same code."""
+
+
+@cache
+def clean(column: str, folder: Path) -> Outcome:
+    return session(column).go(folder)
+
+
+@pytest.fixture
+def right(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    """What comes of a session without a mistake, once for each."""
+    folder = tmp_path_factory.getbasetemp() / "right"
+    folder.mkdir(exist_ok=True)
+    return lambda column: clean(column, folder)
+
+
+def test_the_table_is_complete() -> None:
+    assert set(GUARD["columns"]) == set(COLUMNS)
+    assert set(COLUMNS) | set(ALIKE) >= set(PROCEDURES)
+    assert set(GUARD["mistakes"]) == set(MISTAKES)
+    for column, cells in GUARD["columns"].items():
+        possible = {name for name, make in MISTAKES.items() if make(session(column)) is not None}
+        assert set(cells) == possible, column
+    said = [cell for cells in GUARD["columns"].values() for cell in cells.values()]
+    reasons = {cell.partition(": ")[2] for cell in said if ": " in cell}
+    assert reasons == set(GUARD["reasons"])
+    codes = {word for cell in said if ": " not in cell for word in cell.split()} - {"fails", "told"}
+    assert codes <= set(SYMPTOMS)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_right_session_is_taken(column: str, right) -> None:
+    assert right(column).error is None
+
+
+@pytest.mark.parametrize(("column", "mistake"), CELLS)
+def test_a_mistake(column: str, mistake: str, right, tmp_path: Path) -> None:
+    spoilt = MISTAKES[mistake](session(column))
+    assert spoilt is not None
+    cell, good, bad = GUARD["columns"][column][mistake], right(column), spoilt.go(tmp_path)
+    kind, colon, _ = cell.partition(": ")
+    if not colon:
+        codes = set(cell.split()) - {"fails", "told"}
+        assert codes <= bad.said
+        error = {c for c in codes if SYMPTOMS[c].severity == "error" and "told" not in cell.split()}
+        assert error == ({bad.error} - {None})
+        assert "fails" not in cell.split() or bad.failed > good.failed
+    else:
+        told = {c for c in bad.findings - good.findings if SYMPTOMS[c].severity != "note"}
+        assert bad.error is None and not told and not bad.failed - good.failed
+        if kind == "same":
+            assert np.allclose(bad.numbers, good.numbers, rtol=1e-6)

@@ -1,0 +1,436 @@
+"""Small sessions of every procedure, and what people do wrong with them.
+
+A session is what a user has: a campaign file and a table of readings. A mistake changes one of the
+two as the user would, and the command goes the whole way from the files to what it says.
+"""
+
+from __future__ import annotations
+
+import io
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.parquet as pq
+
+from foucault import campaign
+from foucault.campaign import alignment, delay, navigation
+from foucault.campaign.alignment import Window
+from foucault.campaign.writing import changed
+from foucault.cli.watch import _open as open_watch
+from foucault.diagnose.allan_log import measure_log
+from foucault.errors import Finding, FoucaultError
+from foucault.export.calibrated_log import calibrate_log
+from foucault.logs.own import columns_of
+from foucault.plans.manoeuvres import Rest, Start
+from foucault.result import Result
+from foucault.simulate.motion import simulate_motion
+from foucault.tables import Log
+from make_navigation import NOISE
+
+G = 9.80665
+DEG = np.pi / 180
+LATITUDE = 48.8462 * DEG
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+ACCEL = ("accel_x", "accel_y", "accel_z")
+
+Columns = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a session: the error that ended it, or what it found."""
+
+    error: str | None = None
+    findings: frozenset[str] = frozenset()
+    failed: frozenset[str] = frozenset()
+    numbers: tuple[float, ...] = ()
+
+    @property
+    def said(self) -> frozenset[str]:
+        """Everything that a user would notice; a note is among it."""
+        return self.findings | self.failed | ({self.error} if self.error else set())
+
+
+@dataclass(frozen=True)
+class Session:
+    """A campaign file, its readings, and the command that takes them."""
+
+    text: str
+    columns: Columns
+    run: Callable[[Path], Outcome]
+    master: Columns = field(default_factory=dict)
+    spoil: Callable[[list[str]], list[str]] | None = None
+    as_text: bool = False
+
+    def with_keys(self, **tables: Mapping[str, Any]) -> Session:
+        """Return the session with keys of its campaign changed."""
+        return replace(self, text=changed(campaign.parse(self.text), tables, "changed"))
+
+    def with_columns(self, **columns: np.ndarray) -> Session:
+        """Return the session with other readings."""
+        return replace(self, columns={**self.columns, **columns})
+
+    def rows(self, keep: np.ndarray) -> Session:
+        """Return the session with these rows, numbers or a mask."""
+        return replace(self, columns={k: v[keep] for k, v in self.columns.items()})
+
+    def triad(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Return those of the columns that it has."""
+        single = {GYRO: ("gyro",), ACCEL: ("specific force",)}
+        return names if names[0] in self.columns else single[names]
+
+    def write(self, folder: Path) -> Path:
+        """Write its files; returns the campaign."""
+        file = "log.csv" if self.as_text or self.spoil else "log.parquet"
+        table = pa.table(self.columns)
+        if file == "log.parquet":
+            pq.write_table(table, folder / file)
+        else:
+            text = io.BytesIO()
+            pacsv.write_csv(table, text, pacsv.WriteOptions(quoting_style="none"))
+            lines = text.getvalue().decode().splitlines()
+            lines = self.spoil(lines) if self.spoil else [*lines, ""]
+            (folder / file).write_text("\n".join(lines))
+        if self.master:
+            pacsv.write_csv(pa.table(self.master), folder / "master.csv")
+        path = folder / "campaign.toml"
+        path.write_text(self.text.replace('"log.csv"', f'"{file}"', 1))
+        return path
+
+    def go(self, folder: Path) -> Outcome:
+        """Write the files and run the command."""
+        try:
+            return self.run(self.write(folder))
+        except FoucaultError as problem:
+            return Outcome(problem.code)
+
+
+# -- what is done with a session -----------------------------------------------------------------
+
+
+def _codes(findings: tuple[Finding, ...]) -> frozenset[str]:
+    return frozenset(item.code for item in findings)
+
+
+def _calibrate(path: Path) -> Outcome:
+    result = campaign.calibrate(path)
+    failed = {check.name for check in result.checks if not check.passed}
+    return Outcome(None, _codes(result.findings), frozenset(failed),
+                   tuple(result.coefficients.values))  # fmt: skip
+
+
+def _align(path: Path) -> Outcome:
+    found = alignment.run(path, navigation.Said(), Window(gyro_bias_sd=0.02 * DEG / 3600))
+    angles = tuple(float(x) for one in found.found for x in one.angles)
+    return Outcome(None, _codes(found.findings), numbers=angles)
+
+
+def _navigate(path: Path) -> Outcome:
+    found = navigation.run(path)
+    failed = {check.name for check in found.checks if not check.passed}
+    return Outcome(None, _codes(found.findings), frozenset(failed))
+
+
+def _allan(path: Path) -> Outcome:
+    log = campaign.read_log(campaign.load(path))
+    seen = measure_log(log)
+    return Outcome(None, _codes((*log.findings, *seen.findings)))
+
+
+def _delay(path: Path) -> Outcome:
+    found = delay.run(path)
+    return Outcome(None, _codes(found.findings), numbers=(found.delay.delay,))
+
+
+@cache
+def _calibrated() -> Result:
+    with TemporaryDirectory() as folder:
+        return campaign.calibrate(session("hand_rotated").write(Path(folder)))
+
+
+def _apply(path: Path) -> Outcome:
+    read = campaign.load(path)
+    out = path.parent / "calibrated.parquet"
+    done = calibrate_log(_calibrated(), read.imu_log, read.folder, out)
+    return Outcome(None, _codes(done.findings))
+
+
+def _watch(path: Path) -> Outcome:
+    session = open_watch(path, False, 1.0)
+    while session.step():
+        pass
+    seen = session.finish()
+    return Outcome(None, frozenset() if seen is None else _codes(seen.findings))
+
+
+# -- the sessions --------------------------------------------------------------------------------
+
+_QUICK: dict[str, dict[str, dict[str, Any]]] = {
+    "hand_rotated": {"simulate": {"rests": 14, "rest_time": "2 s", "turn_time": "1.5 s",
+                                  "first_rest_time": "3 s", "rate": "50 Hz"}},
+    "six_position": {"simulate": {"rest_time": "3 s", "move_time": "1.5 s", "rate": "50 Hz"}},
+    "ferraris": {"simulate": {"rest_time": "3 s", "move_time": "1.5 s", "turn_time": "3 s",
+                              "rate": "50 Hz"}},
+    "norm_observation": {"procedure": {"spin_rate": "30 deg/s"},
+                         "simulate": {"rest_time": "10 s", "turns": 1, "rate": "10 Hz"}},
+    "turntable": {"procedure": {"spin_rate": "30 deg/s"},
+                  "simulate": {"rest_time": "10 s", "turns": 1, "rate": "10 Hz"}},
+    "rate_table": {"simulate": {"rates": ["20 deg/s", "-20 deg/s", "60 deg/s", "-60 deg/s"],
+                                "step_time": "8 s", "rate": "10 Hz"}},
+    "north_seeking": {},
+    "platform_tumble": {"procedure": {"plan": "-x -z -y +z", "rate": "5 deg/s",
+                                      "segment": "60 s", "average": "10 s", "passes": 4}},
+    "systematic": {"procedure": {"passes": 2}, "simulate": {"rest_time": "30 s", "rate": "10 Hz"}},
+    "transfer_alignment": {"simulate": {"rate": "25 Hz", "message_rate": "2 Hz",
+                                        "with_outage": False}},
+}  # fmt: skip
+"""Shorter than the templates: as much as each procedure needs to pass."""
+
+
+def _simulated(name: str, folder: Path) -> Session:
+    read = campaign.parse(changed(campaign.parse(campaign.template(name)), _QUICK[name], "quick"))
+    path = campaign.save_session(campaign.simulate(read), folder)
+    file = folder / "log.csv"
+    marked = file.read_text().startswith("#")
+    columns = _arrays(pacsv.read_csv(file, pacsv.ReadOptions(skip_rows=int(marked))))
+    beside = folder / "master.csv"
+    master = _arrays(pacsv.read_csv(beside)) if beside.exists() else {}
+    made = Session(path.read_text(), columns, _calibrate, master)
+    if not marked:
+        return replace(made, columns={k.partition(" (")[0]: v for k, v in columns.items()})
+    made = _described(made, "sampled=increment" in file.read_text()[:80])
+    return _declared(made, {"accel": {"first_rest": FIRST[name]}}) if name in FIRST else made
+
+
+def _arrays(table: pa.Table) -> Columns:
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+FIRST = {"norm_observation": "z up", "turntable": "z up", "rate_table": "x up"}
+"""Orientation of the first rest, where templates do not say it."""
+
+RATES = {"gyro": {"unit": "rad/s", "kind": "rate"}, "accel": {"unit": "m/s^2", "kind": "rate"}}
+INCREMENTS = {"gyro": {"unit": "rad", "kind": "increment"},
+              "accel": {"unit": "m/s", "kind": "increment"}}  # fmt: skip
+
+
+def _described(made: Session, increments: bool) -> Session:
+    """Describe the columns, so that units can be declared wrongly; sums where they are means."""
+    says = {"time": {"column": "time", "unit": "s"}}
+    for triad, names in (("gyro", GYRO), ("accel", ACCEL)):
+        said = campaign.parse(made.text).tables.model_dump()["log"].get(triad) or {}
+        first = {"first_rest": said["first_rest"]} if said.get("first_rest") else {}
+        says[triad] = {"columns": list(names), **RATES[triad], **first}
+    made = made.with_keys(log=says)
+    return made if not increments else _as_increments(made)
+
+
+def _as_increments(made: Session) -> Session:
+    dt = _interval(made)
+    sums = {name: made.columns[name] * dt for name in (*GYRO, *ACCEL)}
+    return _declared(made.with_columns(**sums), INCREMENTS)
+
+
+def _interval(made: Session) -> float:
+    return float(np.median(np.diff(made.columns["time"])))
+
+
+def _declared(made: Session, words: Mapping[str, Mapping[str, str]]) -> Session:
+    """Return the session with other words in the blocks of [log]."""
+    log = tomllib.loads(made.text)["log"]
+    return made.with_keys(log={block: log[block] | said for block, said in words.items()})
+
+
+@cache
+def _resting() -> Log:
+    """A navigation-grade instrument at rest for some minutes."""
+    start = Start(LATITUDE, 2.3464 * DEG, 60.0, *np.radians([63.0, 3.0, -2.0]))
+    return simulate_motion([Rest(120.0)], start, rate=10.0, noise=NOISE, seed=1).log
+
+
+def _at_rest(run: Callable[[Path], Outcome]) -> Session:
+    text = campaign.template("hand_rotated")
+    made = Session(text, dict(columns_of(_resting())), run).with_keys(noise={"grade": "navigation"})
+    bare = made.with_keys(log={"accel": {"columns": list(ACCEL), "unit": "m/s^2"}})
+    return _described(bare, increments=False)
+
+
+COMMANDS: dict[str, tuple[str, Callable[[Path], Outcome]]] = {
+    "delay": ("transfer_alignment", _delay),
+    "apply": ("hand_rotated", _apply),
+    "watch": ("hand_rotated", _watch),
+}
+"""Commands that are tried with the session of a procedure."""
+
+RESTING = {"align": _align, "navigate": _navigate, "allan": _allan}
+"""Commands that are tried with a log at rest."""
+
+
+@cache
+def session(name: str) -> Session:
+    """Return the session of a procedure or command, made once."""
+    if name in RESTING:
+        return _at_rest(RESTING[name])
+    if name in COMMANDS:
+        of, run = COMMANDS[name]
+        return replace(session(of), run=run, as_text=name == "watch")
+    with TemporaryDirectory() as folder:
+        return _simulated(name, Path(folder))
+
+
+# -- what people do wrong ------------------------------------------------------------------------
+
+
+def _scaled(made: Session, gyro: float = 1.0, accel: float = 1.0) -> Session:
+    factors = {**dict.fromkeys(made.triad(GYRO), gyro), **dict.fromkeys(made.triad(ACCEL), accel)}
+    return made.with_columns(**{k: made.columns[k] * f for k, f in factors.items()})
+
+
+def _one_cell(made: Session, value: float) -> Session:
+    name = made.triad(ACCEL)[-1]
+    spoilt = made.columns[name].copy()
+    spoilt[len(spoilt) // 2] = value
+    return made.with_columns(**{name: spoilt})
+
+
+def _time_cell(made: Session, steps: float) -> Session:
+    """Let one row be `steps` intervals after the one before."""
+    time = made.columns["time"].astype(float)
+    k = len(time) // 2 + 1
+    time[k] = time[k - 1] + steps * (time[k + 1] - time[k - 1]) / 2
+    return made.with_columns(time=time)
+
+
+def _gap(made: Session) -> Session:
+    n = len(made.columns["time"])
+    return made.rows(np.r_[: n // 2, n // 2 + max(1, n // 50) : n])
+
+
+def _doubled(made: Session) -> Session:
+    n = len(made.columns["time"])
+    return made.rows(np.insert(np.arange(n), n // 2, n // 2))
+
+
+def _line(made: Session, change: Callable[[str], str], at: float = 0.5) -> Session:
+    def spoil(lines: list[str]) -> list[str]:
+        k = min(int(at * len(lines)), len(lines) - 1)
+        return [*lines[:k], change(lines[k]), *lines[k + 1 :]]
+
+    return replace(made, spoil=spoil)
+
+
+def _axes(made: Session, gyro: np.ndarray | None = None, accel: np.ndarray | None = None
+          ) -> Session | None:  # fmt: skip
+    """Let the columns of a triad be those of `gyro` or `accel` times the right ones."""
+    if GYRO[0] not in made.columns:
+        return None
+    out = {}
+    for names, C in ((GYRO, gyro), (ACCEL, accel)):
+        if C is not None:
+            out |= dict(zip(names, C @ np.array([made.columns[n] for n in names]), strict=True))
+    return made.with_columns(**out)
+
+
+def _dead(made: Session, triad: tuple[str, ...]) -> Session:
+    name = made.triad(triad)[-1]
+    return made.with_columns(**{name: np.full(len(made.columns[name]), 0.0)})
+
+
+def _clipped(made: Session, triad: tuple[str, ...], part: float) -> Session:
+    names = made.triad(triad)
+    most = part * max(float(np.max(np.abs(made.columns[n]))) for n in names)
+    return made.with_columns(**{n: np.clip(made.columns[n], -most, most) for n in names})
+
+
+def _sums(made: Session) -> Session | None:
+    """Sums over the interval, declared as rates."""
+    if GYRO[0] not in made.columns:
+        return None
+    if 'kind = "increment"' in made.text:
+        return _declared(made, RATES)
+    return _scaled(made, _interval(made), _interval(made))
+
+
+def _rates(made: Session) -> Session | None:
+    """Rates, declared as sums over the interval."""
+    if GYRO[0] not in made.columns:
+        return None
+    if 'kind = "increment"' in made.text:
+        return _scaled(made, 1 / _interval(made), 1 / _interval(made))
+    return _declared(made, INCREMENTS)
+
+
+def _counts(made: Session) -> Session:
+    return _scaled(made, 131.0 / DEG, 16384 / G)
+
+
+def _site(made: Session, **keys: Any) -> Session:
+    return made.with_keys(site=keys)
+
+
+def _angles(made: Session, factor: float = 1.0, sense: float = 1.0) -> Session | None:
+    """Change angles that are read beside the instrument: unit, or sense of the first."""
+    if made.master:
+        names = [n for n in made.master if n.endswith("(deg)") and "tude" not in n]
+        out = {n: made.master[n] * factor for n in names}
+        out[names[0]] = out[names[0]] * sense % (360.0 if factor == 1.0 else np.inf)
+        return replace(made, master={**made.master, **out})
+    names = [n for n in ("outer", "middle", "inner", "index") if n in made.columns]
+    if not names or made.run is not _calibrate:
+        return None
+    out = {n: made.columns[n] * factor for n in names}
+    out[names[0]] = out[names[0]] * sense
+    return made.with_columns(**out)
+
+
+_SWAP = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])
+_CYCLE = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+
+MISTAKES: dict[str, Callable[[Session], Session | None]] = {
+    "missing": lambda s: _one_cell(s, np.nan),
+    "infinite": lambda s: _one_cell(s, np.inf),
+    "word": lambda s: _line(s, lambda line: line.rpartition(",")[0] + ",ERR"),
+    "ragged": lambda s: _line(s, lambda line: line.rpartition(",")[0]),
+    "cut off": lambda s: _line(s, lambda line: line[: len(line) // 2], 1.0),
+    "gap": _gap,
+    "same time": lambda s: _time_cell(s, 0.0),
+    "backward": lambda s: _time_cell(s, -3.0),
+    "twice": _doubled,
+    "ms": lambda s: s.with_columns(time=s.columns["time"] * 1e3),
+    "gyro deg": lambda s: _scaled(s, gyro=1 / DEG),
+    "gyro rad": lambda s: _scaled(s, gyro=DEG),
+    "accel g": lambda s: _scaled(s, accel=1 / G),
+    "accel SI": lambda s: _scaled(s, accel=G),
+    "sums": _sums,
+    "rates": _rates,
+    "counts": _counts,
+    "gravity": lambda s: _scaled(s, accel=-1.0),
+    "gyro reversed": lambda s: _scaled(s, gyro=-1.0),
+    "gyro swapped": lambda s: _axes(s, gyro=_SWAP),
+    "gyro one sign": lambda s: _axes(s, gyro=np.diag([1.0, 1, -1])),
+    "accel swapped": lambda s: _axes(s, accel=_SWAP),
+    "both swapped": lambda s: _axes(s, _SWAP, _SWAP),
+    "both turned": lambda s: _axes(s, _CYCLE, _CYCLE),
+    "hemisphere": lambda s: _site(s, latitude="-48.8462 deg"),
+    "latitude": lambda s: _site(s, latitude="38.8462 deg"),
+    "wrong g": lambda s: _site(s, gravity="9.7 m/s^2"),
+    "gyro dead": lambda s: _dead(s, GYRO),
+    "accel dead": lambda s: _dead(s, ACCEL),
+    "gyro clipped": lambda s: _clipped(s, GYRO, 0.7),
+    "accel clipped": lambda s: _clipped(s, ACCEL, 0.7),
+    "s as ms": lambda s: s.with_columns(time=s.columns["time"] / 1e3),
+    "angles deg": lambda s: _angles(s, factor=1 / DEG),
+    "angles sense": lambda s: _angles(s, sense=-1.0),
+}
+"""What people do wrong: a session as it would be, None where there is nothing to do wrong."""
+
+COLUMNS = (*_QUICK, "align", "navigate", "allan", "delay", "apply", "watch")
+"""Procedures and commands."""
