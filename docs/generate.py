@@ -98,8 +98,9 @@ def _kind(cell: str) -> str:
         return {"": "-", "same": "same", "untold": "**?**"}[cell.partition(": ")[0]]
     if "fails" in cell.split():
         return "*fails*"
-    worst = {SYMPTOMS[code].severity for code in cell.split() if code != "told"}
-    return "**error**" if "error" in worst and "told" not in cell.split() else "*warning*"
+    code, *how = cell.split()
+    ends = "stops" in how or (SYMPTOMS[code].severity == "error" and "told" not in how)
+    return "**error**" if ends else "*warning*"
 
 
 def _told(cell: str, said: dict[str, Any]) -> str:
@@ -107,7 +108,7 @@ def _told(cell: str, said: dict[str, Any]) -> str:
     kind, is_reason, reason = cell.partition(": ")
     if is_reason:
         return ("No harm: " if kind == "same" else "Cannot be told: ") + said["reasons"][reason]
-    codes = [word for word in cell.split() if word not in ("fails", "told")]
+    codes = [word for word in cell.split() if word in SYMPTOMS]
     words = ", ".join(f"`{code}`" for code in codes)
     failing = "the verdict does not pass"
     return words if "fails" not in cell.split() else f"{words}; {failing}" if words else failing
