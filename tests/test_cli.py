@@ -74,16 +74,9 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Any], None]]:
 
 def test_help_lists_every_command_and_exit_code() -> None:
     out = run("--help").output
-    for word in (*COMMANDS, "--quiet", "--json", "Exit codes", "130 interrupted"):
+    for word in (*COMMANDS, "--quiet", "--json", "Exit codes:", "130 interrupted"):
         assert word in re.sub(r"\s+", " ", out)
     assert run().exit_code == 2
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help_with_an_example(command: str) -> None:
-    result = run(command, "--help")
-    assert result.exit_code == 0
-    assert f"foucault {command}" in result.output.partition("Example")[2]
 
 
 def test_wrong_usage_ends_with_2() -> None:

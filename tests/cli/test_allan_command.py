@@ -64,7 +64,7 @@ def test_one_axis_of_another_kind_as_json(log: Path) -> None:
 
 
 def test_a_part_at_rest(log: Path) -> None:
-    result = run("allan", log, "--axis", "x", "--rest", "10", "30")
+    result = run("allan", log, "--axis", "x", "--rest", "10 s to 30 s")
     assert "At rest, 10.00 s to 30.00 s." in result.output
 
 
@@ -73,7 +73,7 @@ def test_a_part_at_rest(log: Path) -> None:
     [
         (["--axis", "gyro.w"], "The log has no axis 'gyro.w'."),
         (["--kind", "modifed"], "Did you mean 'modified'?"),
-        (["--rest", "1", "2"], "There are 101 samples (1 s) at rest"),
+        (["--rest", "1 s to 2 s"], "There are 101 samples (1 s) at rest"),
     ],
 )
 def test_mistakes_end_with_1_and_one_sentence(log: Path, words: list[str], text: str) -> None:

@@ -31,7 +31,7 @@ def runs(tmp_path: Path) -> list[Path]:
 
 def test_help_says_how_it_ends() -> None:
     said = " ".join(run("compare", "--help").output.split())
-    assert "foucault compare 2024/run" in said and "4: out of tolerance" in said
+    assert "foucault compare 2024/run" in said and "4 out of tolerance" in said
 
 
 def test_what_did_not_change_passes(runs: list[Path]) -> None:

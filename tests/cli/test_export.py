@@ -181,6 +181,18 @@ def test_export_writes_for_every_receiver(tmp_path: Path, result: Result) -> Non
     assert "accelerometer_noise_density: 0.0011" in (tmp_path / "kalibr").read_text()
 
 
+def test_export_in_the_axes_of_the_receiver(tmp_path: Path, result: Result) -> None:
+    save(result, tmp_path / "run")
+    said = []
+    for axes in ("right-forward-up", "forward-left-up"):
+        out = tmp_path / f"{axes}.py"
+        words = ["export", tmp_path / "run", "--to", "python", "-o", out, "--axes", axes]
+        assert run(*words).exit_code == 0
+        said.append(out.read_text(encoding="utf-8"))
+    assert said[0] != said[1]
+    assert run(*words[:-1], "up").exit_code == 1
+
+
 def test_export_refuses_with_the_words_to_go_on(tmp_path: Path, result: Result) -> None:
     save(result, tmp_path / "run")
     out = tmp_path / "px4.params"

@@ -14,8 +14,8 @@ from foucault.cli.north_plan import plan
 from foucault.cli.screen import Screen
 from foucault.errors import FoucaultError
 
-GYRO = ("--gyro", "0.003 deg/sqrt(h)")
-PLAIN = ("--latitude", "47 deg", *GYRO, "--minutes", 9)
+GYRO = ("--gyro-noise", "0.003 deg/sqrt(h)")
+PLAIN = ("--latitude", "47 deg", *GYRO, "--time", "9 min")
 FEW = ("--order", "published", "--order", "palindrome")
 
 app = typer.Typer()
@@ -45,7 +45,7 @@ def test_minutes_and_what_to_do(tmp_path: Path) -> None:
 
 
 def test_json() -> None:
-    words = ("--latitude", "-33 deg", "--gyro", "navigation", "--minutes", 10, *FEW)
+    words = ("--latitude", "-33 deg", "--gyro-noise", "navigation", "--time", "10 min", *FEW)
     found = json.loads(run(*words, screen=Screen(json=True)).output)
     assert found["recommended"] == "palindrome" and found["findings"] == []
     row = {r["name"]: r for r in found["orders"]}["published"]
@@ -55,32 +55,34 @@ def test_json() -> None:
 
 
 def test_too_short_and_too_noisy() -> None:
-    said = run("--latitude", "47 deg", *GYRO, "--accuracy", "0.05 deg", "--minutes", 3, *FEW).output
+    said = run(
+        "--latitude", "47 deg", *GYRO, "--accuracy", "0.05 deg", "--time", "3 min", *FEW
+    ).output
     assert "In 3 minutes, 38 s per stop, the heading is good to" in said
     assert "wanted is 0.05 deg" in said and "Use at least" in said and "for each stop" in said
-    said = run("--latitude", "80 deg", "--gyro", "mems", "--minutes", 2, *FEW).output
+    said = run("--latitude", "80 deg", "--gyro-noise", "mems", "--time", "2 min", *FEW).output
     assert "too noisy by a factor of" in said
-    assert "too noisy" not in run("--latitude", "47 deg", *GYRO, "--minutes", 2, *FEW).output
+    assert "too noisy" not in run("--latitude", "47 deg", *GYRO, "--time", "2 min", *FEW).output
 
 
 def test_a_floor_is_named() -> None:
     walk = ("--gyro-random-walk", "0.05 deg/h/sqrt(h)")
     words = ("--latitude", "47 deg", *GYRO, *walk, "--accuracy", "0.02 deg", *FEW)
-    said = run(*words, "--minutes", 30).output
+    said = run(*words, "--time", "30 min").output
     assert "not reachable: floor" in said and "from gyro drift" in said
     assert "The accuracy is not reachable" in said
 
 
 def test_every_setting_counts() -> None:
     def sd(*more: object) -> float:
-        words = ("--latitude", "47 deg", *GYRO, "--minutes", 10, "--order", "published", *more)
+        words = ("--latitude", "47 deg", *GYRO, "--time", "10 min", "--order", "published", *more)
         return float(json.loads(run(*words, screen=Screen(json=True)).output)["orders"][0]["sd"])
 
     plain = sd()
     for more in (
         ("--gyro-bias-instability", "0.05 deg/h"),
         ("--gyro-random-walk", "0.1 deg/h/sqrt(h)"),
-        ("--accel", "5 mg/sqrt(Hz)"),
+        ("--accel-noise", "5 mg/sqrt(Hz)"),
         ("--drift", "1 deg/h/h"),
         ("--drift", "1 deg/h/h", "--drift-ignored"),
         ("--tilt", "20 deg"),
@@ -96,24 +98,31 @@ def test_every_setting_counts() -> None:
     assert sd(*slow, "--gyro-correlation-time", "5000 s") < sd(*slow)
 
 
+def test_a_rough_heading_opens_more_orders() -> None:
+    words = ("--latitude", "47 deg", *GYRO, "--time", "10 min", "--level-sd", "1 arcsec")
+    words = (*words, "--order", "east-west pair", "--order", "published")
+    assert "Use published" in run(*words).output
+    assert "Use east-west pair" in run(*words, "--rough", "2 deg").output
+
+
 def test_noise_of_a_campaign(tmp_path: Path) -> None:
     from foucault.campaign.writing import template
 
     file = tmp_path / "campaign.toml"
     text = template("hand_rotated").split("[noise]")[0] + '\n[noise]\ngrade = "tactical"\n'
     file.write_text(text)
-    mine = ("--latitude", "47 deg", "--minutes", 10, *FEW)
-    other = run(*mine, "--gyro", "tactical").output
+    mine = ("--latitude", "47 deg", "--time", "10 min", *FEW)
+    other = run(*mine, "--gyro-noise", "tactical").output
     assert run(*mine, "--noise", file).output == other
-    with pytest.raises(FoucaultError, match="--accel and --noise both say"):
-        run(*mine, "--noise", file, "--accel", "5 ug/sqrt(Hz)")
+    with pytest.raises(FoucaultError, match="--accel-noise and --noise both say"):
+        run(*mine, "--noise", file, "--accel-noise", "5 ug/sqrt(Hz)")
 
 
 def test_a_calibration_adds_its_uncertainty(tmp_path: Path) -> None:
     for words in (("simulate", "north_seeking", "-o", tmp_path),
                   ("calibrate", tmp_path / "campaign.toml", "-o", tmp_path / "run")):  # fmt: skip
         assert CliRunner().invoke(whole, [str(w) for w in words]).exit_code in (0, 3)
-    words = ("--latitude", "47 deg", *GYRO, "--minutes", 10, "--order", "published")
+    words = ("--latitude", "47 deg", *GYRO, "--time", "10 min", "--order", "published")
     plain = json.loads(run(*words, screen=Screen(json=True)).output)["orders"][0]
     calibrated = ("--calibration", tmp_path / "run")
     found = json.loads(run(*words, *calibrated, screen=Screen(json=True)).output)["orders"][0]
@@ -129,23 +138,32 @@ def test_a_calibration_adds_its_uncertainty(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--latitude", "89.5 deg", *GYRO, "--minutes", 9), "89.5000 deg; beyond"),
-        (("--latitude", "47", *GYRO, "--minutes", 9), "--latitude"),
-        (("--latitude", "47 deg", "--minutes", 9), "Nothing says how noisy the gyro is"),
-        (("--latitude", "47 deg", "--gyro", "0.01 deg/h", "--minutes", 9), "deg/h"),
-        (("--latitude", "47 deg", "--gyro", "0 deg/sqrt(h)", "--minutes", 9), "needs one above"),
+        (("--latitude", "89.5 deg", *GYRO, "--time", "9 min"), "89.5000 deg; beyond"),
+        (("--latitude", "47", *GYRO, "--time", "9 min"), "--latitude"),
+        (("--latitude", "47 deg", "--time", "9 min"), "Nothing says how noisy the gyro is"),
+        (("--latitude", "47 deg", "--gyro-noise", "0.01 deg/h", "--time", "9 min"), "deg/h"),
+        (
+            ("--latitude", "47 deg", "--gyro-noise", "0 deg/sqrt(h)", "--time", "9 min"),
+            "needs one above",
+        ),
         (("--latitude", "47 deg", *GYRO), "Neither the wanted accuracy nor the time"),
-        (("--latitude", "47 deg", *GYRO, "--minutes", -1), "--minutes is -1.0; it must be above 0"),
+        (
+            ("--latitude", "47 deg", *GYRO, "--time", "0 min"),
+            "--time is 0 min; it must be above 0",
+        ),
         (("--latitude", "47 deg", *GYRO, "--accuracy", "0 deg"), "--accuracy is 0 deg"),
-        (("--latitude", "47 deg", *GYRO, "--minutes", 9, "--tilt", "90 deg"), "below 89 deg"),
-        (("--latitude", "47 deg", *GYRO, "--minutes", 9, "--order", "star"), "not an order"),
+        (("--latitude", "47 deg", *GYRO, "--time", "9 min", "--tilt", "90 deg"), "below 89 deg"),
+        (("--latitude", "47 deg", *GYRO, "--time", "9 min", "--order", "star"), "not an order"),
         ((*PLAIN, "--drift-ignored"), "it must be given with --drift"),
         ((*PLAIN, "--latitude-sd", "1 deg", "--unknown-latitude"), "left out with --unknown"),
         ((*PLAIN, "--tilt", "1 deg", "--level-sd", "1 deg"), "--tilt is 1 deg; it must be left"),
-        ((*PLAIN, "--accel", "1 ug/sqrt(Hz)", "--level-sd", "1 deg"), "--accel is 1 ug"),
+        (
+            (*PLAIN, "--accel-noise", "1 ug/sqrt(Hz)", "--level-sd", "1 deg"),
+            "--accel-noise is 1 ug",
+        ),
         ((*PLAIN, "--gyro-correlation-time", "9 s"), "given with --gyro-bias-instability"),
         ((*PLAIN, "--move", "-1 s"), "--move is -1 s; it must be 0 or above"),
-        ((*PLAIN, "--noise", "campaign.toml"), "Both --gyro and --noise say how"),
+        ((*PLAIN, "--noise", "campaign.toml"), "Both --gyro-noise and --noise say how"),
     ],
 )
 def test_refusals(words: tuple[object, ...], said: str) -> None:

@@ -83,6 +83,17 @@ def test_part_of_a_session_is_not_enough(text: bytes) -> None:
     assert last.endswith("and 3 more.")
 
 
+def test_how_long_to_hold_is_asked_for(text: bytes) -> None:
+    def more(*words: str) -> float:
+        lines = run("--json", "--stdin", *words, given=text).output.splitlines()
+        return float(json.loads(lines[-1])["hold"])
+
+    assert more("--hold", "60 s") - more("--hold", "20 s") == pytest.approx(40.0)
+    result = run("--stdin", "--hold", "3", given=text)
+    assert result.exit_code == 1
+    assert "--hold" in result.stderr
+
+
 def test_it_ends_when_there_is_enough(folder: Path, busy: None) -> None:
     result = run(folder / "campaign.toml", "--until-complete")
     assert result.exit_code == 0
@@ -94,7 +105,7 @@ def test_a_file_that_grows(folder: Path, text: bytes, tmp_path: Path, busy: None
     lines = text.splitlines(keepends=True)
 
     def record() -> None:
-        time.sleep(0.2)
+        time.sleep(0.5)
         with path.open("wb") as stream:
             for start in range(0, len(lines), 333):
                 stream.write(b"".join(lines[start : start + 333])[:-3])
@@ -104,7 +115,7 @@ def test_a_file_that_grows(folder: Path, text: bytes, tmp_path: Path, busy: None
 
     writer = threading.Thread(target=record)
     writer.start()
-    result = run(path, "--timeout", "1.5")
+    result = run(path, "--timeout", "1.5 s")
     writer.join()
     assert result.exit_code == 0
     assert result.output.startswith("waiting for session.csv to appear\nfollowing session.csv")
@@ -121,7 +132,7 @@ def test_a_file_that_shrinks_begins_anew(text: bytes, tmp_path: Path, busy: None
 
     writer = threading.Thread(target=restart)
     writer.start()
-    result = run(path, "--timeout", "1.5")
+    result = run(path, "--timeout", "1.5 s")
     writer.join()
     assert result.exit_code == 3
     assert "note: 'session.csv' was written anew." in result.output
@@ -129,11 +140,11 @@ def test_a_file_that_shrinks_begins_anew(text: bytes, tmp_path: Path, busy: None
 
 
 def test_a_file_that_never_comes(tmp_path: Path, busy: None) -> None:
-    result = run(tmp_path / "none.csv", "--timeout", "0.1")
+    result = run(tmp_path / "none.csv", "--timeout", "0.1 s")
     assert result.exit_code == 1
     assert "No sample came from 'none.csv' within 0.1 s: the file does not exist." in result.stderr
     (tmp_path / "none.csv").write_text("time,gyro_x\n")
-    result = run(tmp_path / "none.csv", "--timeout", "0.1")
+    result = run(tmp_path / "none.csv", "--timeout", "0.1 s")
     assert "it has no line of data yet" in result.stderr
 
 

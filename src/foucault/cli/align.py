@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foucault.cli.options import parsed
+from foucault.cli import words
+from foucault.cli.options import parsed, span
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -25,43 +26,34 @@ def add_to(app: typer.Typer) -> None:
     """Add the command of this module to the program."""
     app.command(
         "align",
-        epilog="Examples: foucault align static.csv --latitude '47.3 deg' --gyro-bias-sd "
-        "'0.01 deg/h'; foucault align session/campaign.toml --rest '0 s to 300 s' --rest "
-        "'360 s to 660 s'. Exit code 0: north is seen; 3: something is doubtful.",
+        epilog=words.epilog(
+            'foucault align static.csv --latitude "47.3 deg" --gyro-bias-sd "0.01 deg/h"',
+            'foucault align campaign.toml --rest "0 s to 300 s" --rest "360 s to 660 s"',
+            exits={0: "north is seen", 3: "something is doubtful"},
+        ),
     )(align)
 
 
 def align(
     ctx: typer.Context,
-    log: Annotated[
-        Path,
-        typer.Argument(help="Campaign file, or a log of ours or one whose titles give the units."),
-    ],
-    calibration: Annotated[
-        Path | None, typer.Option(help="Run folder or result.json of `foucault calibrate`.")
-    ] = None,
-    latitude: Annotated[
-        str | None, typer.Option(help='Latitude of the site, such as "47.3 deg".')
-    ] = None,
-    height: Annotated[str | None, typer.Option(help='Height, such as "430 m".')] = None,
-    gravity: Annotated[
-        str | None, typer.Option(help='Local gravity, such as "9.8072 m/s^2".')
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option("--from", help='Start of the rest, such as "0 s".')
-    ] = None,
-    until: Annotated[str | None, typer.Option(help='Its end, such as "300 s".')] = None,
+    log: words.LogFile,
+    calibration: words.Calibration = None,
+    latitude: words.Latitude = None,
+    height: words.Height = None,
+    gravity: words.Gravity = None,
+    start: words.From = None,
+    until: words.Until = None,
     rest: Annotated[
         list[str] | None,
         typer.Option(
-            help='A rest, such as "0 s to 300 s"; repeat it: two rests or more at different '
+            help='A rest, such as "0 s to 300 s"; may be repeated: two rests or more at different '
             "headings take the gyro bias out."
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
         typer.Option(
-            help="inertial_frame, kalman, two_vector or two_position; repeat for several, all "
+            help="inertial_frame, kalman, two_vector or two_position; may be repeated. All "
             "that fit if left out."
         ),
     ] = None,
@@ -69,19 +61,17 @@ def align(
         str | None, typer.Option(help='How well the gyro biases are known, such as "0.01 deg/h".')
     ] = None,
     accel_bias_sd: Annotated[
-        str | None, typer.Option(help='The same of the accelerometers, such as "50 ug".')
+        str | None,
+        typer.Option(help='How well the accelerometer biases are known, such as "50 ug".'),
     ] = None,
-    gyro_noise: Annotated[
-        str | None, typer.Option(help='Angle random walk, such as "0.003 deg/sqrt(h)".')
-    ] = None,
-    accel_noise: Annotated[
-        str | None, typer.Option(help='White noise, such as "30 ug/sqrt(Hz)".')
-    ] = None,
-    gaps: Annotated[
-        Literal["stop", "bridge"], typer.Option(help="What to do where samples are missing.")
-    ] = "stop",
+    gyro_noise: words.GyroNoise = None,
+    accel_noise: words.AccelNoise = None,
+    gaps: words.Gaps = "stop",
 ) -> None:
-    """Find heading, pitch and roll of a log at rest, by several methods, and how sure they are."""
+    """Find heading, pitch and roll of a log at rest, and their sd.
+
+    By several methods side by side, each with what limits it.
+    """
     from foucault.campaign import alignment
     from foucault.campaign.alignment import Window
     from foucault.campaign.navigation import Said
@@ -93,7 +83,7 @@ def align(
         methods=tuple(method or ()),  # type: ignore[arg-type]  # an unknown one is refused there
         start=given.get("from"),
         end=given.get("until"),
-        rests=[_span(text) for text in rest or ()],
+        rests=[span("--rest", text) for text in rest or ()],
         gaps=gaps,
         **parsed({"gyro_bias_sd": gyro_bias_sd, "accel_bias_sd": accel_bias_sd}),
     )
@@ -108,18 +98,6 @@ def align(
     screen.data(_document(log, found))
     if any(item.severity == "warning" for item in found.findings):
         raise typer.Exit(3)
-
-
-def _span(text: str) -> tuple[float, float]:
-    """Return start and end of a rest [s]."""
-    from foucault.errors import error
-    from foucault.units import parse
-
-    ends = text.split(" to ")
-    if len(ends) != 2:
-        raise error("alignment.rest", given=text)
-    start, end = (parse(one.strip(), "time", "--rest") for one in ends)
-    return start, end
 
 
 def _rows(found: Comparison) -> list[tuple[str, ...]]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
+from foucault.cli.options import span
 from foucault.cli.screen import Screen
 from foucault.cli.sessions import from_start, read_any
 
@@ -20,45 +22,45 @@ def add_to(app: typer.Typer) -> None:
     """Add the command of this module to the program."""
     app.command(
         "allan",
-        epilog="Examples: foucault allan static.csv -o noise; "
-        "foucault allan campaign.toml --axis gyro.z --rest 0 50; "
-        "foucault allan static.parquet --axis gyro --kind hadamard",
+        epilog=words.epilog(
+            "foucault allan static.csv -o noise",
+            'foucault allan campaign.toml --axis gyro.z --rest "0 s to 50 s"',
+            "foucault allan static.parquet --axis gyro --kind hadamard",
+        ),
     )(allan)
 
 
 def allan(
     ctx: typer.Context,
-    log: Annotated[
-        Path, typer.Argument(help="A campaign file, or a log that foucault has written.")
-    ],
+    log: words.LogFile,
     axis: Annotated[
         list[str] | None,
-        typer.Option(help="Axis such as gyro.x, gyro or x; repeat for several. All if left out."),
+        typer.Option(help="Axis, such as gyro.x, gyro or x; may be repeated. All if left out."),
     ] = None,
     kind: Annotated[
-        str, typer.Option(help="Deviation to show: overlapping, modified or hadamard.")
+        str, typer.Option(help="Deviation: overlapping, modified or hadamard.")
     ] = "overlapping",
     rest: Annotated[
-        tuple[float, float] | None,
+        str | None,
         typer.Option(
-            help="Start and end of the part at rest, in s from the start. Left out: the whole "
-            "log, or the longest rest of one that moves.",
-            metavar="START END",
+            help='Part at rest, such as "0 s to 50 s". The whole log if left out, or the longest '
+            "rest of one that moves."
         ),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder for the plot, the table and the noise block."),
-    ] = None,
+    output: words.FolderIfWanted = None,
 ) -> None:
-    """Find the noise of an instrument at rest: random walks, bias instability, ramp."""
+    """Find the noise of an instrument at rest.
+
+    Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use.
+    """
     from foucault.diagnose.allan_log import measure_log
 
     screen: Screen = ctx.obj
+    still = None if rest is None else span("--rest", rest)
     with screen.progress() as tell:
         table, _ = from_start(read_any(log, tell))
         tell(0.7, "computing variances")
-        seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=rest)
+        seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=still)
         if output is not None:
             tell(0.9, "writing")
             _write(seen, str(table.source.get("file", log.name)), output)

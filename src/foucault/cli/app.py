@@ -30,19 +30,29 @@ from foucault.cli import (
     study,
     temperature,
     watch,
+    words,
 )
 from foucault.cli.screen import INTERRUPTED, Screen
 from foucault.errors import FoucaultError
 
 BAD_INPUT, BY_INTERRUPT, FAULT = 1, 130, 70
 
-_EPILOG = """\
-Exit codes: 0 done, or a result that passed; 1 bad input; 2 wrong usage; 3 a doubtful result;
-4 an unusable result; 70 a fault in foucault itself; 130 interrupted. --quiet and --json may
-stand before or after the command.
-
-Example: foucault init hand_rotated -o campaign.toml; foucault calibrate campaign.toml -o run
-"""
+_EPILOG = words.epilog(
+    "foucault init hand_rotated -o campaign.toml",
+    "foucault inspect campaign.toml",
+    "foucault calibrate campaign.toml -o run",
+    notes="--quiet and --json may stand before or after the command. `foucault COMMAND --help` "
+    "shows its options and examples.",
+    exits={
+        0: "done, or a result that passed",
+        1: "bad input: what is wrong and what to do is printed",
+        2: "wrong usage",
+        3: "a doubtful result",
+        4: "an unusable result",
+        70: "a fault in foucault itself",
+        130: "interrupted",
+    },
+)
 
 _ANYWHERE = ("--quiet", "-q", "--json")
 

@@ -7,21 +7,29 @@ from typing import Annotated
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import Screen
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the program."""
-    app.command("init", epilog="Example: foucault init hand_rotated -o campaign.toml")(init)
-    app.command("schema", epilog="Example: foucault schema > campaign.schema.json")(schema)
-    app.command("messages", epilog="Example: foucault messages > messages.md")(messages)
+    app.command("init", epilog=words.epilog("foucault init hand_rotated -o campaign.toml"))(init)
+    app.command(
+        "schema",
+        epilog=words.epilog(
+            "foucault schema > campaign.schema.json",
+            "foucault schema --result > result.schema.json",
+        ),
+    )(schema)
+    app.command("messages", epilog=words.epilog("foucault messages > messages.md"))(messages)
 
 
 def init(
     ctx: typer.Context,
     procedure: Annotated[str, typer.Argument(help="Name of a procedure, such as hand_rotated.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File to write; standard output if none.")
+        Path | None,
+        typer.Option("-o", "--output", help="File to write; standard output if left out."),
     ] = None,
 ) -> None:
     """Write a commented campaign file to start from."""
@@ -44,7 +52,7 @@ def init(
 
 def schema(
     result: Annotated[
-        bool, typer.Option("--result", help="The schema of result.json instead.")
+        bool, typer.Option("--result", help="Print that of result.json instead.")
     ] = False,
 ) -> None:
     """Print the JSON schema of campaign files, or of result.json."""

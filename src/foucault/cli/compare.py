@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -21,23 +22,28 @@ def add_to(app: typer.Typer) -> None:
     """Add the command to the program."""
     app.command(
         "compare",
-        epilog="Examples: foucault compare 2024/run 2025/run 2026/run -o compared --tolerance "
-        "tolerance.toml; foucault compare results.toml. Exit code 0: not changed, or within "
-        "tolerance; 3: changed, or too near a limit to tell; 4: out of tolerance.",
+        epilog=words.epilog(
+            "foucault compare 2024/run 2025/run 2026/run -o compared --tolerance tolerance.toml",
+            "foucault compare results.toml",
+            exits={
+                0: "not changed, or within tolerance",
+                3: "changed, or too near a limit to tell",
+                4: "out of tolerance",
+            },
+        ),
     )(compare)
 
 
 def compare(
     ctx: typer.Context,
     results: Annotated[
-        list[Path], typer.Argument(help="Run folders, or TOML files with [[result]] tables.")
+        list[Path],
+        typer.Argument(
+            help="Run folders or their result.json, or TOML files with [[result]] tables."
+        ),
     ],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write, with a report.")
-    ] = None,
-    tolerance: Annotated[
-        Path | None, typer.Option(help="TOML file with limits of values, changes and drifts.")
-    ] = None,
+    output: words.FolderIfWanted = None,
+    tolerance: words.Tolerance = None,
     dates: Annotated[
         str, typer.Option(help="When each log was recorded, separated by commas: 2025-03-01,...")
     ] = "",
@@ -45,7 +51,10 @@ def compare(
         bool, typer.Option("--same", help="All are of one instrument, whatever they say.")
     ] = False,
 ) -> None:
-    """Compare results: has an instrument changed, does it drift, do several differ?"""
+    """Compare results over time, or of several instruments.
+
+    Has an instrument changed, in which coefficient, by drift or step, and is it within tolerance?
+    """
     import time
 
     from foucault.campaign import comparison, comparison_folder

@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 if TYPE_CHECKING:
     from foucault.procedures.delay import FoundDelay
 
-_EPILOG = (
-    "Examples: foucault delay imu.csv navigation.csv; foucault delay campaign.toml; foucault delay "
-    "imu.csv other_imu.csv --bracket any; foucault delay imu.csv navigation.csv --mounting '90 "
-    "deg, 0 deg, 0 deg' --bracket '0 s to 0.3 s'. What the master stamps t was true at t - delay "
-    "by the slave's clock. Exit code 0: passed; 3: something is doubtful; 4: no offset is seen."
+_EPILOG = words.epilog(
+    "foucault delay imu.csv navigation.csv",
+    "foucault delay campaign.toml",
+    "foucault delay imu.csv other_imu.csv --bracket any",
+    'foucault delay imu.csv navigation.csv --mounting "90 deg, 0 deg, 0 deg"',
+    notes="What the master stamps t was true at t - delay by the clock of the slave.",
+    exits={0: "passed", 3: "something is doubtful", 4: "no offset is seen"},
 )
 
 
@@ -27,29 +30,30 @@ def add_to(app: typer.Typer) -> None:
 
 def delay(
     ctx: typer.Context,
-    slave: Annotated[
-        Path,
-        typer.Argument(help="Log of the slave: campaign file, log of ours, or titled CSV."),
-    ],
+    slave: words.LogFile,
     master: Annotated[
         Path | None,
         typer.Argument(
-            help="What a master said (heading, pitch, roll, velocities) or a second IMU's log; a "
-            "campaign may describe it."
+            help="Log of what a master said (heading, pitch, roll, velocities), or of a second "
+            "IMU; a campaign may describe it."
         ),
     ] = None,
     mounting: Annotated[
         str | None,
         typer.Option(
-            help='Heading, pitch, roll of the slave in the master\'s axes, "90 deg, 0 deg, 0 deg", '
+            help="Heading, pitch, roll of the slave in the master's axes, such as \"90 deg, 0 deg, "
+            '0 deg", '
             "to within 10 deg; found if left out."
         ),
     ] = None,
     bracket: Annotated[
-        str, typer.Option(help='Where the offset lies, "-0.2 s to 0.5 s", or any.')
+        str, typer.Option(help='Where the offset lies, such as "-0.2 s to 0.5 s", or any.')
     ] = "-1 s to 1 s",
 ) -> None:
-    """Find the time offset of two logs of one body by what both turned."""
+    """Find the time offset of two logs of one body.
+
+    By what both turned; with its standard deviation, drift of the clocks and mounting.
+    """
     from foucault.campaign import delay as campaign
 
     screen: Screen = ctx.obj

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, Screen
 
@@ -15,27 +16,28 @@ if TYPE_CHECKING:
     from foucault.models.noise import ImuNoise
     from foucault.result import Result
 
-ResultArgument = Annotated[Path, typer.Argument(help="A run folder or its result.json.")]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the program."""
     app.command(
         "apply",
-        epilog="Examples: foucault apply run flight.csv -o flight_calibrated.parquet; "
-        "foucault apply run/result.json other_campaign.toml -o out.csv",
+        epilog=words.epilog(
+            "foucault apply run flight.csv -o flight_calibrated.parquet",
+            "foucault apply run/result.json other_campaign.toml -o out.csv",
+        ),
     )(apply)
     app.command(
         "export",
-        epilog="Examples: foucault export run --to c -o calibration.h; "
-        "foucault export run --to px4 -o px4.params --drop accel.misalignment "
-        "--drop gyro.misalignment --drop gyro.scale",
+        epilog=words.epilog(
+            "foucault export run --to c -o calibration.h",
+            "foucault export run --to px4 -o px4.params --drop accel.misalignment --drop gyro",
+        ),
     )(export)
 
 
 def apply(
     ctx: typer.Context,
-    result: ResultArgument,
+    result: words.ResultFile,
     log: Annotated[
         Path,
         typer.Argument(
@@ -50,7 +52,7 @@ def apply(
         bool,
         typer.Option(
             "--force",
-            help="Apply an unusable result, that of another instrument, or a second time.",
+            help="Go on with an unusable result, that of another instrument, or a second time.",
         ),
     ] = False,
     outside: Annotated[
@@ -61,7 +63,10 @@ def apply(
         ),
     ] = "error",
 ) -> None:
-    """Remove the calibrated errors from a log of the same instrument."""
+    """Remove the calibrated errors from a log.
+
+    Of any size, in parts; the log is of the instrument that was calibrated.
+    """
     from foucault.errors import error
     from foucault.export import calibrate_log
     from foucault.files import sha256
@@ -97,10 +102,10 @@ def apply(
 
 def export(
     ctx: typer.Context,
-    result: ResultArgument,
+    result: words.ResultFile,
     to: Annotated[
         str,
-        typer.Option("--to", help="c, python, json, csv, kalibr, imucal, px4 or ros2."),
+        typer.Option("--to", help="Form: c, python, json, csv, kalibr, imucal, px4 or ros2."),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     drop: Annotated[
@@ -114,12 +119,11 @@ def export(
             "forward-right-down or forward-left-up."
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Export an unusable result.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Go on with an unusable result.")] = False,
     at: Annotated[
         str | None,
         typer.Option(
-            help="Temperature, such as '25 degC': export the coefficients there, where they change "
-            "with temperature."
+            help='Temperature at which to export what changes with it, such as "25 degC".'
         ),
     ] = None,
 ) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.cluster import Workers
 from foucault.cli.screen import Screen
 
@@ -23,29 +23,31 @@ def add_to(app: typer.Typer) -> None:
     """Add the command to the program."""
     app.command(
         "fleet",
-        epilog="Examples: foucault fleet campaign.toml -o fleet --tolerance tolerance.toml; "
-        "foucault simulate campaign.toml --instruments 60 -o bench, then foucault fleet "
-        "bench/campaign.toml -o fleet. In [log], file is a pattern (logs/*.csv: the name is the "
-        "serial number) or a file with a column serial. Exit code 0: all passed; 3: some did not; "
-        "4: none has a usable result.",
+        epilog=words.epilog(
+            "foucault fleet campaign.toml -o fleet --tolerance tolerance.toml",
+            "foucault simulate campaign.toml --instruments 60 -o bench",
+            "foucault fleet bench/campaign.toml -o fleet",
+            notes="In [log], file is a pattern (logs/*.csv: the name is the serial number) or a "
+            "file with a column serial.",
+            exits={0: "all passed", 3: "some did not", 4: "none has a usable result"},
+        ),
     )(fleet)
 
 
 def fleet(
     ctx: typer.Context,
-    campaign: Annotated[Path, typer.Argument(help="The campaign file.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder to write; results in it are replaced.")
-    ],
-    tolerance: Annotated[
-        Path | None, typer.Option(help="TOML file with the limits of coefficients.")
-    ] = None,
+    campaign: words.CampaignFile,
+    output: words.RunFolder,
+    tolerance: words.Tolerance = None,
     reports: Annotated[
         bool, typer.Option("--reports", help="Write a report of each instrument too.")
     ] = False,
     workers: Workers = None,
 ) -> None:
-    """Calibrate many instruments by the same campaign: one page for all, a result for each."""
+    """Calibrate many instruments by the same campaign.
+
+    One page for all, a result for each.
+    """
     from foucault import campaign as campaigns
     from foucault.campaign import fleet as fleets
     from foucault.campaign import tolerance as tolerances

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the command of this module to the program."""
-    app.command("merge", epilog="Example: foucault merge monday tuesday -o merged")(merge)
+    app.command(
+        "merge",
+        epilog=words.epilog("foucault merge monday tuesday -o merged", exits=words.VERDICT),
+    )(merge)
 
 
 def merge(
     ctx: typer.Context,
-    results: Annotated[list[Path], typer.Argument(help="Run folders or result.json files.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Run folder; a result in it is replaced.")
-    ],
+    results: words.ResultFiles,
+    output: words.RunFolder,
 ) -> None:
-    """Merge calibrations of one instrument from different logs into one result."""
+    """Merge results of one instrument from different logs into one.
+
+    Weighted by their whole covariance; whether they agree is checked.
+    """
     from foucault import report, run_folder
     from foucault.campaign import earlier
 

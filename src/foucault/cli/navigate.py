@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
@@ -17,15 +18,19 @@ if TYPE_CHECKING:
 MOST = 8
 """Coefficients that are listed on the screen."""
 
-_EPILOG = (
-    "Examples: foucault navigate log.csv --latitude '47.3 deg' --calibration run --align '300 s' "
-    "-o navigation; foucault navigate drive.csv --reference gnss.csv --calibration run; foucault "
-    "navigate campaign.toml --calibration run. The log begins with a rest; without --reference a "
-    "log that rests all along is compared with the known site. Titles of a reference: time (s), "
-    "latitude (deg), longitude (deg), height (m), velocity east (m/s), velocity north (m/s), "
-    "velocity up (m/s), heading (deg), pitch (deg), roll (deg). Exit code 0: passed; 3: the error "
-    "is larger than predicted, or could not be judged (no calibration, nothing to compare with); "
-    "4: the start heading is not known."
+_EPILOG = words.epilog(
+    'foucault navigate log.csv --latitude "47.3 deg" --calibration run --align "300 s"',
+    "foucault navigate drive.csv --reference gnss.csv --calibration run -o navigation",
+    "foucault navigate campaign.toml --calibration run",
+    notes="The log begins with a rest. Without --reference a log that rests all along is compared "
+    "with the known site. Titles of a reference: time (s), latitude (deg), longitude (deg), "
+    "height (m), velocity east (m/s), velocity north (m/s), velocity up (m/s), heading (deg), "
+    "pitch (deg), roll (deg).",
+    exits={
+        0: "passed",
+        3: "the error is larger than predicted, or could not be judged",
+        4: "the start heading is not known",
+    },
 )
 
 
@@ -36,78 +41,66 @@ def add_to(app: typer.Typer) -> None:
 
 def navigate(
     ctx: typer.Context,
-    log: Annotated[
-        Path,
-        typer.Argument(help="Campaign file, a log that foucault has written, or a titled CSV."),
-    ],
-    calibration: Annotated[
-        Path | None, typer.Option(help="Run folder or result.json of `foucault calibrate`.")
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write; none if left out.")
-    ] = None,
+    log: words.LogFile,
+    calibration: words.Calibration = None,
+    output: words.FolderIfWanted = None,
     align: Annotated[
         str | None,
-        typer.Option(help='How long the start is a rest, such as "300 s"; left out: first rest.'),
+        typer.Option(
+            help='How long it rests at the start, such as "300 s"; the first rest if left out.'
+        ),
     ] = None,
     method: Annotated[
-        Literal["inertial_frame", "two_vector", "kalman"], typer.Option(help="How it is aligned.")
+        Literal["inertial_frame", "two_vector", "kalman"],
+        typer.Option(help="Method that aligns it at the start."),
     ] = "inertial_frame",
-    latitude: Annotated[
-        str | None, typer.Option(help='Latitude of the start, such as "47.3 deg".')
-    ] = None,
+    latitude: words.Latitude = None,
     longitude: Annotated[
-        str | None, typer.Option(help='Longitude of the start, such as "8.5 deg".')
+        str | None, typer.Option(help='Longitude of the site, such as "8.5 deg".')
     ] = None,
-    height: Annotated[str | None, typer.Option(help='Height, such as "430 m".')] = None,
-    gravity: Annotated[
-        str | None, typer.Option(help='Local gravity, such as "9.8072 m/s^2".')
-    ] = None,
+    height: words.Height = None,
+    gravity: words.Gravity = None,
     heading: Annotated[
-        str | None, typer.Option(help='Start heading, such as "90.6 deg", if gyros cannot see it.')
+        str | None,
+        typer.Option(help='Heading at the start, such as "90.6 deg", if gyros cannot see it.'),
     ] = None,
     heading_sd: Annotated[
-        str | None, typer.Option(help='Its standard deviation, such as "0.1 deg".')
+        str | None, typer.Option(help='Standard deviation of --heading, such as "0.1 deg".')
     ] = None,
-    pitch: Annotated[str | None, typer.Option(help='Start pitch, such as "1.2 deg".')] = None,
-    roll: Annotated[str | None, typer.Option(help='Start roll, such as "-0.4 deg".')] = None,
+    pitch: Annotated[
+        str | None, typer.Option(help='Pitch at the start, such as "1.2 deg".')
+    ] = None,
+    roll: Annotated[str | None, typer.Option(help='Roll at the start, such as "-0.4 deg".')] = None,
     level_sd: Annotated[
-        str | None, typer.Option(help='Standard deviation of both, such as "1 arcmin".')
+        str | None,
+        typer.Option(help='Standard deviation of --pitch and --roll, such as "1 arcmin".'),
     ] = None,
     reference: Annotated[
         Path | None, typer.Option(help="File of positions, velocities or angles to compare with.")
     ] = None,
     still: Annotated[
-        bool, typer.Option("--still", help="It never left the site, though it may have turned.")
+        bool,
+        typer.Option("--still", help="The log never left the site, though it may have turned."),
     ] = False,
     vertical: Annotated[
         Literal["free", "held", "aided"] | None,
         typer.Option(help="Vertical channel: free, held at the start, aided by reference heights."),
     ] = None,
-    gaps: Annotated[
-        Literal["stop", "bridge"], typer.Option(help="What to do where samples are missing.")
-    ] = "stop",
-    from_: Annotated[
-        str | None, typer.Option("--from", help='Use the log from here on, such as "600 s".')
-    ] = None,
-    until: Annotated[
-        str | None, typer.Option(help='Use the log up to here, such as "90 min".')
-    ] = None,
-    gyro_noise: Annotated[
-        str | None, typer.Option(help='Angle random walk, such as "0.003 deg/sqrt(h)".')
-    ] = None,
-    accel_noise: Annotated[
-        str | None, typer.Option(help='Velocity random walk, such as "30 ug/sqrt(Hz)".')
-    ] = None,
+    gaps: words.Gaps = "stop",
+    from_: words.From = None,
+    until: words.Until = None,
+    gyro_noise: words.GyroNoise = None,
+    accel_noise: words.AccelNoise = None,
     rate: Annotated[
         str | None,
-        typer.Option(help='Rows of the written trajectory; "10 Hz" if left out.'),
+        typer.Option(help='Rate of the written trajectory; "10 Hz" if left out.'),
     ] = None,
-    serial: Annotated[
-        str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
-    ] = "",
+    serial: words.Serial = "",
 ) -> None:
-    """Navigate a log with and without its calibration: what is it worth in metres?"""
+    """Navigate with and without a calibration: its worth in metres.
+
+    What every coefficient costs, and whether the error is as large as predicted.
+    """
     from foucault.campaign import navigation
     from foucault.campaign.navigation import Said
     from foucault.procedures.navigation_settings import Settings

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from foucault.cli import north_plan
+from foucault.cli import north_plan, words
 from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
@@ -22,11 +22,13 @@ MOST = 12
 FIND = "find"
 """Name of the command that stands behind `north READINGS`."""
 
-_EPILOG = (
-    "Examples: foucault north readings.csv --latitude '47.3 deg' --calibration run; foucault north "
-    "campaign.toml --calibration run -o north. Titles of a file given alone: setup, time (s), "
-    "index (deg), gyro (deg/h), specific force (g), dwell (s). How long to measure: foucault north "
-    "plan --help. Exit code 0: all set-ups passed; 3: some did not; 4: none is usable."
+_EPILOG = words.epilog(
+    'foucault north readings.csv --latitude "47.3 deg" --calibration run',
+    "foucault north campaign.toml --calibration run -o north",
+    "foucault north plan --help",
+    notes="Titles of a file given alone: setup, time (s), index (deg), gyro (deg/h), "
+    "specific force (g), dwell (s). `north plan` says how long to measure.",
+    exits={0: "all set-ups passed", 3: "some did not", 4: "none is usable"},
 )
 
 
@@ -52,7 +54,7 @@ def add_to(app: typer.Typer) -> None:
     """Add the command to the program."""
     group = typer.Typer(cls=_North, rich_markup_mode=None)
     group.command(FIND, cls=_Find, hidden=True, epilog=_EPILOG)(find)
-    group.command("plan", epilog=north_plan.EXAMPLES)(north_plan.plan)
+    group.command("plan", epilog=north_plan.EPILOG)(north_plan.plan)
     app.add_typer(
         group, name="north", help="Find north from readings of a north seeker, or plan it."
     )
@@ -62,59 +64,43 @@ def find(
     ctx: typer.Context,
     readings: Annotated[
         Path,
-        typer.Argument(help="Campaign file, or CSV or Parquet file whose titles carry the units."),
+        typer.Argument(
+            help="A campaign file, or a CSV or Parquet file whose titles give the units."
+        ),
     ],
-    calibration: Annotated[
-        Path | None,
-        typer.Option(help="Run folder or result.json of `foucault calibrate` (north_seeking)."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write; none if left out.")
-    ] = None,
-    latitude: Annotated[
-        str | None, typer.Option(help='Latitude of the site, such as "47.3 deg".')
-    ] = None,
-    latitude_sd: Annotated[
-        str | None, typer.Option(help='Its standard deviation, such as "0.5 deg".')
-    ] = None,
-    unknown_latitude: Annotated[
-        bool, typer.Option("--unknown-latitude", help="Estimate the latitude too.")
-    ] = False,
+    calibration: words.Calibration = None,
+    output: words.FolderIfWanted = None,
+    latitude: words.Latitude = None,
+    latitude_sd: words.LatitudeSd = None,
+    unknown_latitude: words.UnknownLatitude = False,
     hemisphere: Annotated[
-        Literal["north", "south"] | None, typer.Option(help="Where the latitude is unknown.")
+        Literal["north", "south"] | None,
+        typer.Option(help="Hemisphere, where the latitude is unknown."),
     ] = None,
-    near: Annotated[str | None, typer.Option(help='Rough heading, such as "120 deg".')] = None,
-    height: Annotated[str | None, typer.Option(help='Height, such as "430 m".')] = None,
-    gravity: Annotated[
-        str | None, typer.Option(help='Local gravity, such as "9.8072 m/s^2".')
+    near: Annotated[
+        str | None, typer.Option(help='Heading as far as it is known, such as "120 deg".')
     ] = None,
-    gyro_noise: Annotated[
-        str | None, typer.Option(help='Angle random walk, such as "0.003 deg/sqrt(h)".')
-    ] = None,
-    accel_noise: Annotated[
-        str | None, typer.Option(help='White noise, such as "30 ug/sqrt(Hz)".')
-    ] = None,
+    height: words.Height = None,
+    gravity: words.Gravity = None,
+    gyro_noise: words.GyroNoise = None,
+    accel_noise: words.AccelNoise = None,
     accel_reads: Annotated[
         Literal["gravity", "specific force"] | None,
         typer.Option(help="Sign of the accelerometers: specific force is +1 g upwards."),
     ] = None,
-    level_sd: Annotated[
-        str | None, typer.Option(help='Without accelerometers: tilt it may have, "1 arcmin".')
-    ] = None,
-    index_sd: Annotated[
-        str | None, typer.Option(help='Sd of every index angle, such as "10 arcsec".')
-    ] = None,
+    level_sd: words.SeekerLevelSd = None,
+    index_sd: words.IndexSd = None,
     drift: Annotated[
-        Literal["auto", "none", "linear"] | None, typer.Option(help="Linear drift of the gyro.")
+        Literal["auto", "none", "linear"] | None,
+        typer.Option(help="Whether to estimate a linear drift of the gyro."),
     ] = None,
-    accuracy: Annotated[
-        str | None, typer.Option(help='Wanted sd of the heading, such as "0.05 deg".')
-    ] = None,
-    serial: Annotated[
-        str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
-    ] = "",
+    accuracy: words.Accuracy = None,
+    serial: words.Serial = "",
 ) -> None:
-    """Find north: heading, pitch and roll of every set-up, and how sure they are."""
+    """Find north: heading, pitch and roll of every set-up.
+
+    With their covariance, what limits them, and the latitude if asked for.
+    """
     from foucault.campaign import north
     from foucault.campaign.north import Said
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -17,10 +18,9 @@ if TYPE_CHECKING:
     from foucault.models.north_seeker import Compensation
     from foucault.plans.north_choice import Choice, Row
 
-EXAMPLES = (
-    'Examples: foucault north plan --latitude "47 deg" --gyro "0.003 deg/sqrt(h)" --accuracy '
-    '"0.1 deg"; foucault north plan --latitude "-33 deg" --gyro navigation --minutes 10 -o '
-    "stops.csv"
+EPILOG = words.epilog(
+    'foucault north plan --latitude "47 deg" --gyro-noise "0.003 deg/sqrt(h)" --accuracy "0.1 deg"',
+    'foucault north plan --latitude "-33 deg" --gyro-noise navigation --time "10 min" -o stops.csv',
 )
 
 ACCEL = "5 ug/sqrt(Hz)"
@@ -35,32 +35,39 @@ TILTED = "10 deg"
 
 def plan(
     ctx: typer.Context,
-    latitude: Annotated[str, typer.Option(help="Of the site, positive north, such as '47 deg'.")],
-    gyro: Annotated[
+    latitude: Annotated[
+        str, typer.Option(help='Latitude of the site, positive north, such as "47.3 deg".')
+    ],
+    gyro_noise: Annotated[
         str | None,
-        typer.Option(help="Angle random walk, such as '0.003 deg/sqrt(h)', or a grade's name."),
+        typer.Option(
+            help='Angle random walk of the gyros, such as "0.003 deg/sqrt(h)", or a grade\'s name.'
+        ),
     ] = None,
     noise: Annotated[
-        Path | None, typer.Option(help="Campaign file whose [noise] is taken, instead of --gyro.")
+        Path | None,
+        typer.Option(help="Campaign file whose [noise] is taken, instead of --gyro-noise."),
     ] = None,
-    accuracy: Annotated[
-        str | None, typer.Option(help="Wanted standard deviation of the heading: '0.1 deg'.")
+    accuracy: words.Accuracy = None,
+    time: Annotated[
+        str | None, typer.Option(help='Time there is, moves included, such as "10 min".')
     ] = None,
-    minutes: Annotated[float | None, typer.Option(help="Time there is, moves included.")] = None,
     gyro_bias_instability: Annotated[
-        str | None, typer.Option(help="Sd of the gyro's slowly changing bias: '0.005 deg/h'.")
+        str | None, typer.Option(help='Bias instability of the gyro, such as "0.005 deg/h".')
     ] = None,
     gyro_correlation_time: Annotated[
-        str | None, typer.Option(help="Correlation time of that bias; '300 s' if left out.")
+        str | None, typer.Option(help='Correlation time of that instability; "300 s" if left out.')
     ] = None,
     gyro_random_walk: Annotated[
-        str | None, typer.Option(help="Rate random walk: '0.002 deg/h/sqrt(h)'.")
+        str | None,
+        typer.Option(help='Rate random walk of the gyro, such as "0.002 deg/h/sqrt(h)".'),
     ] = None,
-    accel: Annotated[
-        str | None, typer.Option(help=f"Noise of the accelerometers; '{ACCEL}' if left out.")
+    accel_noise: Annotated[
+        str | None,
+        typer.Option(help=f'Velocity random walk of the accelerometers; "{ACCEL}" if left out.'),
     ] = None,
     drift: Annotated[
-        str | None, typer.Option(help="Linear drift of the gyro to expect: '0.01 deg/h/h'.")
+        str | None, typer.Option(help='Linear drift of the gyro to expect, such as "0.01 deg/h/h".')
     ] = None,
     drift_estimated: Annotated[
         bool,
@@ -69,42 +76,38 @@ def plan(
         ),
     ] = True,
     tilt: Annotated[
-        str | None, typer.Option(help="Up to which the case may be tilted; level if left out.")
+        str | None,
+        typer.Option(help='Largest tilt of the case, such as "10 deg"; level if left out.'),
     ] = None,
-    level_sd: Annotated[
-        str | None, typer.Option(help="Without accelerometers: how well the case is levelled.")
-    ] = None,
-    index_sd: Annotated[str | None, typer.Option(help="Sd of every index angle.")] = None,
-    latitude_sd: Annotated[str | None, typer.Option(help="Sd of the latitude.")] = None,
-    unknown_latitude: Annotated[
-        bool, typer.Option("--unknown-latitude", help="The readings have to tell the latitude too.")
-    ] = False,
+    level_sd: words.SeekerLevelSd = None,
+    index_sd: words.IndexSd = None,
+    latitude_sd: words.LatitudeSd = None,
+    unknown_latitude: words.UnknownLatitude = False,
     rough: Annotated[
-        str | None, typer.Option(help="Sd of a rough heading that is known: '2 deg'.")
+        str | None,
+        typer.Option(help='Standard deviation of a heading that is known, such as "2 deg".'),
     ] = None,
-    calibration: Annotated[
-        Path | None, typer.Option(help="Result of the calibration to be used.")
-    ] = None,
+    calibration: words.Calibration = None,
     move: Annotated[
         str, typer.Option(help="Time from one stop to the next, settling included.")
     ] = "10 s",
     order: Annotated[
         list[str] | None,
-        typer.Option(help="Compare only this order: palindrome, '8 positions', 'continuous 3' ..."),
+        typer.Option(
+            help='Compare only this order, such as palindrome or "8 positions"; may be repeated.'
+        ),
     ] = None,
     cycles: Annotated[int, typer.Option(help="How often each order of stops is repeated.")] = 1,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="CSV file for the stops to make.")
-    ] = None,
+    output: words.TableIfWanted = None,
 ) -> None:
-    """Say how many minutes north seeking takes, and in which order to stop."""
+    """Say how long north seeking takes, and in which order to stop."""
     from foucault.diagnose.north_plan import Conditions
     from foucault.errors import error
     from foucault.plans.north_choice import Task, compare
     from foucault.plans.north_seeking import NAMES, write_stops
 
     screen: Screen = ctx.obj
-    if accuracy is None and minutes is None:
+    if accuracy is None and time is None:
         raise error("north_plan.wanted")
     slow = {
         "bias_instability": ("--gyro-bias-instability", gyro_bias_instability, "angular rate"),
@@ -113,7 +116,7 @@ def plan(
     }
     conditions = Conditions(
         _latitude(latitude),
-        _noise(gyro, noise, accel, slow),
+        _noise(gyro_noise, noise, accel_noise, slow),
         latitude_sd=_size("--latitude-sd", latitude_sd),
         latitude_known=not unknown_latitude,
         tilt=_size("--tilt", tilt),
@@ -128,15 +131,16 @@ def plan(
         ("--latitude-sd", latitude_sd, not (latitude_sd and unknown_latitude),
          "left out with --unknown-latitude"),
         ("--tilt", tilt, not (tilt and level_sd), "left out with --level-sd"),
-        ("--accel", accel, not (accel and level_sd), "left out with --level-sd"),
+        ("--accel-noise", accel_noise, not (accel_noise and level_sd), "left out with --level-sd"),
     ):  # fmt: skip
         _refuse(option, given, fine, with_what)
     _refuse("--tilt", tilt, conditions.tilt < math.radians(89.0), "below 89 deg")
-    _refuse("--minutes", minutes, minutes is None or 0 < minutes < math.inf, "above 0")
+    total = None if time is None else _size("--time", time, "time")
+    _refuse("--time", time, total is None or total > 0, "above 0")
     task = Task(
         conditions,
         None if accuracy is None else _size("--accuracy", accuracy),
-        None if minutes is None else 60.0 * minutes,
+        total,
         _size("--move", move, "time"),
         None if rough is None else _size("--rough", rough),
     )
@@ -185,10 +189,10 @@ def _noise(
     from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 
     if (gyro is None) == (file is None):
-        given = "Nothing says" if gyro is None else "Both --gyro and --noise say"
+        given = "Nothing says" if gyro is None else "Both --gyro-noise and --noise say"
         raise error("north_plan.gyro", given=given, grades=", ".join(GRADES))
     if file is not None:
-        for option, text, _ in (("--accel", accel, ""), *slow.values()):
+        for option, text, _ in (("--accel-noise", accel, ""), *slow.values()):
             if text is not None:
                 raise error("north_plan.noise_option", option=option)
         found = campaign.load(file).noise
@@ -199,11 +203,11 @@ def _noise(
     elif gyro in GRADES:
         found = grade(str(gyro)).noise
     else:
-        white = units.parse(gyro, "angle random walk", "--gyro")
+        white = units.parse(gyro, "angle random walk", "--gyro-noise")
         forces = units.parse(ACCEL, "velocity random walk")
         found = ImuNoise(TriadNoise(white=forces), TriadNoise(white=white))
     if accel is not None:
-        white = _size("--accel", accel, "velocity random walk")
+        white = _size("--accel-noise", accel, "velocity random walk")
         found = replace(found, accel=replace(found.accel, white=white))
     more = {key: _size(*said) for key, said in slow.items() if said[1] is not None}
     found = replace(found, gyro=replace(found.gyro, **more))

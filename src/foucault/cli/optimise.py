@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foucault.cli import cluster
+from foucault.cli import cluster, words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -21,33 +20,32 @@ def add_to(app: typer.Typer) -> None:
     """Add the command of this module to the program."""
     app.command(
         "optimise",
-        epilog="Exit codes: 0 a better plan was found, or one that the rig can do where that to "
-        "beat breaks its limits; 3 none was, or something cannot be seen. "
-        "Examples: foucault optimise campaign.toml -o search; foucault optimise platform_tumble "
-        "-o search --time-limit '60 s'. The same command again continues a search; with a larger "
-        "--restarts it goes further.",
+        epilog=words.epilog(
+            "foucault optimise campaign.toml -o search",
+            'foucault optimise platform_tumble -o search --time-limit "60 s"',
+            notes="What may be changed of the plan stands in the table [optimise] of the campaign. "
+            "The same command again continues a search; with more --restarts it goes further.",
+            exits={
+                0: "a better plan was found, or one that the rig can do",
+                3: "none was, or something cannot be seen",
+            },
+        ),
     )(optimise)
 
 
 def optimise(
     ctx: typer.Context,
-    what: Annotated[
-        str,
-        typer.Argument(
-            help="A campaign file, or the name of a procedure. What may be changed of the plan "
-            "stands in its table [optimise]."
-        ),
-    ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the search.")],
+    what: words.CampaignOrName,
+    output: words.ContinuedFolder,
     restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1)] = 32,
     evaluations: Annotated[
         int, typer.Option(help="Plans that each restart judges.", min=1)
     ] = 4000,
     time_limit: Annotated[
         str | None,
-        typer.Option(help="After this time no further restart is begun, such as '60 s'."),
+        typer.Option(help='Begin no further restart after this time, such as "60 s".'),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the search.", min=0)] = 0,
+    seed: words.Seed = 0,
     size: Annotated[
         int,
         typer.Option(
@@ -60,7 +58,7 @@ def optimise(
     scheduler: cluster.Scheduler = None,
     local_cluster: cluster.LocalCluster = None,
 ) -> None:  # fmt: skip
-    """Search for a plan that sees the coefficients better, within the limits of the rig."""
+    """Search for a plan that sees more, within limits of the rig."""
     from foucault import units
     from foucault.campaign import optimisation
     from foucault.cli.sessions import load_or_template

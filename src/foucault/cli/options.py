@@ -10,17 +10,17 @@ KINDS = {
     "accel_noise": "velocity random walk", "gyro_bias_sd": "angular rate",
     "accel_bias_sd": "specific force", "align": "time", "from": "time", "until": "time",
     "rate": "frequency", "at": "temperature", "reference": "temperature",
-    "margin": "temperature difference",
+    "margin": "temperature difference", "hold": "time", "timeout": "time", "time": "time",
 }  # fmt: skip
 """Kind of quantity of every option; the others are angles."""
 
 POSITIVE = (
     "latitude_sd", "level_sd", "heading_sd", "accuracy", "index_sd", "gyro_noise", "accel_noise",
-    "align", "until", "rate",
+    "align", "until", "rate", "time",
 )  # fmt: skip
 """Options that must be greater than zero."""
 
-NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd", "margin")
+NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd", "margin", "hold", "timeout")
 """Options that may be zero, but no less."""
 
 
@@ -41,3 +41,15 @@ def parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
             raise error("campaign.value", key=option, given=repr(text), hint="", more="",
                         reason=f"it should be {least}")  # fmt: skip
     return out
+
+
+def span(option: str, text: str) -> tuple[float, float]:
+    """Return start and end of a stretch of a log, "0 s to 300 s" [s]."""
+    from foucault.errors import error
+    from foucault.units import parse
+
+    ends = text.split(" to ")
+    if len(ends) != 2:
+        raise error("log.span", option=option, given=text)
+    start, end = (parse(one.strip(), "time", option) for one in ends)
+    return start, end

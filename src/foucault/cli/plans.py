@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foucault.cli import sequences
+from foucault.cli import sequences, words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -28,10 +28,14 @@ def add_to(app: typer.Typer) -> None:
     """Add the command of this module to the program."""
     app.command(
         "plans",
-        epilog="Examples: foucault plans; foucault plans --model 'accel quadratic'; "
-        "foucault plans 'icosahedron 12' -o angles.csv; foucault plans angles.csv; "
-        "foucault plans --model deflection 'optimised 6'; foucault plans --model systematic "
-        "campaign.toml -o actions.csv",
+        epilog=words.epilog(
+            "foucault plans",
+            'foucault plans --model "accel quadratic"',
+            'foucault plans "icosahedron 12" -o angles.csv',
+            "foucault plans angles.csv",
+            'foucault plans --model deflection "optimised 6"',
+            "foucault plans --model systematic campaign.toml -o actions.csv",
+        ),
     )(plans)
 
 
@@ -40,16 +44,16 @@ def plans(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="A plan, such as 'icosahedron 12' or 'fibonacci 30', or a CSV file with the "
-            "columns outer,middle,inner in deg; of a sequence '19 positions', several joined by "
-            "' + ', or a TOML file: a sequence, or a campaign. All plans if left out."
+            help='A plan, such as "icosahedron 12" or "fibonacci 30", or a CSV file with the '
+            'columns outer,middle,inner in deg; of a sequence "19 positions", several joined by '
+            '" + ", or a TOML file: a sequence, or a campaign. All plans if left out.'
         ),
     ] = None,
     model: Annotated[
         str,
         typer.Option(
             help="What is to be found: accel (norm of gravity, also for the norm of the rate), "
-            "'accel quadratic', 'accel table' (the angles of the table are known), deflection "
+            '"accel quadratic", "accel table" (the angles of the table are known), deflection '
             "(poses for spins about a level axis, for gyros on dither springs), or systematic "
             "(sequences of rests and turns)."
         ),
@@ -57,7 +61,8 @@ def plans(
     angles: Annotated[
         bool,
         typer.Option(
-            "--angles/--no-angles", help="With a plan: print its table angles, or its actions."
+            "--angles/--no-angles",
+            help="Whether to print the table angles or the actions of a plan.",
         ),
     ] = True,
     output: Annotated[
@@ -65,11 +70,14 @@ def plans(
         typer.Option(
             "-o",
             "--output",
-            help="With a plan: CSV file for its angles or actions; of a sequence TOML too.",
+            help="CSV file to write, with a plan: its angles or actions; of a sequence TOML too.",
         ),
     ] = None,
 ) -> None:
-    """List plans for a table and how good they are, or print the angles or actions of one."""
+    """List plans for a table and how good they are, or print one.
+
+    A plan is printed with its table angles or its actions, and what it cannot tell apart.
+    """
     from foucault.errors import error
     from foucault.plans.efficiency import model_named
 

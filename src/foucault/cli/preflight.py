@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -24,37 +24,37 @@ def add_to(app: typer.Typer) -> None:
     """Add the command of this module to the program."""
     app.command(
         "preflight",
-        epilog="Exit codes: 0 all is seen; 3 something is hardly seen. "
-        "Examples: foucault preflight campaign.toml -o expected.csv; "
-        "foucault preflight platform_tumble --plan '-x -z -y +z' --rate '0.2 deg/s'; "
-        "foucault preflight norm_observation --plan 'dodecahedron 20'",
+        epilog=words.epilog(
+            "foucault preflight campaign.toml -o expected.csv",
+            'foucault preflight platform_tumble --plan "-x -z -y +z" --rate "0.2 deg/s"',
+            'foucault preflight norm_observation --plan "dodecahedron 20"',
+            notes="Sampling and noise are those of the campaign file.",
+            exits={0: "all is seen", 3: "something is hardly seen"},
+        ),
     )(preflight)
 
 
 def preflight(
     ctx: typer.Context,
-    what: Annotated[
-        str,
-        typer.Argument(
-            help="A campaign file, or the name of a procedure. Sampling is that of [simulate]."
-        ),
-    ],
+    what: words.CampaignOrName,
     plan: Annotated[
         str | None,
         typer.Option(
-            help="Try this plan, such as '-x -z -y +z' or 'dodecahedron 20', instead of that of "
+            help='Try this plan, such as "-x -z -y +z" or "dodecahedron 20", instead of that of '
             "the file, where the procedure has plans."
         ),
     ] = None,
-    rate: Annotated[str | None, typer.Option(help="Try this rate: '0.2 deg/s'.")] = None,
+    rate: Annotated[str | None, typer.Option(help='Try this rate, such as "0.2 deg/s".')] = None,
     segment: Annotated[
-        str | None, typer.Option(help="Try this time for each segment of the plan: '900 s'.")
+        str | None,
+        typer.Option(help='Try this time for each segment of the plan, such as "900 s".'),
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="CSV file for the table.")
-    ] = None,
+    output: words.TableIfWanted = None,
 ) -> None:
-    """Say beforehand whether the planned session will see the coefficients, and how well."""
+    """Say before a session what it will show, and how well.
+
+    Standard deviation of every coefficient, what cannot be told apart, whether the rig can do it.
+    """
     from foucault.campaign import preflight as preflights
     from foucault.cli.sessions import load_or_template
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 if TYPE_CHECKING:
@@ -17,19 +18,22 @@ if TYPE_CHECKING:
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the program."""
-    app.command("calibrate", epilog="Example: foucault calibrate campaign.toml -o run")(calibrate)
-    app.command("report", epilog="Example: foucault report run")(report)
-    app.command("demo", epilog="Example: foucault demo -o demo")(demo)
+    app.command(
+        "calibrate",
+        epilog=words.epilog("foucault calibrate campaign.toml -o run", exits=words.VERDICT),
+    )(calibrate)
+    app.command("report", epilog=words.epilog("foucault report run"))(report)
+    app.command(
+        "demo", epilog=words.epilog("foucault demo", "foucault demo -o demo", exits=words.VERDICT)
+    )(demo)
 
 
 def calibrate(
     ctx: typer.Context,
-    campaign: Annotated[Path, typer.Argument(help="The campaign file.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Run folder; a result in it is replaced.")
-    ],
+    campaign: words.CampaignFile,
+    output: words.RunFolder,
 ) -> None:
-    """Calibrate: read the log of a campaign, estimate every coefficient, write the report."""
+    """Calibrate an instrument from its log, and write the report."""
     from foucault import campaign as campaigns
 
     screen: Screen = ctx.obj
@@ -83,7 +87,7 @@ def report(
         ),
     ],
 ) -> None:
-    """Write the report again from what the run folder holds."""
+    """Write the report again from what the folder holds."""
     from foucault import report as reports
     from foucault.campaign import (
         comparison_folder,
@@ -113,10 +117,10 @@ def report(
 
 def demo(
     ctx: typer.Context,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("demo"),
-    seed: Annotated[int, typer.Option(help="Seed of the simulation.", min=0)] = 1,
+    output: words.Folder = Path("demo"),
+    seed: words.Seed = 1,
 ) -> None:
-    """Simulate an instrument, calibrate it, and print the result beside the truth."""
+    """Simulate an instrument, calibrate it, compare with the truth."""
     from foucault import campaign as campaigns
 
     screen: Screen = ctx.obj

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from foucault.cli import words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -21,14 +22,18 @@ def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the program."""
     app.command(
         "inspect",
-        epilog="Examples: foucault inspect campaign.toml --plots quick.html; "
-        "foucault inspect session/log.csv",
+        epilog=words.epilog(
+            "foucault inspect campaign.toml --plots quick.html",
+            "foucault inspect session/log.csv",
+        ),
     )(inspect)
     app.command(
         "simulate",
-        epilog="Examples: foucault simulate hand_rotated -o session; "
-        "foucault simulate campaign.toml -o session --seed 7; "
-        "foucault simulate norm_observation -o bench --instruments 60",
+        epilog=words.epilog(
+            "foucault simulate hand_rotated -o session",
+            "foucault simulate campaign.toml -o session --seed 7",
+            "foucault simulate norm_observation -o bench --instruments 60",
+        ),
     )(simulate)
 
 
@@ -43,17 +48,18 @@ def load_or_template(name: str) -> Campaign:
 
 def simulate(
     ctx: typer.Context,
-    what: Annotated[str, typer.Argument(help="A campaign file, or the name of a procedure.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    what: words.CampaignOrName,
+    output: words.Folder,
     seed: Annotated[
-        int | None, typer.Option(help="Seed; that of the campaign if left out.", min=0)
+        int | None,
+        typer.Option(help="Seed of the random numbers; that of the campaign if left out.", min=0),
     ] = None,
     instruments: Annotated[
         int | None,
         typer.Option(help="Simulate so many instruments, as means in one file.", min=1),
     ] = None,
 ) -> None:
-    """Simulate a session: the log a user would have, and the truth beside it."""
+    """Simulate a session: the log, and the truth beside it."""
     from foucault import campaign
 
     screen: Screen = ctx.obj
@@ -94,16 +100,13 @@ def _simulate_fleet(
 
 def inspect(
     ctx: typer.Context,
-    log: Annotated[
-        Path,
-        typer.Argument(
-            help="A campaign file, a log that foucault has written, or one whose titles give the "
-            "units: gyro_x (deg/s)."
-        ),
-    ],
+    log: words.LogFile,
     plots: Annotated[Path | None, typer.Option(help="HTML file to write quick plots to.")] = None,
 ) -> None:
-    """Look at a log: rates, gaps, whether its units are plausible, and the rests found."""
+    """Look at a log: rates, gaps, units, and the rests found.
+
+    Mean, noise and limits of every axis, and what looks wrong with its cure.
+    """
     from foucault.diagnose import inspection
 
     screen: Screen = ctx.obj

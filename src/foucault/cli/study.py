@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foucault.cli import cluster
+from foucault.cli import cluster, words
 from foucault.cli.screen import Screen
 from foucault.cli.sessions import load_or_template
 
@@ -17,23 +16,29 @@ def add_to(app: typer.Typer) -> None:
     """Add the command to the program."""
     app.command(
         "montecarlo",
-        epilog="Examples: foucault montecarlo campaign.toml -n 500 -o study; "
-        "foucault montecarlo hand_rotated -n 100 -o study --local-cluster 8. The same command "
-        "again continues an interrupted study.",
+        epilog=words.epilog(
+            "foucault montecarlo campaign.toml -n 500 -o study",
+            "foucault montecarlo hand_rotated -n 100 -o study --local-cluster 8",
+            notes="The same command again continues an interrupted study.",
+            exits={0: "every check passed", 3: "one did not"},
+        ),
     )(montecarlo)
 
 
 def montecarlo(
     ctx: typer.Context,
-    what: Annotated[str, typer.Argument(help="A campaign file, or the name of a procedure.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Study folder.")],
+    what: words.CampaignOrName,
+    output: words.ContinuedFolder,
     trials: Annotated[int, typer.Option("-n", "--trials", help="Number of trials.", min=2)] = 500,
-    seed: Annotated[int, typer.Option(help="Seed of the study.", min=0)] = 0,
+    seed: words.Seed = 0,
     workers: cluster.Workers = None,
     scheduler: cluster.Scheduler = None,
     local_cluster: cluster.LocalCluster = None,
 ) -> None:
-    """Study: simulate and calibrate many instruments; are the uncertainties right?"""
+    """Calibrate many simulated instruments: are the sd right?
+
+    Errors against their standard deviations and against the bound.
+    """
     from foucault.campaign import study
     from foucault.report import study as study_report
 

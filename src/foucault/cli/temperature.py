@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
 from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
@@ -20,20 +21,21 @@ def add_to(app: typer.Typer) -> None:
     """Add the command to the program."""
     app.command(
         "temperature",
-        epilog="Examples: foucault temperature cold room hot -o model; foucault temperature cold "
-        "room hot --at 'cold=-20 degC' --scatter 'gyro.bias=5 deg/h' -o model; foucault "
-        "temperature room --ramp warming.toml -o model. Then: foucault apply model LOG -o out.csv.",
+        epilog=words.epilog(
+            "foucault temperature cold room hot -o model",
+            'foucault temperature cold room hot -o model --at "cold=-20 degC"',
+            'foucault temperature cold room hot -o model --scatter "gyro.bias=5 deg/h"',
+            "foucault temperature room --ramp warming.toml -o model",
+            "foucault apply model log.csv -o compensated.csv",
+            exits=words.VERDICT,
+        ),
     )(temperature)
 
 
 def temperature(
     ctx: typer.Context,
-    results: Annotated[
-        list[Path], typer.Argument(help="Run folders of one instrument, or their result.json.")
-    ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Run folder; a result in it is replaced.")
-    ],
+    results: words.ResultFiles,
+    output: words.RunFolder,
     at: Annotated[
         list[str] | None,
         typer.Option(help="RESULT=TEMPERATURE, where its log does not say it; may be repeated."),
@@ -41,19 +43,19 @@ def temperature(
     order: Annotated[
         list[str] | None,
         typer.Option(
-            help="Highest power of temperature: 2, or FAMILY=2; may be repeated. By default the "
-            "results tell it."
+            help="Highest power of temperature: 2, or FAMILY=2; may be repeated. The results "
+            "tell it if left out."
         ),
     ] = None,
     knots: Annotated[
         str | None,
-        typer.Option(help="Straight lines between knots, such as '-20 degC, 20 degC, 60 degC'."),
+        typer.Option(help='Straight lines between knots, such as "-20 degC, 20 degC, 60 degC".'),
     ] = None,
     scatter: Annotated[
         list[str] | None,
         typer.Option(
-            help="FAMILY=SD from one switch-on to the next, or none; may be repeated. By default "
-            "the results tell it."
+            help="FAMILY=SD from one switch-on to the next, or none; may be repeated. The "
+            "results tell it if left out."
         ),
     ] = None,
     ramp: Annotated[
@@ -64,7 +66,7 @@ def temperature(
         ),
     ] = None,
     reference: Annotated[
-        str | None, typer.Option(help="Temperature that powers count from; the middle by default.")
+        str | None, typer.Option(help="Temperature that powers count from; the middle if left out.")
     ] = None,
     margin: Annotated[
         str, typer.Option(help="How far beyond the temperatures seen the functions are to hold.")
@@ -77,7 +79,10 @@ def temperature(
         ),
     ] = False,
 ) -> None:
-    """Fit coefficients as functions of temperature to calibrations at several temperatures."""
+    """Fit coefficients as functions of temperature.
+
+    To calibrations at several temperatures, to a slow ramp, or to both.
+    """
     from foucault import report, run_folder
     from foucault.procedures import temperature as procedure
 

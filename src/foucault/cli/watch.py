@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import words
+from foucault.cli.options import parsed
 from foucault.cli.screen import INTERRUPTED, Screen
 
 if TYPE_CHECKING:
@@ -36,8 +38,13 @@ def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the program."""
     app.command(
         "watch",
-        epilog="Examples: foucault watch campaign.toml; "
-        "some_logger | foucault watch campaign.toml --stdin; foucault watch session.csv",
+        epilog=words.epilog(
+            "foucault watch campaign.toml",
+            "foucault watch session.csv",
+            "some_logger | foucault watch campaign.toml --stdin",
+            notes="It ends with Ctrl-C or the end of standard input.",
+            exits={0: "enough rests on all sides", 3: "not enough"},
+        ),
     )(watch)
 
 
@@ -55,19 +62,17 @@ def watch(
     until_complete: Annotated[
         bool, typer.Option("--until-complete", help="End as soon as there are enough rests.")
     ] = False,
-    hold: Annotated[float, typer.Option(help="Time to hold still, in seconds.", min=0)] = 3.0,
+    hold: Annotated[str, typer.Option(help='Time to hold still, such as "3 s".')] = "3 s",
     timeout: Annotated[
-        float | None, typer.Option(help="End after so many seconds without a sample.", min=0)
+        str | None, typer.Option(help='End after this time without a sample, such as "60 s".')
     ] = None,
 ) -> None:
-    """Follow a growing log: which rests were found, which orientations are still missing.
-
-    Ends with Ctrl-C or the end of standard input. Exit code 0: enough rests on all sides; 3: not.
-    """
-    session = _open(log, stdin, hold)
+    """Follow a growing log: rests found, orientations missing."""
+    times = parsed({"hold": hold, "timeout": timeout})
+    session = _open(log, stdin, times["hold"])
     display = _display(ctx.obj, session.follower.tail.name)
     with suppress(KeyboardInterrupt), display:
-        _follow(session, display, until_complete, timeout)
+        _follow(session, display, until_complete, times.get("timeout"))
     seen = session.finish()
     if seen is None and session.follower.tail.ended:
         from foucault.errors import error

@@ -30,10 +30,6 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "{what} is {given}; a standard deviation is zero or more.",
      "Give how well the biases are known, such as 0.01 deg/h; zero says that they are known "
      "exactly."),
-    ("alignment.rest", "error",
-     "A rest without start and end",
-     "--rest '{given}' does not say when it starts and when it ends.",
-     "Write --rest '0 s to 300 s'; times count from the start of the log."),
     ("alignment.two_rests", "error",
      "A two-position alignment without two rests apart in heading",
      "{what}.",

@@ -13,6 +13,9 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.cannot_write", "error", "A log file name with a suffix that is not written",
      "'{path}': logs are written as {allowed}.",
      "Give the file one of these suffixes."),
+    ("log.span", "error", "A stretch of a log without start and end",
+     "{option} '{given}' does not say when it starts and when it ends.",
+     "Write {option} \"0 s to 300 s\"; times count from the start of the log."),
     # Finding the file and its columns
     ("log.no_file", "error", "A log description without a file",
      "The log description names no file.",

@@ -7,8 +7,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north_plan.gyro", "error",
      "A plan for north seeking without the noise of the gyro",
      "{given} how noisy the gyro is; exactly one has to.",
-     "Give --gyro \"0.003 deg/sqrt(h)\", its angle random walk, or --gyro with one of {grades}, or "
-     "--noise with a campaign file that has [noise]. `foucault allan` measures it."),
+     "Give --gyro-noise \"0.003 deg/sqrt(h)\", its angle random walk, or --gyro-noise with one of "
+     "{grades}, or --noise with a campaign file that has [noise]. `foucault allan` measures it."),
     ("north_plan.no_noise", "error",
      "A plan for north seeking with a gyro that has no white noise",
      "The angle random walk of the gyro is {given}; a plan needs one above zero.",
@@ -20,7 +20,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("north_plan.wanted", "error",
      "A plan for north seeking without accuracy and without time",
      "Neither the wanted accuracy nor the time there is was given.",
-     "Give --accuracy \"0.1 deg\" (one standard deviation), --minutes 10, or both."),
+     "Give --accuracy \"0.1 deg\" (one standard deviation), --time \"10 min\", or both."),
     ("north_plan.range", "error",
      "A value of a plan for north seeking that cannot be",
      "{option} is {given}; it must be {allowed}.",

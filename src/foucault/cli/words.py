@@ -1,0 +1,122 @@
+"""The words of the command line: options that several commands share, examples, exit codes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+VERDICT = {0: "pass", 3: "doubtful", 4: "unusable"}
+"""Exit codes of a command that ends with a verdict."""
+
+# -- what is given -------------------------------------------------------------------------
+
+CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]
+CampaignOrName = Annotated[
+    str, typer.Argument(help="A campaign file, or the name of a procedure, such as hand_rotated.")
+]
+LogFile = Annotated[
+    Path,
+    typer.Argument(
+        help="A log that foucault has written, one whose titles give the units, gyro_x (deg/s), "
+        "or a campaign file that describes it."
+    ),
+]
+ResultFile = Annotated[Path, typer.Argument(help="A run folder or its result.json.")]
+ResultFiles = Annotated[list[Path], typer.Argument(help="Run folders or their result.json.")]
+
+Calibration = Annotated[
+    Path | None, typer.Option(help="Run folder of `foucault calibrate`, or its result.json.")
+]
+Tolerance = Annotated[
+    Path | None, typer.Option(help="TOML file with the limits of coefficients.")
+]  # fmt: skip
+Serial = Annotated[
+    str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
+]
+Gaps = Annotated[
+    Literal["stop", "bridge"], typer.Option(help="What to do where samples are missing.")
+]
+Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0)]
+
+# -- quantities ----------------------------------------------------------------------------
+
+Latitude = Annotated[
+    str | None, typer.Option(help='Latitude of the site, positive north, such as "47.3 deg".')
+]
+LatitudeSd = Annotated[
+    str | None, typer.Option(help='Standard deviation of the latitude, such as "0.5 deg".')
+]
+Height = Annotated[str | None, typer.Option(help='Height of the site, such as "430 m".')]
+Gravity = Annotated[str | None, typer.Option(help='Local gravity, such as "9.8072 m/s^2".')]
+GyroNoise = Annotated[
+    str | None, typer.Option(help='Angle random walk of the gyros, such as "0.003 deg/sqrt(h)".')
+]
+AccelNoise = Annotated[
+    str | None,
+    typer.Option(help='Velocity random walk of the accelerometers, such as "30 ug/sqrt(Hz)".'),
+]
+IndexSd = Annotated[
+    str | None, typer.Option(help='Standard deviation of every index angle, such as "10 arcsec".')
+]
+SeekerLevelSd = Annotated[
+    str | None,
+    typer.Option(
+        "--level-sd",
+        help='Without accelerometers: how well the case is levelled, such as "1 arcmin".',
+    ),
+]
+UnknownLatitude = Annotated[
+    bool, typer.Option("--unknown-latitude", help="The readings have to tell the latitude too.")
+]
+Accuracy = Annotated[
+    str | None, typer.Option(help='Wanted standard deviation of the heading, such as "0.1 deg".')
+]
+From = Annotated[
+    str | None, typer.Option("--from", help='Use the log from here on, such as "600 s".')
+]
+Until = Annotated[str | None, typer.Option(help='Use the log up to here, such as "90 min".')]
+
+# -- what is written -----------------------------------------------------------------------
+
+Folder = Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")]
+RunFolder = Annotated[
+    Path, typer.Option("-o", "--output", help="Folder to write; a result in it is replaced.")
+]
+ContinuedFolder = Annotated[
+    Path, typer.Option("-o", "--output", help="Folder to write; work begun in it is continued.")
+]
+FolderIfWanted = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Folder to write; none if left out.")
+]
+TableIfWanted = Annotated[
+    Path | None, typer.Option("-o", "--output", help="CSV file to write; none if left out.")
+]
+
+
+def epilog(*examples: str, notes: str = "", exits: Mapping[int, str] | None = None) -> str:
+    """Return what stands below the options: examples, notes, the meaning of exit codes.
+
+    Parameters
+    ----------
+    *examples : str
+        Complete command lines; all after the last `>` or `|` must be commands of this program.
+    notes : str, optional
+        A paragraph in between.
+    exits : Mapping, optional
+        What each exit code means beyond those of every command.
+
+    Returns
+    -------
+    str
+        Text for the epilog of a command.
+    """
+    title = "Example" if len(examples) == 1 else "Examples"
+    parts = ["\n".join(["\b", f"{title}:", *(f"  {line}" for line in examples)])]
+    parts += [notes] if notes else []
+    if exits:
+        lines = [f"  {code:<3} {meaning}" for code, meaning in exits.items()]
+        parts.append("\n".join(["\b", "Exit codes:", *lines]))
+    return "\n\n".join(parts)
