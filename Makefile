@@ -4,7 +4,7 @@ PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 py
   $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
 BIN := .venv/bin
 
-.PHONY: help demo test lint bench docs release clean
+.PHONY: help demo test lint bench docs validation release clean
 
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
@@ -12,6 +12,7 @@ help:
 	@echo "make lint   style, types and layers"
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"
+	@echo "make validation   hours: the tables of docs/validation, written again"
 	@echo "make release   sdist and wheel in dist/, tried in an empty environment"
 
 demo: .venv/installed-run
@@ -31,7 +32,13 @@ bench: .venv/installed-bench
 
 docs: .venv/installed-docs
 	$(BIN)/python docs/generate.py
-	$(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# All of them, also after one that fails; make then ends with an error.
+validation: .venv/installed-bench
+	@failed=; for script in $(filter-out %_setting.py,$(wildcard validation/*.py)); do \
+	  echo $$script; OPENBLAS_NUM_THREADS=1 $(BIN)/python $$script || failed="$$failed $$script"; \
+	done; $(BIN)/python docs/generate.py; test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 
 # The demo runs from the wheel with what it requires and nothing else.
 release: .venv/installed-release

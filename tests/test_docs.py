@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import re
 import runpy
+import shlex
 import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import typer.main
+from typer.testing import CliRunner
 
 from foucault import campaign, report, run_folder
-from foucault.campaign import north
+from foucault.campaign import north, tolerance
+from foucault.cli.app import app
+from foucault.logs import read as read_log
 from foucault.units import parse
 from make_recordings import START, Bag, ulog
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "examples/README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def blocks(language: str) -> list[Any]:
@@ -104,22 +110,126 @@ def test_examples_run(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     runpy.run_path(str(script), run_name="__main__")
 
 
+def test_every_procedure_has_an_example_and_the_guide_names_each() -> None:
+    campaigns = sorted(p.stem for p in (ROOT / "examples").glob("*.toml"))
+    assert campaigns == sorted(PROCEDURES)
+    guide = (ROOT / "examples/README.md").read_text(encoding="utf-8")
+    for file in [*(ROOT / "examples").glob("*.toml"), *(ROOT / "examples").glob("*.py")]:
+        assert f"]({file.name})" in guide, file.name
+
+
 @pytest.mark.parametrize("file", sorted((ROOT / "examples").glob("*.toml")), ids=lambda p: p.name)
 def test_example_campaigns_calibrate(file: Path, tmp_path: Path) -> None:
     made = campaign.save_session(campaign.simulate(file), tmp_path)
     assert campaign.calibrate(made).verdict.level == "pass"
 
 
-def test_generated_pages_are_current() -> None:
-    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    for name, make in module.PAGES.items():
+def test_generated_pages_are_current(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    pages = importlib.import_module("generate").PAGES
+    for name, make in pages.items():
         assert (ROOT / "docs" / name).read_text(encoding="utf-8") == make(), (
             f"docs/{name} is out of date: run `python docs/generate.py`"
         )
+    made = {ROOT / "docs" / name for name in pages}
+    assert set((ROOT / "docs/messages").glob("*")) <= made
+    assert set((ROOT / "docs/images").glob("*.svg")) <= made
+
+
+def commands() -> list[Any]:
+    out = []
+    for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "examples/README.md"]:
+        text = page.read_text(encoding="utf-8")
+        for block in re.findall(r"```(?:sh|console|powershell|)\n(.*?)```", text, re.S):
+            lines = block.replace("\\\n", " ").splitlines()
+            words = [shlex.split(line, comments=True) for line in lines if "foucault " in line]
+            starts = [w[w.index("foucault") + 1 :] for w in words if "foucault" in w]
+            out += [pytest.param(w, id=f"{page.relative_to(ROOT)}-{' '.join(w)}") for w in starts]
+    return out
+
+
+def silenced(command: Any) -> Any:
+    """Return a command that reads what it is given, as ever, and then does nothing."""
+    for inner in getattr(command, "commands", {}).values():
+        silenced(inner)
+    if command.callback is not None:
+        command.callback = lambda *_, **__: None
+    return command
+
+
+@pytest.mark.parametrize("words", commands())
+def test_commands_in_the_docs_are_understood(words: list[str]) -> None:
+    silenced(typer.main.get_command(app)).main(words, prog_name="foucault", standalone_mode=False)
+
+
+def test_options_in_the_text_of_the_docs_exist() -> None:
+    program = typer.main.get_command(app)
+    known = program.commands  # type: ignore[attr-defined]
+    for page in PAGES:
+        text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.S)
+        for words in re.findall(r"`foucault ([a-z][^`]*)`", text):
+            name = words.split()[0]
+            assert name in known, f"{page.name}: foucault {words}"
+            inner = [known[name], *getattr(known[name], "commands", {}).values()]
+            options = {o for c in [program, *inner] for p in c.params for o in p.opts} | {"--help"}
+            said = set(re.findall(r"(?<=\s)--?[a-z][\w-]*", words))
+            assert said <= options, f"{page.name}: foucault {words}"
+
+
+def test_the_first_page_does_what_it_says(
+    tmp_path: Path, session: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The log, the campaign and the commands of "Five minutes with your own log", one by one."""
+    page = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    log = load_result_log(session)
+    (titles,) = re.findall(r"```csv\n(.*)\n", page)
+    rows = np.column_stack(
+        [np.rint((log.time - log.time[0]) * 1000), np.degrees(log.gyro), log.accel / 9.80665]
+    )
+    np.savetxt(tmp_path / "imu.csv", rows, "%.6g", ",", header=titles, comments="")
+    (described,) = re.findall(r"```toml\n(.*?)```", page, re.S)
+    (tmp_path / "campaign.toml").write_text(described, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    lines = "".join(re.findall(r"```sh\n(.*?)```", page, re.S)).splitlines()
+    assert len(lines) == 4
+    for line in lines:
+        done = CliRunner().invoke(app, shlex.split(line)[1:])
+        assert done.exit_code == 0, (line, done.output)
+    assert (tmp_path / "run/report.html").exists()
+    assert (tmp_path / "calibrated.csv").exists()
+
+
+def load_result_log(folder: Path) -> Any:
+    described = campaign.load(folder / "campaign.toml")
+    return read_log(described.log, folder)
+
+
+@pytest.mark.parametrize("text", blocks('toml title="tolerance.toml"'))
+def test_tolerances_in_the_docs_load(text: str) -> None:
+    assert tolerance.parse(text)
+
+
+@pytest.mark.parametrize("text", blocks('toml title="results.toml"'))
+def test_lists_of_results_in_the_docs_load(text: str) -> None:
+    assert tomllib.loads(text)["result"]
+
+
+def test_targets_and_extras_in_the_docs_exist() -> None:
+    targets = re.search(r"\.PHONY: (.*)", (ROOT / "Makefile").read_text(encoding="utf-8"))
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert targets is not None
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert set(re.findall(r"^ *(?:`|)make (\w+)", text, re.M)) <= set(targets[1].split())
+        said = re.findall(r"(?:foucault|\.)\[([a-z,0-9]+)\]['\"]", text)
+        for extra in ",".join(said).split(",") if said else []:
+            assert extra in extras["project"]["optional-dependencies"], page
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    listed = set(re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
+    there = {str(page.relative_to(ROOT / "docs").as_posix()) for page in PAGES[1:]}
+    assert {name for name in there if not name.startswith("messages/")} == listed
 
 
 def test_links_between_pages_exist() -> None:
