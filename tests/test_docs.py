@@ -118,6 +118,14 @@ def test_every_procedure_has_an_example_and_the_guide_names_each() -> None:
         assert f"]({file.name})" in guide, file.name
 
 
+def test_every_procedure_has_an_example_and_the_guide_names_each() -> None:
+    campaigns = sorted(p.stem for p in (ROOT / "examples").glob("*.toml"))
+    assert campaigns == sorted(PROCEDURES)
+    guide = (ROOT / "examples/README.md").read_text(encoding="utf-8")
+    for file in [*(ROOT / "examples").glob("*.toml"), *(ROOT / "examples").glob("*.py")]:
+        assert f"]({file.name})" in guide, file.name
+
+
 @pytest.mark.parametrize("file", sorted((ROOT / "examples").glob("*.toml")), ids=lambda p: p.name)
 def test_example_campaigns_calibrate(file: Path, tmp_path: Path) -> None:
     made = campaign.save_session(campaign.simulate(file), tmp_path)

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -293,6 +294,7 @@ def circular_error(cov: FloatArray) -> FloatArray:
     return np.asarray(large * np.interp(share, *_circular_table()))
 
 
+@cache
 def _circular_table() -> tuple[FloatArray, FloatArray]:
     """Return axis ratios, and the radius for half of the errors where the larger sd is 1."""
     angle = (np.arange(512) + 0.5) * np.pi / 512

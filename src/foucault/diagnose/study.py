@@ -143,9 +143,12 @@ class Study:
         from scipy.special import stdtrit
 
         # The scatter over trials carries the correlation between coefficients; of few trials it is
-        # itself uncertain (Student's t).
-        n = len(inside)
-        width = float(stdtrit(n - 1, 1 - EACH / 2) * per_trial.std(ddof=1) / np.sqrt(n))
+        # itself uncertain (Student's t). By chance it can come out below that of independent
+        # coefficients, where it cannot be: symmetric intervals of normal errors never exclude one
+        # another (the Gaussian correlation inequality).
+        n, k = inside.shape
+        scatter = max(float(per_trial.std(ddof=1)), np.sqrt(share * (1 - share) / k))
+        width = float(stdtrit(n - 1, 1 - EACH / 2) * scatter / np.sqrt(n))
         low, high = share - width, share + width
         fine = low <= value <= high
         words = (
