@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.coefficients import CoefficientVector
 from foucault.diagnose import transfer_stretches
 from foucault.diagnose.transfer_evidence import Evidence
 from foucault.estimate.ins_filter import seen_at_place
 from foucault.estimate.linear_filter import LinearSmoothed
-from foucault.estimate.transfer import HandOver
+from foucault.estimate.transfer import HandOver, Transfer
 from foucault.kernels.ins_filter import corrected
 from foucault.models.attitude import angles_of
+from foucault.models.rotation import exp, turned
 from foucault.models.transfer import Mount
 from foucault.navigate.increments import Increments
 from foucault.navigate.state import states_of
@@ -22,14 +25,16 @@ from foucault.result import TableData
 FloatArray = npt.NDArray[np.float64]
 Table = dict[str, npt.NDArray[Any]]
 
-MOST = {"innovations": 3000, "estimates": 800, "smoothed": 3000, "delayed": 3000, "gamma": 3000}
+MOST = {"innovations": 3000, "estimates": 800, "undelayed": 800, "smoothed": 3000, "delayed": 3000, "gamma": 3000}
 """Rows that are kept of each table; of longer ones every second, third and so on [1]."""
 
 CHANNELS = ("velocity_east", "velocity_north", "velocity_up",
             "attitude_1", "attitude_2", "attitude_3")  # fmt: skip
 
 
-def tables(e: Evidence, backward: LinearSmoothed | None) -> dict[str, TableData]:
+def tables(
+    e: Evidence, backward: LinearSmoothed | None, undelayed: Transfer | None
+) -> dict[str, TableData]:
     """Return the tables of the report.
 
     Parameters
@@ -38,10 +43,15 @@ def tables(e: Evidence, backward: LinearSmoothed | None) -> dict[str, TableData]
         Filter and coefficients.
     backward : LinearSmoothed or None
         The run as seen from its end.
+    undelayed : Transfer or None
+        The same run, had the delay been ignored.
     """
-    out = {"innovations": _innovations(e), "estimates": _estimates(e)}
+    out = {"innovations": _innovations(e), "estimates": estimates(e.found, e.states.names)}
     if backward is not None:
         out |= {"smoothed": _smoothed(e, backward), "delayed": _delayed(e, backward)}
+    if undelayed is not None:
+        names = (name for name in e.states.names if name in undelayed.free.layout)
+        out["undelayed"] = estimates(undelayed, names)
     if np.isfinite(e.found.run.margin).any():
         out["gamma"] = {"time": e.found.free.time, "margin": e.found.run.margin}
     made: dict[str, TableData] = {n: _thinned(table, MOST[n]) for n, table in out.items()}
@@ -70,13 +80,21 @@ def _innovations(e: Evidence) -> Table:
     return out | {"nis": run.nis}
 
 
-def _estimates(e: Evidence) -> Table:
-    """Return every coefficient of the result along the run."""
-    layout, run = e.found.free.layout, e.found.run
-    point, out = e.found.point, {"time": e.found.free.time}
-    for name in e.states.names:
+def estimates(found: Transfer, names: Iterable[str]) -> Table:
+    """Return coefficients along the run with their standard deviations.
+
+    Parameters
+    ----------
+    found : Transfer
+        The run.
+    names : iterable of str
+        Of the coefficients.
+    """
+    layout, run = found.free.layout, found.run
+    out = {"time": found.free.time}
+    for name in names:
         i = layout.index(name)
-        out |= {name: point[i - 9] + run.states[:, i], f"{name}_sd": run.sd[:, i]}
+        out |= {name: found.point[i - 9] + run.states[:, i], f"{name}_sd": run.sd[:, i]}
     return out
 
 
@@ -132,6 +150,25 @@ def hand_over(handed: HandOver, increments: Increments) -> dict[str, Any]:
         "coefficients": {n: float(v) for n, v in zip(handed.coefficients.names,
                                                      handed.coefficients.values, strict=True)},
     }  # fmt: skip
+
+
+def mounting(mount: Mount, found: CoefficientVector) -> dict[str, Any]:
+    """Return how the slave is turned on its master, for result.json.
+
+    Parameters
+    ----------
+    mount : Mount
+        What was said of it.
+    found : CoefficientVector
+        The coefficients, those of the installation among them.
+    """
+    C_ms = mount.C_ms @ exp(found["installation"].values)
+    return {
+        "C_ms": C_ms.tolist(),
+        "angles": turned(angles_of(C_ms)).tolist(),
+        "nominal": turned(angles_of(mount.C_ms)).tolist(),
+        "lever_arm": mount.lever_m.tolist(),
+    }
 
 
 def unseen(mount: Mount) -> list[str]:

@@ -9,7 +9,8 @@ Tables of the result
 --------------------
 ``innovations``: time; of each of velocity_east, velocity_north, velocity_up, attitude_1..3 [m/s],
 [rad] that is used the innovation and ``..._sd``; nis [1]. ``estimates``: time; of each coefficient
-of the result its value and ``..._sd`` along the run [SI]. ``smoothed``: time, latitude, longitude
+of the result its value and ``..._sd`` along the run [SI]. ``undelayed``: the same, had the delay
+been ignored. ``smoothed``: time, latitude, longitude
 [rad], heading, pitch, roll of the slave, phi_east_sd, phi_north_sd, phi_up_sd [rad]. ``delayed``:
 time; what the delay is worth: heading [rad], velocity_east, velocity_north [m/s] of the slave when
 a message arrives less those when it held. ``stretches``: what the vehicle did: start, end [s], kind
@@ -175,7 +176,11 @@ def _calibrate(
     if shown:
         progress(0.7, "trying other lever arms")
         told += evidence.rivals(e)
-        tables = report.tables(e, s.backward)
+        undelayed = None
+        if settings.delay != "none":
+            ignored = settings.model_copy(update={"delay": "none", "gamma": None})
+            undelayed = solved(problem_of(log, site, ignored, noise, given), history=False).found
+        tables = report.tables(e, s.backward, undelayed)
     return Result(
         procedure="transfer_alignment",
         coefficients=s.states,
@@ -188,7 +193,7 @@ def _calibrate(
         status=s.status,
         site=site.as_dict(),
         validity=_validity(log),
-        diagnostics=_diagnostics(s, e),
+        diagnostics={"start": float(log.time[0])} | _diagnostics(s, e),
         tables=tables,
     )
 
@@ -207,6 +212,7 @@ def _diagnostics(s: Solution, e: Evidence) -> dict[str, Any]:
         "log_likelihood": s.found.run.log_likelihood,
         "messages": {"used": int(s.found.free.used.sum()), "logged": len(p.master)},
         "innovations": evidence.spread(e),
+        "mounting": report.mounting(settings.mount, s.states),
         "beside": [r for r in s.states.rows() if r["name"] in settings.beside],
         "unseen": report.unseen(settings.mount),
     }  # fmt: skip

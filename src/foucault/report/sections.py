@@ -14,7 +14,15 @@ import numpy as np
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
-from foucault.report import on_table, systematic, systematic_choice, transfer, transfer_run, tumble
+from foucault.report import (
+    on_table,
+    systematic,
+    systematic_choice,
+    transfer,
+    transfer_delay,
+    transfer_run,
+    tumble,
+)
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
@@ -151,8 +159,10 @@ SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
     systematic.velocities,
     systematic.navigation,
     systematic.sequence,
+    transfer_run.mounting,
     transfer.done,
-    transfer.delay,
+    transfer_delay.delay,
+    transfer_delay.ignored,
     transfer.estimates,
     transfer.motion,
     transfer_run.innovations,
