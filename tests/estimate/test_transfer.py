@@ -42,7 +42,7 @@ def expected(free, x):
     """What the system says that an error x at the start makes of z at every epoch."""
     out = []
     for Phi, H in zip(free.system.Phi, free.system.H, strict=True):
-        x = Phi @ x
+        x = np.concatenate([Phi @ x, x[len(Phi) :]])
         out.append(H @ x)
     return np.array(out)
 

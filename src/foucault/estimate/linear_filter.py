@@ -33,8 +33,9 @@ class LinearSystem:
 
     Attributes
     ----------
-    Phi : ndarray, shape (m, n, n)
-        Transition to each epoch from the one before, the first from the start [SI].
+    Phi : ndarray, shape (m, b, n)
+        Transition to each epoch from the one before, the first from the start; its rows beyond
+        the first b are those of the identity [SI].
     half : ndarray, shape (m, n)
         Half of the variance of the white noise between them, which comes in half before the
         transition and half after [SI].

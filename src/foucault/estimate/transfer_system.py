@@ -167,9 +167,10 @@ def free_run(
         estimate=at.coefficients, gravity_offset=slave.gravity_offset, keep="transitions",
     )  # fmt: skip
     history = found.trajectory.history
-    place = seen_at_place(history)
-    seen = _between(slave, states_of(history), rows, when, at.coefficients, matching)
-    H, z = _measured(layout, seen, some, mount, matching, at, _by_the_master(history, place))
+    states = states_of(history)
+    place = _by_the_master(states, seen_at_place(history, states))
+    seen = _between(slave, states, rows, when, at.coefficients, matching)
+    H, z = _measured(layout, seen, some, mount, matching, at, place)
     R = np.full(z.shape, np.inf)
     R[:, : 3 if matching.vertical else 2] = matching.velocity_sd**2
     R[:, 3:] = matching.attitude_sd**2
@@ -195,13 +196,12 @@ def _rows(
     return rows[used].astype(np.int64), used
 
 
-def _by_the_master(history: FloatArray, place: FloatArray) -> FloatArray:
+def _by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArray:
     """Return `place`, (phi, velocity, position), for axes of the true place.
 
     East and north of the computed place are turned about up by dr_E tan L / R: in a free run that
     is hundreds of metres off the master's would be seen as a heading error.
     """
-    states = states_of(history)
     turn = np.tan(states["latitude"]) / (SEMI_MAJOR_AXIS + states["height"])
     turned = turn[:, None] * place[:, 6]  # of the computed axes against the true ones, about up
     out = place.copy()
@@ -241,11 +241,13 @@ def _between(
             f[:, k] -= coefficients[names.index(f"accel.bias.{a}")]
     rate, pull = _changes(states, w, f)
     C, v = states["C_nb"], states["velocity_n"]
-    first = np.searchsorted(inc.time, inc.time[rows] - SPAN)
-    last = np.minimum(np.searchsorted(inc.time, inc.time[rows] + SPAN), len(inc) - 1)
-    apart = (inc.time[last] - inc.time[first])[:, None]
-    sums = (np.cumsum(x, axis=0) for x in (inc.dtheta_b, inc.dvel_b))
-    slow = _changes(states, *((total[last] - total[first]) / apart for total in sums))
+    first = np.searchsorted(inc.time, inc.time[rows] - SPAN) + 1
+    last = np.minimum(np.searchsorted(inc.time, inc.time[rows] + SPAN) + 1, len(inc) - 1)
+    ends = np.column_stack([np.minimum(first, last - 1), last]).ravel()
+    total, angle, velocity = (
+        np.add.reduceat(x, ends)[::2] for x in (inc.dt[:, None], inc.dtheta_b, inc.dvel_b)
+    )
+    slow = _changes(states, angle / total, velocity / total)
     return _Seen(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, *slow, w, f)
 
 
@@ -310,11 +312,12 @@ def _as_angles(C_ns: FloatArray, C_nominal: FloatArray) -> tuple[FloatArray, Flo
 def _carried(
     layout: Layout, transitions: FloatArray, steps: FloatArray, slave: Slave, mount: Mount
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the transitions of all states, and half of the noise between them."""
+    """Return the transitions of the states that change, and half of the noise between them."""
     m, _, known = transitions.shape
     n = len(layout)
-    Phi = np.zeros((m, n, n))
-    Phi[:, np.arange(n), np.arange(n)] = 1.0
+    moving = n if mount.flexure_sd > 0 else 9
+    Phi = np.zeros((m, moving, n))
+    Phi[:, np.arange(9, moving), np.arange(9, moving)] = 1.0
     Phi[:, :9, :known] = transitions
     q = np.zeros(n)
     q[0:3], q[3:6] = slave.noise.gyro.white**2, slave.noise.accel.white**2
