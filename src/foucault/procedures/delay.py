@@ -73,6 +73,8 @@ class FoundDelay:
         How far it can be relied on.
     findings : tuple of Finding
         What was noticed.
+    start : float
+        When the first log begins, by its clock [s].
     """
 
     delay: Delay
@@ -80,6 +82,7 @@ class FoundDelay:
     transport: FloatArray | None
     verdict: Verdict
     findings: tuple[Finding, ...]
+    start: float
 
 
 def find_delay(
@@ -135,7 +138,8 @@ def find_delay(
         held = master.time - found.delay - found.drift * (master.time - found.middle)
         transport = master.arrival - held
     findings = (*slave.findings, *master.findings, *told)
-    return FoundDelay(found, messages, transport, _verdict(found, findings), findings)
+    begun = float(slave.time[0])
+    return FoundDelay(found, messages, transport, _verdict(found, findings), findings, begun)
 
 
 def _increments(log: Log, name: str) -> Increments:

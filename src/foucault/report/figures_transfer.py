@@ -162,7 +162,7 @@ def compared(ours: Columns, other: Columns, family: Family, times: Times) -> Fig
         low, high = float(reach[:, 0].min()), float(reach[:, 1].max())
         for (words, _, colour, shade), (x, y, sd) in zip(looks, courses, strict=True):
             edges = [np.clip(y + s * sd, low, high) for s in (-GUIDE, GUIDE)]
-            data.append(band(x, *edges, "±2 sd", yaxis=f"y{ref}", showlegend=False,
+            data.append(band(x, edges[0], edges[1], "±2 sd", yaxis=f"y{ref}", showlegend=False,
                              fillcolor=shade))  # fmt: skip
             data.append(line(words, x, y, colour, yaxis=f"y{ref}", showlegend=k == 0))
         axes[f"yaxis{ref}"] = axis(label, domain=domain, range=[low, high], nticks=5)

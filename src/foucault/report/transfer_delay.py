@@ -123,7 +123,8 @@ def ignored(result: Result) -> Section | None:
     columns = [
         Column("coefficient", "name"), Column("unit", "short"), Column("with the delay", "number"),
         Column("± sd", "number"), Column("ignored", "number"),
-        Column("± its sd", "number", aside=True), Column("off by, in its sds", "number", aside=True),
+        Column("± its sd", "number", aside=True),
+        Column("off by, in its sds", "number", aside=True),
     ]  # fmt: skip
     rows = []
     for f in families(result):
