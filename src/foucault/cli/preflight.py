@@ -42,8 +42,8 @@ def preflight(
     plan: Annotated[
         str | None,
         typer.Option(
-            help="Try this plan, such as '-x -z -y +z' or 'dodecahedron 20', instead of that of "
-            "the file, where the procedure has plans."
+            help="Try this plan, such as '-x -z -y +z', 'dodecahedron 20' or, where a vehicle "
+            "moves, 'ship', instead of that of the file, where the procedure has plans."
         ),
     ] = None,
     rate: Annotated[str | None, typer.Option(help="Try this rate: '0.2 deg/s'.")] = None,

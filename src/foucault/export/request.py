@@ -114,6 +114,7 @@ class Request:
             + f". Body axes of the result: {result.gauge}.",
         ]
         lines += [f"Valid for: {words}." for words in _validity(result.validity)]
+        lines += _beside(result.diagnostics)
         if len(self.dropped):
             lines += ["LOST, because it was dropped on request (the numbers are in SI units):"]
             lines += [
@@ -123,6 +124,17 @@ class Request:
                 )
             ]
         return [" ".join(line.split()) if line[0] != " " else line for line in lines]
+
+
+def _beside(known: Mapping[str, Any]) -> list[str]:
+    """Say how a slave is mounted and how late its master: no correction of readings has that."""
+    if "mounting" not in known:
+        return []
+    rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in known["mounting"]["C_ms"])
+    return [
+        f"Beside it, and no part of the correction: x_master = C_ms x_slave, {OWN_AXES} both, C_ms "
+        f"= ({rows}); messages of the master come {1e3 * known['delay']['used']:.3f} ms late."
+    ]
 
 
 def request(
