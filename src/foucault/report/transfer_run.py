@@ -110,7 +110,8 @@ def bound(result: Result) -> Section | None:
     lead = (
         f"There is an H-infinity filter of gamma {plain(f['gamma'], 4)} as long as what is "
         "uncertain of the states it is a bound of stays below gamma squared at every step. "
-        f"The largest part of it, {most}, is used at {when} s."
+        f"The largest part of it, {most}, is used at {when} s. Below the least gamma what is "
+        "inflated feeds itself from message to message until it reaches 1."
     )
     return Section("Bound of the filter", lead, [figures.bound(time, used, changes(result))])
 
