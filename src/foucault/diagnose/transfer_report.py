@@ -25,7 +25,14 @@ from foucault.result import TableData
 FloatArray = npt.NDArray[np.float64]
 Table = dict[str, npt.NDArray[Any]]
 
-MOST = {"innovations": 3000, "estimates": 800, "undelayed": 800, "smoothed": 3000, "delayed": 3000, "gamma": 3000}
+MOST = {
+    "innovations": 3000,
+    "estimates": 800,
+    "undelayed": 800,
+    "smoothed": 3000,
+    "delayed": 3000,
+    "gamma": 3000,
+}
 """Rows that are kept of each table; of longer ones every second, third and so on [1]."""
 
 CHANNELS = ("velocity_east", "velocity_north", "velocity_up",
@@ -50,8 +57,8 @@ def tables(
     if backward is not None:
         out |= {"smoothed": _smoothed(e, backward), "delayed": _delayed(e, backward)}
     if undelayed is not None:
-        names = (name for name in e.states.names if name in undelayed.free.layout)
-        out["undelayed"] = estimates(undelayed, names)
+        both = [name for name in e.states.names if name in undelayed.free.layout]
+        out["undelayed"] = estimates(undelayed, both)
     if np.isfinite(e.found.run.margin).any():
         out["gamma"] = {"time": e.found.free.time, "margin": e.found.run.margin}
     made: dict[str, TableData] = {n: _thinned(table, MOST[n]) for n, table in out.items()}
@@ -171,24 +178,30 @@ def mounting(mount: Mount, found: CoefficientVector) -> dict[str, Any]:
     }
 
 
-def unseen(mount: Mount) -> list[str]:
+def unseen(mount: Mount, *, misalignments: bool = False) -> list[str]:
     """Say what this procedure cannot see in principle, for result.json.
 
     Parameters
     ----------
     mount : Mount
         How slave and master are fixed together.
+    misalignments : bool
+        Whether misalignments and scale factors are counted with.
     """
     out = [
         "Errors of the master: what it says is taken as true but for noise, and a bias of its "
         "heading is one of the installation.",
-        "Misalignments and accelerometer scale factors of the slave: they are taken as none, and "
-        "are part of what is found.",
         "A local gravity that differs from the one assumed: 1 mGal is 1 ug in the bias of the "
         "accelerometer that points up.",
         "A lever arm that is wrong: it is taken as exact.",
         "Biases from one switch-on to the next, and other temperatures than those of the run.",
     ]
+    if not misalignments:
+        out.append(
+            "Misalignments of the slave and scale factors of its accelerometers: they are taken as "
+            "none, and are part of what is found. 1 mrad, or 1000 ppm, makes 1 mg in the biases of "
+            "the accelerometers, of which their uncertainties know nothing (misalignments)."
+        )
     if not mount.load and mount.flexure_sd == 0:
         out.append("A mount that bends: it is taken as rigid (load, flexure_sd).")
     return out

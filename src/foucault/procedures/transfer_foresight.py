@@ -15,7 +15,8 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.information import largest_shares, terms
-from foucault.diagnose.transfer_evidence import HARDLY, WANTED
+from foucault.diagnose.transfer_evidence import HARDLY
+from foucault.diagnose.transfer_findings import WANTED
 from foucault.errors import Finding, finding
 from foucault.estimate.linear_filter import kalman
 from foucault.estimate.transfer_system import free_run
@@ -26,7 +27,7 @@ from foucault.plans.manoeuvres import Accelerate, Segment, Straight, STurn, Turn
 from foucault.plans.transfer_profiles import TransferProfile
 from foucault.procedures.transfer_problem import assumed_noise, problem_of
 from foucault.procedures.transfer_session import Session, moved, simulate_motion
-from foucault.procedures.transfer_settings import NOISE, Settings
+from foucault.procedures.transfer_settings import ASIDE, NOISE, Settings
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -185,7 +186,8 @@ def _judged(now: Shown, more: tuple[Extra, ...], told: list[Finding]) -> Foresig
     vector = now.vector
     assert vector.cov is not None
     ratio = vector.sd / vector.prior_sd
-    hardly = tuple(n for n, r in zip(vector.names, ratio, strict=True) if r > HARDLY)
+    hardly = tuple(n for n, r in zip(vector.names, ratio, strict=True)
+                   if r > HARDLY and not n.startswith(ASIDE))  # fmt: skip
     # Combinations of the coefficients, their priors as units.
     left, ways = np.linalg.eigh(vector.cov / np.outer(vector.prior_sd, vector.prior_sd))
     left = np.sqrt(np.maximum(left, 0.0))

@@ -246,7 +246,7 @@ def simulate(
     noise : ImuNoise
         Its noise [SI].
     site : Site
-        Where it begins: the latitude; gravity is normal gravity.
+        Where it begins: latitude and height; gravity is normal gravity.
     seed : int, shape ()
         Seed of installation, compliance and noise [1].
     """
@@ -302,7 +302,7 @@ def simulate_motion(
 
 
 def moved(profile: TransferProfile, site: Site) -> TransferProfile:
-    """Return a motion that begins at the latitude of a site.
+    """Return a motion that begins at latitude and height of a site.
 
     Parameters
     ----------
@@ -313,7 +313,8 @@ def moved(profile: TransferProfile, site: Site) -> TransferProfile:
     """
     if site.latitude is None:
         raise error("transfer.place")
-    return replace(profile, start=replace(profile.start, latitude=site.latitude))
+    here = replace(profile.start, latitude=site.latitude, height=site.height)
+    return replace(profile, start=here)
 
 
 def _three(x: FloatArray) -> tuple[float, float, float]:

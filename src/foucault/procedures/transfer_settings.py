@@ -22,10 +22,16 @@ FloatArray = npt.NDArray[np.float64]
 Seconds = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 
+ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
+"""Groups that are there for the uncertainties of the others: a motion need not show them."""
+
 USUAL = {
     "gyro.bias": "2.4 deg/h",
     "gyro.scale": "500 ppm",
     "accel.bias": "1 mg",
+    "gyro.misalignment": "1 mrad",
+    "accel.scale": "500 ppm",
+    "accel.misalignment": "1 mrad",
     "installation": "5 arcmin",
     "load": "2 arcmin",
 }
@@ -81,7 +87,9 @@ class Settings(BaseModel):
         "which fail with the nose up or down.",
     )
     vertical: bool = Field(
-        default=False, description="Use vertical velocity too; a free run drifts in it."
+        default=True,
+        description="Use vertical velocity too: without it the bias of the accelerometer that "
+        "points up rests on turns alone.",
     )
     velocity_sd: Annotated[float, Quantity("velocity")] = Field(
         default=0.05, gt=0, description="Sd of the difference of velocities, each component."
@@ -144,6 +152,12 @@ class Settings(BaseModel):
         description="Estimate the bias of the z accelerometer; without it the states are the "
         "published sixteen.",
     )
+    misalignments: bool = Field(
+        default=False,
+        description="Count with misalignments of gyros and accelerometers and with scale factors "
+        "of the accelerometers: twelve states, most of which a motion does not show. Left out, "
+        "they are part of the biases, and not of their uncertainties.",
+    )
     load: bool = Field(default=False, description="The mount gives way under load: three states.")
     flexure_sd: Angle = Field(
         default=0.0, ge=0, description="Sd of a bending that comes and goes; 0: none. Six states."
@@ -185,6 +199,8 @@ class Settings(BaseModel):
     def _possible(self) -> Settings:
         if self.matching == "velocity" and self.estimates_load:
             raise error("transfer.no_attitude")
+        if self.shift == "sample" and self.estimates_delay:
+            raise error("transfer.sample_delay")
         return self
 
     @property
@@ -206,7 +222,8 @@ class Settings(BaseModel):
     def sensors(self) -> Sensors:
         """Errors of the slave that are estimated, as terms."""
         axes = "xyz" if self.accel_bias_z else "xy"
-        return Sensors.of(("gyro.bias", "gyro.scale", *(f"accel.bias.{a}" for a in axes)))
+        more = ASIDE if self.misalignments else ()
+        return Sensors.of(("gyro.bias", "gyro.scale", *(f"accel.bias.{a}" for a in axes), *more))
 
     @property
     def C_ms(self) -> FloatArray:  # noqa: N802
