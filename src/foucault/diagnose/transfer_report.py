@@ -25,7 +25,14 @@ from foucault.result import TableData
 FloatArray = npt.NDArray[np.float64]
 Table = dict[str, npt.NDArray[Any]]
 
-MOST = {"innovations": 3000, "estimates": 800, "undelayed": 800, "smoothed": 3000, "delayed": 3000, "gamma": 3000}
+MOST = {
+    "innovations": 3000,
+    "estimates": 800,
+    "undelayed": 800,
+    "smoothed": 3000,
+    "delayed": 3000,
+    "gamma": 3000,
+}
 """Rows that are kept of each table; of longer ones every second, third and so on [1]."""
 
 CHANNELS = ("velocity_east", "velocity_north", "velocity_up",
