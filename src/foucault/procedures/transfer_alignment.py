@@ -52,6 +52,9 @@ from foucault.procedures.transfer_log import SlaveLog
 from foucault.procedures.transfer_log import log_table as log_table
 from foucault.procedures.transfer_log import with_master as with_master
 from foucault.procedures.transfer_log import write_log as write_log
+from foucault.procedures.transfer_plan import EVALUATIONS as EVALUATIONS
+from foucault.procedures.transfer_plan import Wanted as Wanted
+from foucault.procedures.transfer_plan import space as space
 from foucault.procedures.transfer_problem import problem_of
 from foucault.procedures.transfer_session import SIMULATE as SIMULATE
 from foucault.procedures.transfer_session import Session as Session

@@ -129,6 +129,8 @@ def problem_of(
     settings: Settings,
     noise: ImuNoise | None,
     given: Mapping[str, tuple[float, float]],
+    *,
+    match: bool = True,
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
 
@@ -144,17 +146,19 @@ def problem_of(
         Noise of the slave [SI]; None takes that of a tactical instrument.
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
+    match : bool
+        Whether what both turned is compared; a simulated session without errors need not be.
     """
     hand_over, table, increments = common(log, even(placed(log.messages, site)), settings)
     said, told = table.messages, [*([] if noise else [assumed_noise()]), *increments.findings]
-    attitudes = settings.matching != "velocity" or settings.estimates_delay
+    attitudes = match and (settings.matching != "velocity" or settings.estimates_delay)
     matched = _matched(increments, table, said, settings) if attitudes else None
     if matched is not None and matched.wild.any():
         table = table[~_wild(matched)]
         said = table.messages
     bracket = (-BEYOND, settings.longest_delay + BEYOND)
     told += turning(increments, said, matched, settings.C_ms, bracket) if attitudes else []
-    if settings.matching != "attitude" and {f.code for f in told} <= MINOR:
+    if match and settings.matching != "attitude" and {f.code for f in told} <= MINOR:
         told += forces(increments, said, matched, settings.C_ms)
     drifting: list[Finding] = []
     if matched is not None and matched.seen:
