@@ -52,7 +52,8 @@ def test_a_log_without_its_master(tmp_path):
 
 def test_another_motion_is_tried_by_its_name(tmp_path):
     file = tmp_path / "plan.toml"
-    file.write_text(written(rate='"50 Hz"', message_rate='"2 Hz"'))
+    own = '[{ s_turn = "40 deg", time = "40 s" }]'  # another plan takes its place
+    file.write_text(written(rate='"50 Hz"', message_rate='"2 Hz"', manoeuvres=own))
     straight = ran("preflight", file, "--plan", "straight", code=3)
     assert straight["plan"] == "straight"
     assert straight["rank"] < straight["states"]

@@ -46,7 +46,8 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
     module = procedures.load(campaign.procedure)
     settings, changes = campaign.settings, dict(changes or {})
     if "plan" in changes and "profile" in type(campaign.session).model_fields:
-        moved = campaign.session.model_copy(update={"profile": changes.pop("plan")})
+        other = {"profile": changes.pop("plan"), "manoeuvres": ()}
+        moved = campaign.session.model_copy(update=other)
         campaign = replace(campaign, session=moved)
     if changes:
         replaced = ("name", *(PLAN if "plan" in changes else ()))
