@@ -89,6 +89,28 @@ def test_rows_that_are_left_out_are_those_of_the_identity(monkeypatch, form):
 
 
 @pytest.mark.parametrize("form", FORMS)
+def test_a_known_step_moves_what_is_expected_and_nothing_else(monkeypatch, form):
+    """As if the state without it were filtered, with measurements less what the steps make."""
+    for name in ("linear_filter", "linear_smoother"):
+        monkeypatch.setattr(estimate, name, kernel(form, module, name))
+    s = system()
+    jump = np.zeros((12, 5))
+    jump[[3, 7]] = np.random.default_rng(1).normal(size=(2, 5))
+    made, total = np.zeros(5), []
+    for k in range(12):
+        made = s.Phi[k] @ made + jump[k]
+        total.append(made)
+    total = np.array(total)
+    moved = replace(s, jump=jump, z=s.z + np.einsum("kqn,kn->kq", s.H, total))
+    plain, run = estimate.kalman(s, keep=True), estimate.kalman(moved, keep=True)
+    np.testing.assert_allclose(run.states - total, plain.states, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.innovation, plain.innovation, rtol=0, atol=1e-12)
+    one, other = estimate.smoothed(s, plain), estimate.smoothed(moved, run)
+    np.testing.assert_allclose(other.states - total, one.states, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(other.start, one.start, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_h_infinity_is_its_dense_twin(monkeypatch, form):
     monkeypatch.setattr(estimate, "linear_filter", kernel(form, module, "linear_filter"))
     s, n = system(), 5

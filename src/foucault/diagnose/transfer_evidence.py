@@ -21,7 +21,7 @@ from foucault.errors import Status
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.estimate.delay import Delay
 from foucault.estimate.transfer import DelayFit, Transfer
-from foucault.estimate.transfer_system import Known, Slave
+from foucault.estimate.transfer_measured import Known, Slave
 from foucault.models.transfer import Matching, Messages, Mount
 from foucault.result import Check
 

@@ -2,7 +2,7 @@
 
 ::
 
-    x_k = Phi_k x_k-1 + w_k,    z_k = H_k x_k + v_k,    s_k = L x_k is what is wanted
+    x_k = Phi_k x_k-1 + u_k + w_k,    z_k = H_k x_k + v_k,    s_k = L x_k is what is wanted
 
 One loop does both. The Kalman filter takes in each row h of H as a scalar measurement of variance
 R; the H-infinity filter then takes in each row l of L as one of variance -gamma^2 whose outcome is
@@ -107,11 +107,12 @@ def take_in(P, g, S):
 
 
 @kernel
-def linear_filter(Phi, half, H, z, R, L, limit, gate, x0, P0, keep):
+def linear_filter(Phi, jump, half, H, z, R, L, limit, gate, x0, P0, keep):
     """Filter forward.
 
-    Parameters: Phi (m, b, n) from the epoch before, rows beyond b those of the identity; half
-    (m, n) half of the white noise between them, taken in before and after; H (m, q, n), z (m, q),
+    Parameters: Phi (m, b, n) from the epoch before, rows beyond b those of the identity; jump
+    (m, b) what is then added to the state; half (m, n) half of the white noise between them, taken
+    in before and after; H (m, q, n), z (m, q),
     R (m, q) infinite where nothing is measured; L (r, n) and limit gamma^2, infinite for a Kalman
     filter; gate: innovations beyond so many sds are left out; x0 (n,), P0 (n, n) before the first;
     keep: whether covariances are kept.
@@ -141,7 +142,7 @@ def linear_filter(Phi, half, H, z, R, L, limit, gate, x0, P0, keep):
                 c += Phi[k, r, i] * x[i]
             new[r] = c
         for r in range(many):
-            x[r] = new[r]
+            x[r] = new[r] + jump[k, r]
         carried(Phi[k], P, half[k], g, M)
         if keep:
             for r in range(n):

@@ -14,7 +14,7 @@ from foucault.diagnose.transfer_forces import forces
 from foucault.diagnose.transfer_turns import turning
 from foucault.errors import Finding, error, finding
 from foucault.estimate.delay import Delay, delay_of
-from foucault.estimate.transfer_system import Known, Slave
+from foucault.estimate.transfer_measured import Known, Slave
 from foucault.models.earth import Site, earth_rate_n, gravity, transport_rate
 from foucault.models.geodesy import displaced
 from foucault.models.layouts import BESIDE
