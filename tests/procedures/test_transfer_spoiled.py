@@ -13,9 +13,10 @@ from foucault.errors import FoucaultError
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
+from foucault.plans.transfer_profiles import transfer_profile
 from foucault.procedures.transfer_log import SlaveLog
 from foucault.procedures.transfer_problem import problem_of
-from foucault.procedures.transfer_session import simulate
+from foucault.procedures.transfer_session import moved, simulate, simulate_motion
 from foucault.result import Level
 from make_transfer_campaign import codes, described, failed, made, missed, trial
 
@@ -352,7 +353,7 @@ def test_one_pass_is_judged_by_a_second(flight) -> None:
     result = said(flight, as_it_is, passes=1)
     words = told(result, "transfer.unsettled")
     assert "From pass 1 to pass 2 accel.bias.z moves by 4.4 of its standard deviations" in words
-    assert "1 pass was asked for. Write passes = 4." in words
+    assert "1 pass was asked for. Write passes = 5." in words
     assert failed(result) == {"converged"}
 
 
@@ -405,3 +406,45 @@ def off(result, model, made_):
     c, true = result.coefficients, model.coefficients().with_others(made_.beside)
     err = c.values - true.chosen(c.names).values
     return err / c.sd, float(err @ np.linalg.solve(c.cov, err))
+
+
+def test_a_few_messages_that_are_off(flight) -> None:
+    def jumped(v):
+        out = v.copy()
+        out[500:503] += 5.0
+        return out
+
+    words = told(said(flight, master(velocity_n=jumped)), "transfer.outliers")
+    assert "3 messages differ from the slave by more than 8 standard deviations" in words
+    assert re.search(r"stamped 100\.\d+, 100\.\d+, 100\.\d+ s", words)
+
+
+def test_as_many_passes_as_it_takes(flight) -> None:
+    """Forty times the usual errors take more passes than usual, and are found as well."""
+    c = described()
+    model = made(c, 1).simulation.model
+    vector = model.coefficients()
+    vector.values[:] *= 40
+    prior = {"gyro.bias": (0.0, 100 * DEG / 3600), "gyro.scale": (0.0, 0.02),
+             "accel.bias": (0.0, 0.04 * G)}  # fmt: skip
+    large = ImuModel.from_coefficients(vector)
+    session = simulate(c.session, settings=c.settings, model=large, noise=c.noise, site=c.site,
+                       seed=1)  # fmt: skip
+    result = trial(c, session.log, prior=prior)
+    assert not failed(result)
+    assert np.abs(off(result, large, session)[0]).max() < 4.5
+    few = len(said(flight, as_it_is).diagnostics["passes"]["values"])
+    assert few < len(result.diagnostics["passes"]["values"]) <= c.settings.passes
+
+
+def test_two_hours() -> None:
+    """A free run of the slave would be gone by far: its vertical grows 300 000 times."""
+    c = described(profile='"ship"', rate='"10 Hz"', message_rate='"0.5 Hz"')
+    plan = moved(transfer_profile("ship"), c.site)
+    plan = replace(plan, calibration=plan.calibration * 30, outage=())
+    model = made(c, 0).simulation.model
+    session = simulate_motion(plan, c.session, c.settings, model, c.noise, 0)
+    result = trial(c, session.log)
+    assert not failed(result) and not codes(result)
+    low, high = chi_square_limits(13)
+    assert low < off(result, model, session)[1] < high

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from foucault.errors import Finding, finding
 from foucault.estimate.delay import SEEN, UNLIKE, Delay
 from foucault.models.rotation import log as rotation_vector
+from foucault.tables import AXES
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
@@ -192,6 +193,18 @@ def _mounting(found: Delay, C_ms: FloatArray | None) -> list[Finding]:
         told.append(finding("delay.mounting", axis=f"({x:.2f}, {y:.2f}, {z:.2f})",
                             sd=plain(np.degrees(sd), 2)))  # fmt: skip
     return told
+
+
+def signed_axes(C: FloatArray) -> str:
+    """Name along which axis each column of a rotation or reflection lies, more or less.
+
+    Parameters
+    ----------
+    C : ndarray, shape (3, 3)
+        The matrix [1].
+    """
+    place = np.argmax(np.abs(C), axis=0)
+    return ", ".join(("-" if C[k, i] < 0 else "") + AXES[k] for i, k in enumerate(place))
 
 
 def _names(C_ms: FloatArray) -> str:

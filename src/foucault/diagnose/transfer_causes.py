@@ -34,11 +34,18 @@ UNSETTLED = 1.0
 LONG, SEEN = 0.05, 0.5
 """A shorter lever arm is none; a component that is known worse is not seen [m]."""
 
-MISFIT = 0.3
-"""At most this part of what is too large about the innovations an arm may leave [1]."""
+LEFT = 0.3
+"""An arm leaves at most this part of what is too large about the innovations [1]."""
+
+NEARLY = 1.2
+"""With the arm that is found innovations may be so many times as large as allowed [1]."""
 
 SURELY = 1e-4
 """False-alarm rate of a lever arm [1]."""
+
+OUTLIER, FEW, MOST = 8.0, 0.01, 5
+"""An innovation of so many standard deviations is none of this noise; if at most this part of the
+messages has such; so many are named [1]."""
 
 LOOSE = 100.0
 """Without priors means with priors so many times as wide [1]."""
@@ -56,14 +63,15 @@ class LeverArm:
         Its covariance, by how the innovations scatter [m^2].
     gain : float
         By how much the log-likelihood is higher than with the one that was given [1].
-    ratio : float
-        Root mean square of the velocities' innovations, standardised [1].
+    ratio, high : float
+        Root mean square of the velocities' innovations, standardised, and its limit [1].
     """
 
     arm: FloatArray
     cov: FloatArray
     gain: float
     ratio: float
+    high: float
 
     @property
     def sd(self) -> FloatArray:
@@ -111,7 +119,7 @@ def lever_arm(e: Evidence) -> LeverArm | None:
     if scatter is None:
         return None
     cov = cov * max(1.0, scatter.ratio**2 * scatter.count / scatter.independent)
-    return LeverArm(e.mount.lever_m + d, cov, gain, scatter.ratio)
+    return LeverArm(e.mount.lever_m + d, cov, gain, scatter.ratio, scatter.high)
 
 
 def leverage(e: Evidence) -> FloatArray:
@@ -148,7 +156,8 @@ def of_lever(e: Evidence) -> list[Finding]:
     if found is None or found.off(given) < chi_square_limits(3, 2 * SURELY)[1]:
         return []
     now = spreads(e)["velocity"]
-    if now.ratio > now.high and found.ratio**2 - 1.0 > MISFIT * (now.ratio**2 - 1.0):
+    little = now.ratio > now.high and found.ratio**2 - 1.0 > LEFT * (now.ratio**2 - 1.0)
+    if little or found.ratio > NEARLY * found.high:
         return []  # something else is wrong, of which an arm takes a part
     seen = found.sd < SEEN
     if not np.linalg.norm((found.arm - given)[seen]) > LONG:
@@ -186,7 +195,7 @@ def _named(found: LeverArm, given: FloatArray) -> str:
 
 
 def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
-    """Return the priors without which the innovations would fit, by group.
+    """Return the priors that what is found contradicts, where the innovations fit without them.
 
     Parameters
     ----------
@@ -196,15 +205,17 @@ def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
     Returns
     -------
     list of (str, CoefficientVector)
-        Group, and what the messages alone say of its coefficients; none where the innovations are
-        not too large, or where doing without priors does not help [SI].
+        Group, and what the messages alone say of its coefficients; none where all is as it was said
+        to be, or where innovations are too large without priors too [SI].
     """
-    if all(s.ratio <= s.high for s in spreads(e).values()):
+    miss = np.abs(e.states.values - e.mean) / e.states.prior_sd
+    limit = np.sqrt(chi_square_limits(1, FALSE_ALARM, len(miss))[1])
+    if all(s.ratio <= s.high for s in spreads(e).values()) and miss.max() < limit:
         return []
     layout, wide = e.found.free.layout, e.sd.copy()
     loose = [layout.index(name) for name in e.states.names if name != "master.delay"]
     wide[[0, 1, 2, *loose]] *= LOOSE  # the start is turned as the mounting is
-    found = solve(e.slave, e.master, e.mount, e.matching, e.prior, wide, passes=3)
+    found = solve(e.slave, e.master, e.mount, e.matching, e.prior, wide, passes=4, settled=1.0)
     freed = replace(e, found=found)
     if not np.isfinite(standardised(freed)).any() or any(
         s.ratio > s.high for s in spreads(freed).values()
@@ -212,7 +223,6 @@ def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
         return []
     alone = replace(found.estimate.chosen(e.states.names), prior_sd=e.states.prior_sd)
     off = np.abs(alone.values - e.mean) / np.hypot(alone.sd, alone.prior_sd)
-    limit = np.sqrt(chi_square_limits(1, FALSE_ALARM, len(off))[1])
     groups = dict.fromkeys(
         n.rpartition(".")[0] for n, x in zip(alone.names, off, strict=True)
         if x > limit and n != "master.delay"
@@ -247,3 +257,23 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
             wide=said(2.0 * float(np.abs(away).max())),
         ))  # fmt: skip
     return out
+
+
+def of_outliers(e: Evidence) -> list[Finding]:
+    """Name the few messages that are off, where the others fit.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
+    u = standardised(e)
+    with np.errstate(invalid="ignore"):
+        off = (np.abs(u) > OUTLIER).any(axis=1)
+    if not 0 < np.sum(off) <= FEW * len(off):
+        return []
+    times = e.found.free.time[off] + e.found.at.delay
+    shown = ", ".join(plain(round(float(t), 2), 13) for t in times[:MOST])
+    more = f" and {len(times) - MOST} more" if len(times) > MOST else ""
+    return [finding("transfer.outliers", count=len(times), limit=f"{OUTLIER:g}",
+                    worst=plain(float(np.nanmax(np.abs(u))), 2), times=shown + more)]  # fmt: skip

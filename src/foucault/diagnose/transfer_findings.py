@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foucault.diagnose.transfer_causes import narrow, of_lever, of_priors
+from foucault.diagnose.transfer_causes import narrow, of_lever, of_outliers, of_priors
 from foucault.diagnose.transfer_evidence import BLOCKS, NEAR, Evidence, bracket, hardly, spreads
 from foucault.errors import Finding, Status, finding
 from foucault.models.rotation import log as rotation_vector
@@ -52,7 +52,7 @@ def findings(
     if e.status is not Status.CONVERGED:
         return [*before, *passes, *_of_edge(e), *_straight(e)]
     priors = narrow(e)
-    causes = [*of_priors(e, priors), *of_lever(e)]
+    causes = [*of_priors(e, priors), *of_lever(e)] or of_outliers(e)
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
     told += _unseen(e, [group for group, _ in priors])
     return [*told, *(causes or _of_spread(e))]

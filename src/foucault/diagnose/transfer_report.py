@@ -112,7 +112,7 @@ def _smoothed(e: Evidence, backward: LinearSmoothed) -> Table:
     states = states_of(history)
     A = seen_at_place(history)[:, :3]
     cov = A @ backward.cov[:, :9, :9] @ np.swapaxes(A, 1, 2)
-    sd = np.sqrt(np.einsum("kii->ki", cov))
+    sd = np.sqrt(np.maximum(np.einsum("kii->ki", cov), 0.0))  # of a run that went astray too
     heading, pitch, roll = angles_of(states["C_nb"]).T
     return {
         "time": e.slave.increments.time[free.rows], "latitude": states["latitude"],

@@ -14,7 +14,6 @@ from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.transfer import Messages
 from foucault.navigate.increments import Increments
-from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -96,9 +95,7 @@ def _mirrored(
     if found is None or found.likeness < ALIKE:
         return []
     C = -C_ms.T @ found.C_ms  # where the gyros point, in the axes of the nominal mounting
-    place = np.argmax(np.abs(C), axis=0)
-    axes = ", ".join(("-" if C[k, i] < 0 else "") + AXES[k] for i, k in enumerate(place))
-    return [finding("transfer.mirror", axes=axes)]
+    return [finding("transfer.mirror", axes=delay_checks.signed_axes(C))]
 
 
 def _off(found: Delay, C_ms: FloatArray) -> float:

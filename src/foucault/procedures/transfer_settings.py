@@ -167,10 +167,11 @@ class Settings(BaseModel):
         default=0.0, ge=0, description="Random walk of the installation."
     )
     passes: int = Field(
-        default=3,
+        default=6,
         ge=1,
         le=10,
-        description="Passes, each linear about what the one before has found.",
+        description="At most so many passes, each linear about what the one before has found; "
+        "fewer where nothing moves any more.",
     )
     hand_over: Seconds | None = Field(
         default=None,

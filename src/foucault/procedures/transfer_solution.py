@@ -32,6 +32,9 @@ FloatArray = npt.NDArray[np.float64]
 SETTLED = 0.5
 """Passes have settled if the last moved nothing by more than this of its uncertainty [1]."""
 
+STILL = 0.1
+"""No further pass is made if the last moved nothing by more [1]."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -92,7 +95,7 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
     elif settings.estimates_delay and settings.delay_method == "state":
         p = _as_state(p)
     found = solve(p.slave, p.master, settings.mount, settings.matched, p.prior, p.sd,
-                  passes=settings.passes)  # fmt: skip
+                  passes=settings.passes, settled=STILL)  # fmt: skip
     backward = None
     if history:
         kept = kalman(found.free.system, keep=True)
@@ -140,7 +143,7 @@ def _settled(p: TransferProblem, found: Transfer) -> tuple[Status, list[Finding]
         return Status.CONVERGED, []
     name = found.free.layout.names[9 + int(np.argmax(moved))]
     told = finding("transfer.unsettled", before=len(passes) - 1, after=len(passes), name=name,
-                   moved=plain(float(moved.max()), 2), more=len(passes) + 2,
+                   moved=plain(float(moved.max()), 2), more=min(len(passes) + 3, 10),
                    passes="1 pass was" if s.passes == 1 else f"{s.passes} passes were")  # fmt: skip
     return Status.NOT_CONVERGED, [told]
 

@@ -147,6 +147,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "explain themselves once the priors are wide enough.",
      'Write "{group}" with sd = "{wide}" or so into [prior] (mean = "{mean}"), and look at '
      "velocity_sd and attitude_sd afterwards."),
+    ("transfer.outliers", "warning",
+     "A few messages that are off",
+     "{count} messages differ from the slave by more than {limit} standard deviations, {worst} at "
+     "most; they are stamped {times} s.",
+     "Look at the master there: a new satellite solution, a switch of its mode, a damaged row. "
+     "Leave these rows out of its table."),
     ("transfer.no_vertical", "note",
      "A master that says nothing of the vertical",
      "The vertical velocity of all messages is zero: it was not used.",
