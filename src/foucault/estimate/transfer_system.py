@@ -118,7 +118,7 @@ def free_run(
     some, when = master[used], valid[used]
     pieces = _pieces(slave, layout, some, mount, matching, at, rows, when)
     history, C_ns, velocity_n, transitions, jump, H, z = (
-        np.concatenate(each) for each in zip(*pieces, strict=True)
+        each[0] if len(each) == 1 else np.concatenate(each) for each in zip(*pieces, strict=True)
     )
     R = np.full(z.shape, np.inf)
     R[:, : 3 if matching.vertical else 2] = matching.velocity_sd**2
@@ -148,8 +148,12 @@ def _pieces(
 ) -> list[_Piece]:  # fmt: skip
     """Navigate piece by piece, each begun by what the master said at the end of the one before."""
     many = max(1, ceil((when[-1] - slave.increments.time[slave.first]) / PIECE))
-    out, first, anew = [], slave.first, Anew.of(at.state)
+    out: list[_Piece] = []
+    first, anew = slave.first, Anew.of(at.state)
     for part in np.array_split(np.arange(len(rows)), many):
+        if out:
+            first, anew = int(rows[part[0] - 1]), _set_back(out[-1], some[last], mount, at)
+        last = part
         found = run(
             slave.increments, anew.state, slave.sensors, Updates.none(rows[part]),
             np.zeros((9 + len(slave.sensors),) * 2), ImuNoise(), first=first,
@@ -164,7 +168,6 @@ def _pieces(
         jump[0, :9] = Phi[0, :, :9] @ anew.jump
         Phi[0, :, :9] = Phi[0, :, :9] @ anew.turn
         out.append(_Piece(history, seen.C_ns, seen.velocity_n, Phi, jump, H, z))
-        first, anew = int(rows[part[-1]]), _set_back(out[-1], some[part], mount, at)
     return out
 
 
