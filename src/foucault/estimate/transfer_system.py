@@ -150,10 +150,10 @@ def _pieces(
     many = max(1, ceil((when[-1] - slave.increments.time[slave.first]) / PIECE))
     out: list[_Piece] = []
     first, anew = slave.first, Anew.of(at.state)
-    for part in np.array_split(np.arange(len(rows)), many):
-        if out:
-            first, anew = int(rows[part[0] - 1]), _set_back(out[-1], some[last], mount, at)
-        last = part
+    parts = np.array_split(np.arange(len(rows)), many)
+    for before, part in zip((None, *parts), parts, strict=False):
+        if before is not None:
+            first, anew = int(rows[before[-1]]), _set_back(out[-1], some[before], mount, at)
         found = run(
             slave.increments, anew.state, slave.sensors, Updates.none(rows[part]),
             np.zeros((9 + len(slave.sensors),) * 2), ImuNoise(), first=first,
