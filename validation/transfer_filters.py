@@ -40,7 +40,11 @@ def one(seed: int) -> dict[str, tuple]:
     delay = drawn_delay(seed)
     made = session_of(seed, Session(message_delay=delay, with_outage=False))
     told = {"delay": f"{1e3 * delay:.12g} ms"}
-    kinds = {"default": {}, "told": told, "sixteen": told | {"accel_bias_z": False}}
+    kinds = {
+        "default": {},
+        "told": told,
+        "sixteen": told | {"accel_bias_z": False, "vertical": False},
+    }
     out = {}
     for name, chosen in kinds.items():
         solution = found_in(made, Settings(**chosen))
