@@ -269,8 +269,13 @@ def of_outliers(e: Evidence) -> list[Finding]:
     """
     u = standardised(e)
     with np.errstate(invalid="ignore"):
-        off = (np.abs(u) > OUTLIER).any(axis=1)
-    if not 0 < np.sum(off) <= FEW * len(off):
+        off = np.asarray((np.abs(u) > OUTLIER).any(axis=1))
+    if not 0 < np.sum(off) <= FEW * len(u):
+        return []
+    system = e.found.free.system
+    R = np.where(off[:, None], np.inf, system.R)
+    without = replace(e, found=replace(e.found, run=kalman(replace(system, R=R))))
+    if any(s.ratio > s.high for s in spreads(without).values()):
         return []
     times = e.found.free.time[off] + e.found.at.delay
     shown = ", ".join(plain(round(float(t), 2), 13) for t in times[:MOST])

@@ -40,7 +40,8 @@ def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Findin
     settings : Settings
         What was chosen.
     """
-    if not settings.vertical or settings.matching == "attitude" or table.velocity_n[:, 2].any():
+    used = settings.matched.vertical and settings.matching != "attitude"
+    if not used or table.velocity_n[:, 2].any():
         return settings, []
     return settings.model_copy(update={"vertical": False}), [finding("transfer.no_vertical")]
 

@@ -89,7 +89,7 @@ class Settings(BaseModel):
     vertical: bool = Field(
         default=True,
         description="Use vertical velocity too: without it the bias of the accelerometer that "
-        "points up rests on turns alone.",
+        "points up rests on turns alone. It is not used without accel_bias_z, which it shows.",
     )
     velocity_sd: Annotated[float, Quantity("velocity")] = Field(
         default=0.05, gt=0, description="Sd of the difference of velocities, each component."
@@ -244,7 +244,8 @@ class Settings(BaseModel):
         return Matching(
             self.velocity_sd if "velocity" in parts else np.inf,
             self.attitude_sd if "attitude" in parts else np.inf,
-            self.attitude_form, self.vertical, self.estimates_delay, self.shift,
+            self.attitude_form, self.vertical and self.accel_bias_z, self.estimates_delay,
+            self.shift,
         )  # fmt: skip
 
     @property
