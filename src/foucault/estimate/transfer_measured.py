@@ -81,6 +81,13 @@ def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArra
 
     East and north of the computed place are turned about up by dr_E tan L / R: in a free run that
     is hundreds of metres off the master's would be seen as a heading error.
+
+    Parameters
+    ----------
+    states : dict of str to ndarray
+        Of the run, see `navigate.state.states_of` [SI].
+    place : ndarray, shape (m, 9, 9)
+        See `estimate.ins_filter.seen_at_place` [SI].
     """
     turn = np.tan(states["latitude"]) / (SEMI_MAJOR_AXIS + states["height"])
     turned = turn[:, None] * place[:, 6]  # of the computed axes against the true ones, about up
@@ -94,7 +101,19 @@ def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArra
 
 @dataclass(frozen=True)
 class Seen:
-    """The slave where the messages hold: n frame, its changes about then, and what it felt."""
+    """The slave where the messages hold.
+
+    Attributes
+    ----------
+    velocity_n : ndarray, shape (m, 3)
+        Velocity [m/s].
+    C_ns : ndarray, shape (m, 3, 3)
+        Attitude [1].
+    rate_n, acceleration_n : ndarray, shape (m, 3)
+        How attitude and velocity change about then [rad/s], [m/s^2].
+    w_ib_b, f_b : ndarray, shape (m, 3)
+        Rate and specific force of the interval, slave's axes [rad/s], [m/s^2].
+    """
 
     velocity_n: FloatArray
     C_ns: FloatArray
@@ -108,7 +127,23 @@ def between(
     slave: Slave, states: dict[str, FloatArray], rows: IntArray, when: FloatArray,
     coefficients: FloatArray, matching: Matching,
 ) -> Seen:  # fmt: skip
-    """Look at the slave between its samples: it goes on as over the interval that holds `when`."""
+    """Look at the slave between its samples: it goes on as over the interval that holds `when`.
+
+    Parameters
+    ----------
+    slave : Slave
+        Its log.
+    states : dict of str to ndarray
+        Of its run at `rows`, see `navigate.state.states_of` [SI].
+    rows : ndarray of int, shape (m,)
+        Rows of the increments next to `when` [1].
+    when : ndarray, shape (m,)
+        When the messages hold [s].
+    coefficients : ndarray, shape (p,)
+        Errors of its sensors [SI].
+    matching : Matching
+        Whether it is looked at between samples at all.
+    """
     inc = slave.increments
     ahead = when - inc.time[rows] if matching.shift == "interpolated" else np.zeros(len(rows))
     inside = np.minimum(rows + (ahead > 0), len(inc) - 1)
@@ -149,7 +184,25 @@ def measured(
     layout: Layout, seen: Seen, master: Messages, mount: Mount, matching: Matching, at: Known,
     place: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return H (m, 6, n) and z (m, 6): velocity, then attitude."""
+    """Return H (m, 6, n) and z (m, 6): velocity, then attitude.
+
+    Parameters
+    ----------
+    layout : Layout
+        Meaning of the states.
+    seen : Seen
+        The slave where the messages hold.
+    master : Messages
+        What the master says.
+    mount : Mount
+        How they are fixed together.
+    matching : Matching
+        What of the messages is used.
+    at : Known
+        The point to be linear about.
+    place : ndarray, shape (m, 9, 9)
+        See `by_the_master` [SI].
+    """
     m, n = len(master), len(layout)
     H, z = np.zeros((m, 6, n)), np.empty((m, 6))
     C_ms = mount.C_ms @ exp(at.installation)
