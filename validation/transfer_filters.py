@@ -40,7 +40,11 @@ def one(seed: int) -> dict[str, tuple]:
     delay = drawn_delay(seed)
     made = session_of(seed, Session(message_delay=delay, with_outage=False))
     told = {"delay": f"{1e3 * delay:.12g} ms"}
-    kinds = {"default": {}, "told": told, "sixteen": told | {"accel_bias_z": False}}
+    kinds = {
+        "default": {},
+        "told": told,
+        "sixteen": told | {"accel_bias_z": False, "vertical": False},
+    }
     out = {}
     for name, chosen in kinds.items():
         solution = found_in(made, Settings(**chosen))
@@ -89,7 +93,7 @@ def bound() -> dict[str, float]:
         run = navigate(Increments.of(x.time, dtheta, dvel), state, first=first)
         v, C = run.velocity_n[rows - first], run.C_nb[rows - first]
         turned = rotation_vector(C @ np.swapaxes(made.made.truth.C_nb[rows], 1, 2))
-        return np.concatenate([v[:, :2] / settings.velocity_sd, turned / settings.attitude_sd], 1)
+        return np.concatenate([v / settings.velocity_sd, turned / settings.attitude_sd], 1)
 
     base = navigated(x.dtheta_b, x.dvel_b)
     columns, known = [], []
@@ -110,10 +114,10 @@ def bound() -> dict[str, float]:
             dvel[:, a] += size * x.dt
         if name.startswith("installation"):
             moved = base.copy()
-            moved[:, 2:] += size * made.made.truth.C_nb[rows][:, :, a] / settings.attitude_sd
+            moved[:, 3:] += size * made.made.truth.C_nb[rows][:, :, a] / settings.attitude_sd
         elif name == "master.delay":  # of the true motion, by what is there a sample later
             t, later = made.made.truth, rows + 1
-            dv = (t.velocity_n[later] - t.velocity_n[rows - 1])[:, :2] / settings.velocity_sd
+            dv = (t.velocity_n[later] - t.velocity_n[rows - 1]) / settings.velocity_sd
             turn = rotation_vector(t.C_nb[later] @ np.swapaxes(t.C_nb[rows - 1], 1, 2))
             rate = np.concatenate([dv, turn / settings.attitude_sd], 1) / 0.04
             moved = base + size * rate

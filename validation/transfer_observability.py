@@ -55,8 +55,9 @@ def main() -> int:
         other = "0.24 to 0.31 in all" if name.startswith("gyro.bias") else other
         lines.append(f"| {name} | {unit} | {prior:.3g} | {' | '.join(cells)} | {other} |")
     write("transfer_observability", lines)
-    ratio = vectors["flight"].sd / vectors["straight"].sd
-    return int(not (ratio < 1.0).all())
+    straight, flight = vectors["straight"], vectors["flight"]
+    hidden = straight.sd > 0.3 * straight.prior_sd
+    return int(not (flight.sd[hidden] < 0.1 * straight.sd[hidden]).all())
 
 
 if __name__ == "__main__":

@@ -31,8 +31,8 @@ from foucault.procedures.transfer_settings import NOISE, Settings
 
 RUNS, FIRST, FEW, FACTOR = 28, 7, 14, 1.2
 NONE, WHOLE, GUESS = {"delay": "none"}, {"delay": "100 ms", "shift": "sample"}, {"delay": "80 ms"}
-SOURCE = {"accel_bias_z": False, "velocity_sd": 0.5, "attitude_sd": 30 * ARCMIN, "passes": 1}
-TRUE = {"accel_bias_z": False}
+TRUE = {"accel_bias_z": False, "vertical": False}
+SOURCE = TRUE | {"velocity_sd": 0.5, "attitude_sd": 30 * ARCMIN, "passes": 1}
 CASES = {
     "M1, H-infinity": (1.0, {**NONE, **SOURCE}),
     "M1, Kalman": (1.0, {**NONE, **SOURCE}),

@@ -93,7 +93,7 @@ class Missed:
 
 
 def missed(made: TransferSession, solution: Solution) -> Missed:
-    """Return the errors of all states at the last message but position and vertical velocity."""
+    """Return the errors of all states at the last message but position and what is not matched."""
     found, names = solution.found, solution.states.names
     run, layout = found.run, found.free.layout
     state = state_of(corrected(found.free.history[-1:], run.states[-1:, :9])[0])
@@ -105,9 +105,11 @@ def missed(made: TransferSession, solution: Solution) -> Missed:
     T = np.eye(len(layout))
     T[:9, :9] = seen_at_place(found.free.history[-1:])[0]
     P = T @ run.cov @ T.T
-    rows = [*(layout.index(name) for name in names), 0, 1, 2, 3, 4]
-    err = np.concatenate([solution.states.values - truth_of(made, names), -phi, -dv[:2]])
-    ends = ("phi.east", "phi.north", "phi.up", "velocity.east", "velocity.north")
+    ends = ("phi.east", "phi.north", "phi.up", "velocity.east", "velocity.north", "velocity.up")
+    ends = ends if solution.problem.settings.matched.vertical else ends[:-1]
+    rows = [*(layout.index(name) for name in names), *range(len(ends))]
+    off = np.concatenate([-phi, -dv])[: len(ends)]
+    err = np.concatenate([solution.states.values - truth_of(made, names), off])
     return Missed((*names, *ends), err, P[np.ix_(rows, rows)])
 
 
@@ -137,15 +139,15 @@ def position_error(
 def wanted(solution: Solution, what: str = "prior") -> np.ndarray:
     """Return L: what a filter is for, in units of its prior; or the position after the outage.
 
-    Position and vertical velocity, which no message holds, are left out of the first: a free run
-    knows its place a thousand times worse at its end than at its start, and that alone would make
-    gamma, and with it the filter.
+    The position, and a vertical velocity that is not matched, are left out of the first: a free
+    run knows its place a thousand times worse at its end than at its start, and that alone would
+    make gamma, and with it the filter.
     """
     found, s = solution.found, solution.problem.settings
     if what == "navigation":
         return after_outage(found.free, s.sensors, s.outage)
     L = by_prior(found.free.system)
-    return L[[k for k in range(len(L)) if k not in (5, 6, 7, 8)]]
+    return np.delete(L, (6, 7, 8) if s.vertical else (5, 6, 7, 8), axis=0)
 
 
 def handed(solution: Solution, run: LinearRun | None = None) -> HandOver:

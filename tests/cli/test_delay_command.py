@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,31 @@ def test_a_delay_with_its_deviation(flight: tuple[Path, TransferSimulation]) -> 
     assert about["rivals"] == [] and about["transport"] is None
     near = run(*words, "--mounting", "0 deg, 0 deg, 0 deg", "--bracket", "0 s to 0.2 s", "--json")
     assert json.loads(near.output)["delay"] == pytest.approx(about["delay"], abs=1e-5)
+
+
+def test_a_campaign_says_where_it_is_and_its_clock_counts_from_1970(
+    flight: tuple[Path, TransferSimulation],
+) -> None:
+    folder, made = flight
+    start = 1754380800.0
+    own.write(replace(made.log, time=made.log.time + start), folder / "stamped.csv")
+    keep = np.arange(len(made.master)) % 50 > 0
+    rows = np.column_stack([made.master.time + start, made.master.velocity_n, made.master.angles])
+    np.savetxt(folder / "stamped.txt", rows[keep], fmt="%.9f")
+    (folder / "stamped.toml").write_text(
+        '[site]\nlatitude = "45 deg"\n[log]\nfile = "stamped.csv"\n'
+        '[master]\nfile = "stamped.txt"\ntime = { column = 0, unit = "s" }\n'
+        'velocity = { columns = [1, 2, 3], unit = "m/s" }\n'
+        'attitude = { columns = [4, 5, 6], unit = "rad" }\n'
+        '[procedure]\nname = "transfer_alignment"\n'
+    )
+    shown = run("delay", folder / "stamped.toml")
+    said = " ".join(shown.output.split())
+    assert shown.exit_code == 0, said
+    assert "Times count from 1754380800 s" in said
+    assert said.count("17543808") == 1
+    assert said.count("messages are missing") == 1
+    assert "says no latitude" not in said
 
 
 def test_a_second_imu(flight: tuple[Path, TransferSimulation]) -> None:

@@ -48,3 +48,26 @@ def test_a_log_without_its_master(tmp_path):
     result = RUNNER.invoke(app, ["calibrate", str(file), "-o", str(tmp_path / "run")])
     assert result.exit_code == 1
     assert "master is missing" in result.output + str(result.stderr)
+
+
+def test_another_motion_is_tried_by_its_name(tmp_path):
+    file = tmp_path / "plan.toml"
+    own = '[{ s_turn = "40 deg", time = "40 s" }]'  # another plan takes its place
+    file.write_text(written(rate='"50 Hz"', message_rate='"2 Hz"', manoeuvres=own))
+    straight = ran("preflight", file, "--plan", "straight", code=3)
+    assert straight["plan"] == "straight"
+    assert straight["rank"] < straight["states"]
+    result = RUNNER.invoke(app, ["preflight", str(file), "--plan", "strait"])
+    assert result.exit_code == 1
+    assert "Did you mean 'straight'?" in result.output + str(result.stderr)
+
+
+def test_a_look_at_a_log_in_motion(tmp_path):
+    file = tmp_path / "plan.toml"
+    file.write_text(written(rate='"50 Hz"', message_rate='"2 Hz"', with_outage="true"))
+    said = RUNNER.invoke(app, ["simulate", str(file), "-o", str(tmp_path / "session")]).output
+    assert "outage.csv" in said
+    result = RUNNER.invoke(app, ["inspect", str(tmp_path / "session" / "campaign.toml")])
+    assert result.exit_code == 0
+    assert "messages" in result.output and "horizontal speed" in result.output
+    assert "rest" not in result.output.replace("rest of", "")

@@ -54,6 +54,22 @@ def test_it_is_exact_without_noise() -> None:
         assert one.likeness == pytest.approx(1.0, abs=1e-9)
 
 
+def test_a_clock_that_counts_from_1970_changes_nothing() -> None:
+    run = simulate_transfer(FLIGHT, rate=100.0, link=Link(delay=0.0613), seed=2)
+    start = 1754380800.0  # its microseconds are beyond what a number can hold
+    late = replace(run.master, time=run.master.time + start)
+    one, other = (
+        found(run),
+        found(replace(run, log=replace(run.log, time=run.log.time + start), master=late)),
+    )
+    assert one.seen and other.seen
+    assert other.delay == pytest.approx(one.delay, abs=2e-6)
+    assert other.delay_sd == pytest.approx(one.delay_sd, rel=1e-2)
+    assert other.middle - start == pytest.approx(one.middle, abs=1e-2)
+    np.testing.assert_allclose(other.part_start - start, one.part_start, atol=1e-5)
+    np.testing.assert_allclose(other.turns.end - start, one.turns.end, atol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("flexure", "jitter"), [(None, 0.0), (Flexure((3e-4, 3e-4, 2e-4), 0.8), 0.0), (None, 0.004)]
 )

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.consistency import chi_square_limits
+from foucault.estimate import transfer_system
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import kalman
 from foucault.estimate.transfer import hand_over, likeliest_delay, solve
+from foucault.estimate.transfer_anew import Anew
 from foucault.estimate.transfer_system import free_run
-from foucault.models.rotation import exp
+from foucault.models.geodesy import displaced, east_north_up, ecef
+from foucault.models.rotation import exp, log
 from foucault.models.transfer import Matching
+from foucault.navigate.state import State, states_of
 from make_transfer import (
     ARCMIN,
     ATTITUDE_SD,
@@ -42,7 +46,7 @@ def expected(free, x):
     """What the system says that an error x at the start makes of z at every epoch."""
     out = []
     for Phi, H in zip(free.system.Phi, free.system.H, strict=True):
-        x = Phi @ x
+        x = np.concatenate([Phi @ x, x[len(Phi) :]])
         out.append(H @ x)
     return np.array(out)
 
@@ -237,3 +241,58 @@ def test_noise_is_no_knowledge_of_the_delay():
         told.append(np.sqrt(kalman(free.system).cov[-1, -1]))
     assert told[0] == pytest.approx(0.2, rel=0.01)
     assert told[1] > 0.15
+
+
+def test_a_run_begun_anew_tells_the_same(monkeypatch):
+    """Pieces of a quarter of the flight: what is found, and how sure, is that of one piece.
+
+    Of a slave without noise whose errors are large, so that what a new beginning takes out is.
+    """
+    truth = np.concatenate([3.0 * SD[:3], 0.2 * SD[3:]])
+    matching = replace(MATCHING, delay=True)
+    known, sd = prior(DELAY)
+    case = (slave(truth, np.zeros(3)), master(DELAY), mount(), matching, known,
+            all_sd(sd, matching))  # fmt: skip
+    whole = solve(*case, passes=3)
+    monkeypatch.setattr(transfer_system, "PIECE", 23.0)
+    free = transfer_system.free_run(*case[:4], known, known, case[5])
+    assert np.count_nonzero(np.abs(free.system.jump).sum(axis=1)) == 3
+    assert np.linalg.norm(free.system.jump[:, 3:6], axis=1).max() > 0.1  # ten times the sd
+    parts = solve(*case, passes=3)
+    np.testing.assert_allclose(parts.estimate.sd, whole.estimate.sd, rtol=2e-3)
+    off = (parts.estimate.values - whole.estimate.values) / whole.estimate.sd
+    assert np.abs(off).max() < 0.02
+    end, other = hand_over(case[0], parts, 90.0), hand_over(case[0], whole, 90.0)
+    sd = np.sqrt(np.diag(other.cov))
+    apart = np.abs(end.state.velocity_n - other.state.velocity_n) / sd[3:6]
+    turned = np.abs(log(end.state.C_nb @ other.state.C_nb.T)) / sd[:3]
+    assert apart.max() < 0.02 and turned.max() < 0.02
+
+
+def test_a_run_begun_anew_errs_by_what_was_taken_out():
+    """The errors against the truth before and after, in the axes of their own level frames."""
+    rng = np.random.default_rng(3)
+    truth = State(1.1, 2.0, 500.0, np.array([40.0, -90.0, 3.0]), exp(rng.normal(size=3)))
+    wrong = State(
+        *(float(x) for x in displaced(1.1, 2.0, 500.0, np.array([900.0, -700.0, 60.0]))),
+        truth.velocity_n + np.array([3.0, -2.0, 1.0]),
+        exp(np.array([1e-3, -2e-3, 3e-3])) @ truth.C_nb,
+    )  # fmt: skip
+    anew = Anew.by(wrong.packed(), np.array([9e-4, -2.1e-3, 3.1e-3]), np.array([3.1, -2.0, 0.8]),
+                   np.array([880.0, -710.0, 65.0]))  # fmt: skip
+    said = anew.turn @ errors_of(wrong.packed(), truth) + anew.jump
+    apart = np.abs(said - errors_of(anew.state.packed(), truth))
+    assert apart[:3].max() < 1e-5 and apart[3:6].max() < 1e-3 and apart[6:].max() < 1e-2
+    assert np.linalg.norm(errors_of(anew.state.packed(), truth)[6:]) < 40.0
+
+
+def errors_of(row, truth):
+    """Return (psi, dv, dr) of a state of the kernels against the truth, as `correct` takes it."""
+    x = states_of(row)
+    C_le = (east_north_up(float(x["latitude"]), float(x["longitude"])) @ x["C_nl"]).T
+    C_en = east_north_up(truth.latitude, truth.longitude)
+    psi = -log((C_le.T @ x["C_nl"].T @ x["C_nb"]) @ (C_en @ truth.C_nb).T)
+    v = C_le.T @ x["C_nl"].T @ x["velocity_n"] - C_en @ truth.velocity_n
+    place = ecef(float(x["latitude"]), float(x["longitude"]), float(x["height"]))
+    r = place - ecef(truth.latitude, truth.longitude, truth.height)
+    return np.concatenate([C_le @ psi, C_le @ v, C_le @ r])

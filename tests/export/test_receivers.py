@@ -8,6 +8,7 @@ import io
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -477,3 +478,14 @@ def test_every_file_says_what_it_is_and_what_is_lost(receiver: str, tmp_path: Pa
         assert f"{name} = {result.coefficients.value(name)!r}" in text
     docs = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
     assert f"## {receiver}" in docs.lower()
+
+
+@pytest.mark.parametrize("receiver", ["c", "python", "json", "csv"])
+def test_a_slave_says_how_it_is_mounted(receiver: str, linear: Result, tmp_path: Path) -> None:
+    known = {"mounting": {"C_ms": [[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]}, "delay": {"used": 0.08}}
+    slave = replace(linear, diagnostics=known)
+    text = write(slave, receiver, tmp_path / "slave").read_text()
+    assert "x_master = C_ms x_slave" in text
+    assert "C_ms = ((0.000000000, -1.000000000, 0.000000000), (1" in text
+    assert "come 80.000 ms late" in text
+    assert "C_ms" not in write(linear, receiver, tmp_path / "alone").read_text()

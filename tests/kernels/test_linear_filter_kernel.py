@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,6 +70,44 @@ def test_filter_and_smoother_are_least_squares(monkeypatch, form):
     np.testing.assert_allclose(back.start, states[0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(back.start_cov, cov[0], rtol=0, atol=1e-12)
     assert np.isnan(run.innovation[5, 1]) and np.isfinite(run.innovation).sum() == 35
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_rows_that_are_left_out_are_those_of_the_identity(monkeypatch, form):
+    for name in ("linear_filter", "linear_smoother"):
+        monkeypatch.setattr(estimate, name, kernel(form, module, name))
+    s = system()
+    s.Phi[:, 2:] = np.eye(5)[2:]
+    few = replace(s, Phi=np.ascontiguousarray(s.Phi[:, :2]))
+    all_rows, run = estimate.kalman(s, keep=True), estimate.kalman(few, keep=True)
+    np.testing.assert_allclose(run.states, all_rows.states, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.cov, least_squares(s)[1][-1], rtol=0, atol=1e-12)
+    back, wanted = estimate.smoothed(few, run), estimate.smoothed(s, all_rows)
+    np.testing.assert_allclose(back.cov, wanted.cov, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(back.start, wanted.start, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(back.start_cov, wanted.start_cov, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_known_step_moves_what_is_expected_and_nothing_else(monkeypatch, form):
+    """As if the state without it were filtered, with measurements less what the steps make."""
+    for name in ("linear_filter", "linear_smoother"):
+        monkeypatch.setattr(estimate, name, kernel(form, module, name))
+    s = system()
+    jump = np.zeros((12, 5))
+    jump[[3, 7]] = np.random.default_rng(1).normal(size=(2, 5))
+    made, total = np.zeros(5), []
+    for k in range(12):
+        made = s.Phi[k] @ made + jump[k]
+        total.append(made)
+    total = np.array(total)
+    moved = replace(s, jump=jump, z=s.z + np.einsum("kqn,kn->kq", s.H, total))
+    plain, run = estimate.kalman(s, keep=True), estimate.kalman(moved, keep=True)
+    np.testing.assert_allclose(run.states - total, plain.states, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.innovation, plain.innovation, rtol=0, atol=1e-12)
+    one, other = estimate.smoothed(s, plain), estimate.smoothed(moved, run)
+    np.testing.assert_allclose(other.states - total, one.states, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(other.start, one.start, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("form", FORMS)

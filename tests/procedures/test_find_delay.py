@@ -124,6 +124,20 @@ def test_an_angle_that_counts_the_other_way(place: int) -> None:
     assert unknown.delay.delay == pytest.approx(run.delay, abs=5e-3)
 
 
+@pytest.mark.parametrize("mounting", [None, ALONG])
+def test_a_gyro_that_is_reversed(mounting) -> None:
+    run = flown()
+    for wrong, axes in (
+        (run.log.gyro * [1, 1, -1], "x, y, -z"),
+        (run.log.gyro[:, [1, 0, 2]], "y, x, z"),
+    ):
+        found = find_delay(replace(run.log, gyro=wrong), run.master, C_ms=mounting)
+        (told,) = (f for f in found.findings if f.code == "transfer.mirror")
+        assert f"x, y, z point along {axes}" in told.message
+        assert not {"delay.scale", "delay.axes"} & codes(found)
+        assert found.verdict.level is not Level.PASS
+
+
 def test_stamps_of_validity() -> None:
     run = flown(0.1, stamped="validity")
     found = find_delay(run.log, run.master, C_ms=ALONG)

@@ -69,7 +69,7 @@ def test_one_flight_is_told_whole(flight, found):
         "installation.x", "installation.y", "installation.z", "master.delay",
     )  # fmt: skip
     assert set(found.tables) == {
-        "innovations", "estimates", "smoothed", "delayed", "stretches", "delay_parts",
+        "innovations", "estimates", "undelayed", "smoothed", "delayed", "stretches", "delay_parts",
     }  # fmt: skip
     last = {name: found.tables["estimates"][name][-1] for name in found.coefficients.names}
     near = found.tables["estimates"]["master.delay_sd"][-1]
@@ -215,16 +215,6 @@ def test_a_delay_that_is_ignored_is_named(flight):
     assert said.message.startswith("The delay was given as 0.0 ms; by what both turned it is 100.0")
     assert np.abs(missed(result, session)[0]).max() > 100
     assert {"velocity innovations", "attitude innovations", "whiteness"} <= failed(result)
-
-
-def test_a_lever_arm_of_the_wrong_sign_is_named():
-    c = described(lever_arm=LEVER)
-    log = made(c, 2).simulation.log
-    assert "transfer.lever" not in codes(calibrated(c, log))
-    wrong = settings(c, lever_arm=("-1 m", "-2 m", "0.5 m"))
-    (said,) = [f for f in calibrated(c, log, settings=wrong).findings
-               if f.code == "transfer.lever"]  # fmt: skip
-    assert "fit better with the opposite lever arm (log-likelihood" in said.message
 
 
 def test_a_heading_that_counts_the_other_way_is_named(flight):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +10,19 @@ import pytest
 
 from foucault import run_folder
 from foucault.models.earth import Site
+from foucault.models.rotation import exp
 from foucault.procedures import transfer_alignment as procedure
 from foucault.procedures.transfer_settings import NOISE
-from foucault.report import html, transfer, transfer_run
+from foucault.report import html, transfer, transfer_delay, transfer_run
 from foucault.report.figures_transfer import chosen
-from foucault.report.page import Facts, Figure, Table
+from foucault.report.page import Code, Facts, Figure, Table
+from foucault.units import parse
 
 SITE = Site.at(np.radians(45.0), 100.0)
 MINUTE = np.radians(1 / 60)
 ALL = (
-    transfer.done, transfer.delay, transfer.estimates, transfer.motion,
+    transfer_run.mounting, transfer.done, transfer_delay.delay, transfer_delay.ignored,
+    transfer.estimates, transfer.motion,
     transfer_run.innovations, transfer_run.bound, transfer_run.attitude, transfer_run.handed,
 )  # fmt: skip
 
@@ -59,7 +63,8 @@ def test_what_was_done(result, bounded):
     said = facts(transfer.done(result))
     messages = result.diagnostics["messages"]
     assert said["messages used"] == f"{messages['used']} of {messages['logged']}"
-    assert said["filter"] == "Kalman, 22 states, 3 passes"
+    passes = len(result.diagnostics["passes"]["values"])
+    assert said["filter"] == f"Kalman, 22 states, {passes} passes"
     assert said["sd of a difference"] == "0.05 m/s, 1 arcmin each component"
     assert said["noise of the gyros"] == "0.06 °/sqrt(h)"
     assert said["mount"] == "rigid"
@@ -82,7 +87,7 @@ def test_a_delay_that_is_given_or_left_out_is_said():
 
 
 def test_delay_by_every_method_and_what_it_is_worth(bounded):
-    section = transfer.delay(bounded)
+    section = transfer_delay.delay(bounded)
     methods, parts = tables(section)
     names = ["the result: state of the filter", "likeliest", "what both turned"]
     assert [row[0] for row in methods.rows] == names
@@ -158,8 +163,9 @@ def test_many_manoeuvres_are_counted_only(result):
 def test_innovations_and_nis(result):
     section = transfer_run.innovations(result)
     velocity, attitude, nis = figures(section)
-    assert len(velocity.data) == 4
-    assert len(attitude.data) == 6
+    table = result.tables["innovations"]
+    for figure, of in ((velocity, "velocity"), (attitude, "attitude")):
+        assert len(figure.data) == 2 * sum(k.startswith(of) and k.endswith("_sd") for k in table)
     time, ratio, (low, high) = transfer_run.grouped_nis(result.tables["innovations"])
     assert low < 1 < high
     assert low < ratio.min() < ratio.max() < high
@@ -174,7 +180,8 @@ def test_nis_is_over_what_was_used(result):
     table["velocity_east"] = np.where(np.arange(len(table["time"])) % 2, np.nan, 0.0)
     _, whole, _ = transfer_run.grouped_nis(result.tables["innovations"])
     _, fewer, _ = transfer_run.grouped_nis(table)
-    np.testing.assert_allclose(fewer, whole * 5 / 4.5, rtol=0.02)
+    n = sum(k.endswith("_sd") for k in table)
+    np.testing.assert_allclose(fewer, whole * n / (n - 0.5), rtol=0.02)
 
 
 def test_all_that_lies_far_out_is_drawn():
@@ -212,6 +219,74 @@ def test_attitude_and_hand_over(result):
     assert float(rows["velocity north"][3]) == pytest.approx(sd[4], rel=0.05)
     assert float(rows["heading"][1]) == pytest.approx(np.degrees(state["heading"]), abs=1e-4)
     assert float(rows["heading"][3].split()[0]) == pytest.approx(sd[2] / MINUTE, rel=0.05)
+
+
+def test_times_count_from_the_start_of_the_log(result):
+    start = 1754380800.0
+    tables_ = {name: {k: np.asarray(v) + start if k in ("time", "start", "end") else v
+                      for k, v in table.items()}
+               for name, table in result.tables.items()}  # fmt: skip
+    d = result.diagnostics
+    later = d | {"start": start, "hand_over": d["hand_over"] | {"time": 240.0 + start}}
+    stamped = replace(result, tables=tables_, diagnostics=later)
+    assert facts(transfer.done(stamped))["time 0"].startswith("1754380800 s of the slave's clock")
+    assert "time 0" not in facts(transfer.done(result))
+    assert "from 240 s on" in transfer_run.handed(stamped).lead
+    for section in ALL:
+        one, other = section(result), section(stamped)
+        if one is None or section in (transfer.done, transfer_run.handed):
+            continue
+        assert one.lead == other.lead
+        for a, b in zip(figures(one), figures(other), strict=True):
+            for x, y in zip(a.data, b.data, strict=True):
+                np.testing.assert_allclose(x["x"], y["x"], rtol=1e-5, atol=1e-5)
+        assert [t.rows for t in tables(one)] == [t.rows for t in tables(other)]
+
+
+def test_mounting_is_said_as_it_is_used(result):
+    section = transfer_run.mounting(result)
+    (table,) = tables(section)
+    (code,) = [b for b in section.blocks if isinstance(b, Code)]
+    said = {"np": np, "C_nm": np.eye(3)}
+    exec(code.text, said)
+    mu = result.coefficients["installation"].values
+    np.testing.assert_allclose(said["C_ms"], exp(mu), atol=1e-9)  # nominally in its master's axes
+    np.testing.assert_allclose(said["C_ns"], said["C_ms"])
+    rows = {row[0]: [float(x.replace("−", "-")) for x in row[1:]] for row in table.rows}
+    assert rows["heading"][0] == 0.0
+    # A rotation about up turns y, forward, to the left: the heading falls.
+    assert rows["heading"][1] == pytest.approx(-np.degrees(mu[2]), abs=2e-4)
+    assert rows["pitch"][1] == pytest.approx(np.degrees(mu[0]), abs=2e-4)
+    assert rows["roll"][1] == pytest.approx(np.degrees(mu[1]), abs=2e-4)
+
+
+def test_what_ignoring_the_delay_does(result):
+    section = transfer_delay.ignored(result)
+    drawn = figures(section)
+    assert [f.layout["annotations"][0]["text"].split("</b>")[0] for f in drawn] == [
+        "<b>gyro bias", "<b>installation",
+    ]  # fmt: skip
+    (table,) = tables(section)
+    rows = {row[0]: row for row in table.rows}
+    assert set(rows) == set(result.coefficients.names) - {"master.delay"}
+    bias = result.coefficients["accel.bias.y"]
+    ours, far = (float(rows["accel.bias.y"][k].replace("−", "-")) for k in (2, 4))
+    assert ours == pytest.approx(1e3 * bias.values[0] / 9.80665, abs=2e-3)
+    # Flying forward in a turn, 100 ms look like a bias of milli-g.
+    assert abs(far - ours) > 1.0
+    assert float(rows["accel.bias.y"][6]) > 10
+
+
+def test_the_command_of_the_hand_over_can_be_copied(result):
+    (code,) = [b for b in transfer_run.handed(result).blocks if isinstance(b, Code)]
+    words = shlex.split(code.text)
+    assert words[:2] == ["foucault", "navigate"]
+    heading = words[words.index("--heading") + 1]
+    state = result.diagnostics["hand_over"]
+    assert parse(heading, "angle") == pytest.approx(state["heading"], abs=1e-6)
+    assert parse(words[words.index("--from") + 1], "time") == pytest.approx(
+        state["time"] - result.diagnostics["start"]
+    )
 
 
 def test_nothing_is_shown_that_is_not_there(result):

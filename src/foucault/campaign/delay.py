@@ -53,13 +53,19 @@ def run(
         Called with the fraction done and what is being done.
     """
     slave = Path(slave)
-    log = read(slave, progress).log
+    source = read(slave, progress)
+    log = source.log
     other: Log | MasterTable | None = getattr(log, "master", None)
+    if other is not None:  # such a log has told what was noticed of its master
+        log = replace(log, findings=tuple(f for f in log.findings if f not in other.findings))
     names = slave.name, slave.name if master is None else Path(master).name
     if master is not None:
         other = _second(Path(master), lambda part, words: progress(0.4 + part, words))
     if other is None:
         raise error("delay.no_second", file=slave.name)
+    latitude = source.site.get("latitude")
+    if isinstance(other, MasterTable) and not other.has_place and latitude is not None:
+        other = other.from_place(latitude, source.site.get("height") or 0.0)
     progress(0.8, "matching")
     C_ms = None if mounting is None else np.asarray(matrix_of(*mounting))
     return find_delay(log, other, C_ms=C_ms, bracket=bracket, names=names)

@@ -43,6 +43,9 @@ CAMPAIGN_FILE = "campaign.toml"
 ROUND = 8
 """Restarts in one round [1]."""
 
+EVALUATIONS = 4000
+"""Plans that a restart judges, where its procedure does not say how many [1]."""
+
 FINALISTS = 8
 """So many of the best plans are judged without the approximations of the search [1]."""
 
@@ -89,7 +92,7 @@ def run(
     folder: str | Path,
     *,
     restarts: int = 32,
-    evaluations: int = 4000,
+    evaluations: int | None = None,
     time_limit: float | None = None,
     seed: int = 0,
     map: monte_carlo.Map | None = None,
@@ -107,8 +110,8 @@ def run(
         Where the search is kept; one that was interrupted is continued.
     restarts : int, shape ()
         Number of restarts [1].
-    evaluations : int, shape ()
-        Plans that each of them judges [1].
+    evaluations : int or None, shape ()
+        Plans that each of them judges; None takes what suits the procedure [1].
     time_limit : float or None
         After which no further restart is begun; the first always is [s].
     seed : int, shape ()
@@ -135,6 +138,8 @@ def run(
     """
     ends = inf if time_limit is None else clock.monotonic() + time_limit
     space = space_of(campaign)
+    if evaluations is None:
+        evaluations = getattr(procedures.load(campaign.procedure), "EVALUATIONS", EVALUATIONS)
     kept = _opened(campaign, folder, evaluations, seed, size)
     spread, rows = map or monte_carlo.threads(workers), dict[str, npt.NDArray[Any]]()
     for begin in range(0, restarts, size):

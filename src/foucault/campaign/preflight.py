@@ -41,14 +41,19 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
         The campaign; its log need not exist.
     changes : mapping of str to object, or None
         Keys of [procedure] and what they shall say instead, as in the file. A `plan` takes the
-        place of all that the file says of the plan.
+        place of all that the file says of the plan; where a vehicle moves it is the `profile` of
+        [simulate].
     """
     module = procedures.load(campaign.procedure)
-    settings = campaign.settings
+    settings, changes = campaign.settings, dict(changes or {})
+    if "plan" in changes and "profile" in type(campaign.session).model_fields:
+        other = {"profile": changes.pop("plan"), "manoeuvres": ()}
+        moved = campaign.session.model_copy(update=other)
+        campaign = replace(campaign, session=moved)
     if changes:
         replaced = ("name", *(PLAN if "plan" in changes else ()))
         kept = {k: v for k, v in campaign.tables.procedure.items() if k not in replaced}
-        settings = validate(module.Settings, kept | dict(changes), ("procedure",), ("name",))
+        settings = validate(module.Settings, kept | changes, ("procedure",), ("name",))
     if not hasattr(module, "foresee"):
         return _simulated(replace(campaign, settings=settings))
     known, told = beforehand(campaign)

@@ -18,7 +18,9 @@ _EPILOG = words.epilog(
     "foucault delay campaign.toml",
     "foucault delay imu.csv other_imu.csv --bracket any",
     'foucault delay imu.csv navigation.csv --mounting "90 deg, 0 deg, 0 deg"',
-    notes="What the master stamps t was true at t - delay by the clock of the slave.",
+    notes="What the master stamps t was true at t - delay by the clock of the slave: messages that "
+    "come late have a positive delay. Titles of a master: time (s), heading (deg), pitch (deg), "
+    "roll (deg), velocity east (m/s), velocity north (m/s), velocity up (m/s).",
     exits={0: "passed", 3: "something is doubtful", 4: "no offset is seen"},
 )
 
@@ -34,16 +36,16 @@ def delay(
     master: Annotated[
         Path | None,
         typer.Argument(
-            help="Log of what a master said (heading, pitch, roll, velocities), or of a second "
-            "IMU; a campaign may describe it."
+            help="What a master said (time, heading, pitch, roll, velocities), a second IMU's log, "
+            "or a TOML file with [master] or [log]; left out where the first file describes both."
         ),
     ] = None,
     mounting: Annotated[
         str | None,
         typer.Option(
             help="Heading, pitch, roll of the slave in the master's axes, such as \"90 deg, 0 deg, "
-            '0 deg", '
-            "to within 10 deg; found if left out."
+            '0 deg", to within 10 deg. The mounting is found without it; with it a wrong sign is '
+            "named."
         ),
     ] = None,
     bracket: Annotated[
@@ -101,31 +103,34 @@ def _show(screen: Screen, found: FoundDelay) -> None:
     from foucault.coefficients import format_value
     from foucault.models.attitude import angles_of
     from foucault.models.rotation import turned
-    from foucault.units import convert
+    from foucault.units import convert, plain
 
     one = found.delay
-    about = "" if not one.drift else f" at {one.middle:.1f} s"
+    about = "" if not one.drift else f" at {one.middle - found.start:.1f} s"
     text = f"{format_value(1e3 * one.delay, 1e3 * one.delay_sd)} ± {1e3 * one.delay_sd:.2g} ms"
     screen.say(f"Delay: {text}{about}; {_share(one.likeness)} of the turning is in both.")
     if one.delay_sd > 0 and not one.seen:
         screen.findings(found.findings)
         return
+    if found.start:
+        screen.say(f"Times count from {plain(found.start, 13)} s, the start of the first log.")
     rows = [
         (f"{a:.1f} to {b:.1f}", format_value(1e3 * x, 1e3 * sd), f"{1e3 * sd:.2g}")
-        for a, b, x, sd in zip(one.part_start, one.part_end, one.part_delay,
-                               np.sqrt(np.diag(one.part_cov)), strict=True)
+        for a, b, x, sd in zip(one.part_start - found.start, one.part_end - found.start,
+                               one.part_delay, np.sqrt(np.diag(one.part_cov)), strict=True)
     ]  # fmt: skip
     screen.table("", ("part (s)", "delay (ms)", "sd"), rows)
     heading, pitch, roll = np.degrees(turned(angles_of(one.C_ms)))
     sd = np.degrees(np.sqrt(np.diag(one.mu_cov)))
     screen.say(
-        f"Mounting: heading {heading:.3f}, pitch {pitch:.3f}, roll {roll:.3f} deg (about the "
-        f"slave's axes ± {sd[0]:.2g}, {sd[1]:.2g}, {sd[2]:.2g} deg)."
+        f"Mounting of the slave in the axes of the other: heading {heading:.3f}, pitch "
+        f"{pitch:.3f}, roll {roll:.3f} deg (about the slave's axes ± {sd[0]:.2g}, {sd[1]:.2g}, "
+        f"{sd[2]:.2g} deg)."
     )
     bias = [convert(float(x), "angular rate", "deg/h") for x in one.bias]
     size = [convert(float(x), "angular rate", "deg/h") for x in np.sqrt(np.diag(one.bias_cov))]
     text = ", ".join(f"{format_value(x, s)} ± {s:.2g}" for x, s in zip(bias, size, strict=True))
-    screen.say(f"Gyro bias of the slave against the master: {text} deg/h.")
+    screen.say(f"Gyro bias of the slave against the other: {text} deg/h.")
     if found.transport is not None:
         late = 1e3 * np.asarray(found.transport)
         screen.say(f"Messages arrive {late.mean():.2f} ms after they hold, from {late.min():.2f} "

@@ -39,8 +39,12 @@ def optimise(
     output: words.ContinuedFolder,
     restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1)] = 32,
     evaluations: Annotated[
-        int, typer.Option(help="Plans that each restart judges.", min=1)
-    ] = 4000,
+        int | None,
+        typer.Option(
+            help="Plans that each restart judges; left out, 4000, or fewer where each takes long.",
+            min=1,
+        ),
+    ] = None,
     time_limit: Annotated[
         str | None,
         typer.Option(help='Begin no further restart after this time, such as "60 s".'),

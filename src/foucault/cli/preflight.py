@@ -40,8 +40,8 @@ def preflight(
     plan: Annotated[
         str | None,
         typer.Option(
-            help='Try this plan, such as "-x -z -y +z" or "dodecahedron 20", instead of that of '
-            "the file, where the procedure has plans."
+            help='Try this plan, such as "-x -z -y +z", "dodecahedron 20" or, where a vehicle '
+            'moves, "ship", instead of that of the file, where the procedure has plans.'
         ),
     ] = None,
     rate: Annotated[str | None, typer.Option(help='Try this rate, such as "0.2 deg/s".')] = None,

@@ -15,6 +15,7 @@ from foucault.cli.screen import Screen
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
     from foucault.diagnose.inspection import Inspection
+    from foucault.models.master import MasterTable
     from foucault.tables import Log
 
 
@@ -77,6 +78,8 @@ def simulate(
         f"with the truth in {output / 'truth.json'}.",
         f"Next: foucault calibrate {file} -o {output / 'run'}",
     )
+    if (output / "outage.csv").is_file():
+        screen.say("For foucault navigate: outage.csv, what came after; reference.csv, the truth.")
     screen.data({"folder": str(output), "campaign": str(file), "samples": len(log)})
 
 
@@ -119,13 +122,20 @@ def inspect(
 
             tell(0.9, "drawing")
             quick.write(seen, plots)
-    screen.table("", ("log", str(log)), _overview(seen, start))
     titles = ("axis", "mean", "sd", "min", "max", "noise at rest")
-    means = seen.log.averaged is not None
-    screen.table("readings", titles[:-1] if means else titles, _axes(seen))
-    kind = "mean" if means else "rest"
-    screen.table(f"{kind}s", (kind, *_TITLES, *_table_columns(seen)), _rests(seen))
-    screen.findings(seen.findings)
+    means, master = seen.log.averaged is not None, getattr(table, "master", None)
+    overview, axes = _overview(seen, start), _axes(seen)
+    if master is not None:  # it is calibrated as it moves: rests are nothing to look for
+        screen.table("", ("log", str(log)), [r for r in overview if "rest" not in r[0]])
+        screen.table("readings", titles[:-1], [r[: len(titles) - 1] for r in axes])
+        screen.table("", ("master", ""), _messages(master, start))
+        screen.findings(seen.log.findings)
+    else:
+        screen.table("", ("log", str(log)), overview)
+        screen.table("readings", titles[:-1] if means else titles, axes)
+        kind = "mean" if means else "rest"
+        screen.table(f"{kind}s", (kind, *_TITLES, *_table_columns(seen)), _rests(seen))
+        screen.findings(seen.findings)
     if plots is not None:
         screen.say(f"Plots are in {plots}.")
     screen.data(_document(log, seen, start))
@@ -185,6 +195,24 @@ def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
         size = np.linalg.norm(f if seen.turning.all() else f[~seen.turning], axis=1)
         rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (gravity: 9.8)"))
     return rows
+
+
+def _messages(master: MasterTable, start: float) -> list[tuple[str, str]]:
+    """What there is to see of the messages of a master, by the clock that they are used by."""
+    from foucault.units import span
+
+    time, speed = master.messages.time - start, np.linalg.norm(master.velocity_n[:, :2], axis=1)
+    pitch, roll = np.degrees(master.angles[:, 1:]).T
+    said = "said" if master.has_place else "not said: it begins at [site]"
+    return [
+        ("messages", f"{len(time)}"),
+        ("first to last", f"{time[0]:.2f} s to {time[-1]:.2f} s of the log above"),
+        ("interval", f"{span(float(np.median(np.diff(time))))} as a rule"),
+        ("horizontal speed", f"{speed.min():.2f} to {speed.max():.2f} m/s"),
+        ("pitch", f"{pitch.min():.1f} to {pitch.max():.1f} deg"),
+        ("roll", f"{roll.min():.1f} to {roll.max():.1f} deg"),
+        ("position", said),
+    ]
 
 
 def _axes(seen: Inspection) -> list[tuple[str, ...]]:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from foucault.errors import Finding, finding
 from foucault.estimate.delay import SEEN, UNLIKE, Delay
 from foucault.models.rotation import log as rotation_vector
+from foucault.tables import AXES
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,20 +56,46 @@ def checked(
         A better one outside of the bracket.
     """
     told = [*_seen(found), *_place(found, elsewhere)]
-    off = abs(found.scale - 1.0)
-    if found.likeness > UNLIKE and off > max(OTHER_SIZE, SURELY * found.scale_sd):
-        told.append(finding("delay.scale", ratio=plain(found.scale, 4), hint=_unit(found.scale)))
+    told += of_size(found)
     if not found.seen:
         return tuple(told)
     told += [*_clocks(found), *_mounting(found, C_ms)]
     if messages:
         told += _near_zero(found)
-    if found.wild.any():
-        size = np.degrees(np.linalg.norm(found.turns.phi_m, axis=1))
-        worst = int(np.argmax(np.where(found.wild, np.nan_to_num(size), 0.0)))
-        told.append(finding("delay.wild", count=int(found.wild.sum()), size=plain(size[worst], 3),
-                            time=plain(float(found.turns.end[worst]), 7)))  # fmt: skip
-    return tuple(told)
+    return (*told, *of_wild(found))
+
+
+def of_size(found: Delay, dt: float = np.nan) -> list[Finding]:
+    """Tell where one turns more than the other: a unit.
+
+    Parameters
+    ----------
+    found : Delay
+        What was found.
+    dt : float
+        Usual time between the samples of the slave, where known [s].
+    """
+    off = abs(found.scale - 1.0)
+    if found.likeness < UNLIKE or off < max(OTHER_SIZE, SURELY * found.scale_sd):
+        return []
+    hint = _unit(found.scale, dt)
+    return [finding("delay.scale", ratio=plain(found.scale, 4), hint=hint)]
+
+
+def of_wild(found: Delay) -> list[Finding]:
+    """Tell of turns that no body makes.
+
+    Parameters
+    ----------
+    found : Delay
+        What was found.
+    """
+    if not found.wild.any():
+        return []
+    size = np.degrees(np.linalg.norm(found.turns.phi_m, axis=1))
+    worst = int(np.argmax(np.where(found.wild, np.nan_to_num(size), 0.0)))
+    return [finding("delay.wild", count=int(found.wild.sum()), size=plain(size[worst], 3),
+                    time=plain(round(float(found.turns.end[worst]), 3), 13))]  # fmt: skip
 
 
 def percent(part: float) -> str:
@@ -114,8 +141,6 @@ def _near_zero(found: Delay) -> list[Finding]:
 
 def _clocks(found: Delay) -> list[Finding]:
     """Tell a delay that grows steadily, or does something else."""
-    from scipy.special import chdtrc
-
     first, last = (found.delay + found.drift * (t - found.middle)
                    for t in (found.part_start[0], found.part_end[-1]))  # fmt: skip
     told = []
@@ -124,6 +149,19 @@ def _clocks(found: Delay) -> list[Finding]:
             "delay.drift", rate=f"{1e6 * found.drift:.3g}", sd=f"{1e6 * found.drift_sd:.2g}",
             first=_ms(first, MATTERS), last=_ms(last, MATTERS), middle=plain(found.middle, 6),
         ))  # fmt: skip
+    return [*told, *of_wandering(found)]
+
+
+def of_wandering(found: Delay) -> list[Finding]:
+    """Tell a delay that jumps or wanders, beside what a drift of the clocks makes of it.
+
+    Parameters
+    ----------
+    found : Delay
+        What was found.
+    """
+    from scipy.special import chdtrc
+
     sd = np.sqrt(np.diag(found.part_cov))
     seen = sd < SEEN  # the others say nothing
     centre = (found.part_start + found.part_end) / 2 - found.middle
@@ -132,9 +170,11 @@ def _clocks(found: Delay) -> list[Finding]:
     if np.sum(seen) > 2 and np.ptp(off) > MATTERS:
         size = float(off @ np.linalg.solve(found.part_cov[np.ix_(seen, seen)], off))
         if chdtrc(np.sum(seen) - 1 - bool(found.drift), size) < WANDERS:
-            told.append(finding("delay.wanders", parts=", ".join(_ms(x) for x in found.part_delay),
-                                sds=", ".join(plain(1e3 * x, 2) for x in sd)))  # fmt: skip
-    return told
+            parts, sds = (
+                ", ".join(x) for x in (map(_ms, found.part_delay), (plain(1e3 * x, 2) for x in sd))
+            )
+            return [finding("delay.wanders", parts=parts, sds=sds)]
+    return []
 
 
 def _mounting(found: Delay, C_ms: FloatArray | None) -> list[Finding]:
@@ -155,19 +195,36 @@ def _mounting(found: Delay, C_ms: FloatArray | None) -> list[Finding]:
     return told
 
 
+def signed_axes(C: FloatArray) -> str:
+    """Name along which axis each column of a rotation or reflection lies, more or less.
+
+    Parameters
+    ----------
+    C : ndarray, shape (3, 3)
+        The matrix [1].
+    """
+    place = np.argmax(np.abs(C), axis=0)
+    return ", ".join(("-" if C[k, i] < 0 else "") + AXES[k] for i, k in enumerate(place))
+
+
 def _names(C_ms: FloatArray) -> str:
     """Return along which axes of the master those of the slave lie, more or less."""
     place = np.argmax(np.abs(C_ms), axis=0)
     return ", ".join(_AXES[int(C_ms[place[i], i] < 0)][place[i]] for i in range(3))
 
 
-def _unit(scale: float) -> str:
-    for factor, words in ((180 / np.pi, "The slave's log looks as if it were in deg and was taken "
-                           "for rad, or the master's the reverse."),
-                          (np.pi / 180, "The slave's log looks as if it were in rad and was taken "
-                           "for deg, or the master's the reverse.")):  # fmt: skip
+def _unit(scale: float, dt: float) -> str:
+    either = "The slave's log looks as if it {held}, and was taken for {taken}{or_master}."
+    reverse = ", or the master's the reverse"
+    known = (
+        (180 / np.pi, "were in deg", "rad", reverse),
+        (np.pi / 180, "were in rad", "deg", reverse),
+        (dt, "held increments of angle", "rates", ""),
+        (1 / dt, "held rates", "increments of angle", ""),
+    )  # fmt: skip
+    for factor, held, taken, or_master in known:
         if scale > 0 and abs(np.log(scale / factor)) < OTHER_SIZE:
-            return " " + words
+            return " " + either.format(held=held, taken=taken, or_master=or_master)
     return ""
 
 

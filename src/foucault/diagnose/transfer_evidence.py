@@ -8,7 +8,7 @@ autocorrelation, and so it is judged.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,16 +17,13 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import chi_square_limits
 from foucault.diagnose.session import prior_check, status_check
-from foucault.errors import Finding, Status, finding
+from foucault.errors import Status
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.estimate.delay import Delay
-from foucault.estimate.linear_filter import kalman
 from foucault.estimate.transfer import DelayFit, Transfer
-from foucault.estimate.transfer_system import Known, Slave, free_run
-from foucault.models.rotation import log as rotation_vector
+from foucault.estimate.transfer_measured import Known, Slave
 from foucault.models.transfer import Matching, Messages, Mount
 from foucault.result import Check
-from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,26 +40,8 @@ HARDLY = 0.7
 NEAR = 2e-3
 """A delay below this is none [s]."""
 
-TURNED, SPED = np.radians(10.0), 2.0
-"""A vehicle that turns less, and changes its speed by less, does no manoeuvre [rad], [m/s]."""
-
-LONG = 0.05
-"""A shorter lever arm shows in no velocity [m]."""
-
-BETTER = 6.0
-"""Another lever arm has to be likelier by so much: one in 400 [1]."""
-
 BLOCKS = {"velocity": slice(0, 3), "attitude": slice(3, 6)}
-
-WANTED = {
-    "gyro.bias": "minutes more with the master",
-    "gyro.scale": "turns of 90 deg and more about the axis, both ways",
-    "accel.bias": "turns: while the heading stays a bias looks like a tilt",
-    "installation": "S-turns and changes of speed",
-    "master.delay": "turns and changes of speed: without them a delay changes nothing",
-    "load": "steep turns",
-}
-"""Group of coefficients -> what shows them."""
+"""Kind of innovation -> its columns."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +78,8 @@ class Evidence:
         End of the bracket of the delay [s].
     fit : DelayFit or None
         The likeliest delay.
+    aside : tuple of str
+        Groups of coefficients that the motion need not show.
     """
 
     slave: Slave
@@ -115,6 +96,7 @@ class Evidence:
     delay: Delay | None
     longest: float
     fit: DelayFit | None
+    aside: tuple[str, ...] = ()
 
 
 def standardised(e: Evidence) -> FloatArray:
@@ -200,7 +182,14 @@ class Spread:
                    independent)  # fmt: skip
 
 
-def _spreads(e: Evidence) -> dict[str, Spread]:
+def spreads(e: Evidence) -> dict[str, Spread]:
+    """Return the innovations of velocities and of attitudes against what is expected of them.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
     u = standardised(e)
     made = {name: Spread.of(u[:, block], len(BLOCKS)) for name, block in BLOCKS.items()}
     return {name: one for name, one in made.items() if one is not None}
@@ -219,7 +208,7 @@ def spread(e: Evidence) -> dict[str, Any]:
     return {
         name: {"ratio": s.ratio, "low": s.low, "high": s.high, "count": s.count,
                "independent": s.independent, "axes": axes[BLOCKS[name]].tolist()}
-        for name, s in _spreads(e).items()
+        for name, s in spreads(e).items()
     }  # fmt: skip
 
 
@@ -233,9 +222,43 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     """
     miss = (e.states.values - e.mean) / e.states.prior_sd
     return (
-        status_check(e.status, ()), *(_innovations(e, *item) for item in _spreads(e).items()),
-        _white(e), prior_check(e.states, miss), _seen(e),
+        status_check(e.status, ()), *(_innovations(e, *item) for item in spreads(e).items()),
+        _white(e), prior_check(e.states, miss), _seen(e), *_bracket(e),
     )  # fmt: skip
+
+
+def bracket(e: Evidence) -> tuple[float, float] | None:
+    """Return between what the delay is expected, as well as it is known; None where it is given.
+
+    Parameters
+    ----------
+    e : Evidence
+        Filter and coefficients.
+
+    Returns
+    -------
+    (float, float) or None
+        Limits [s].
+    """
+    if "master.delay" not in e.states.layout:
+        return None
+    margin = 3.0 * float(e.states["master.delay"].sd[0])
+    return -margin - NEAR, e.longest + margin
+
+
+def _bracket(e: Evidence) -> tuple[Check, ...]:
+    limits = bracket(e)
+    if limits is None:
+        return ()
+    tau, (low, high) = e.states.value("master.delay"), limits
+    fine = low <= tau <= high
+    words = f"The delay of {1e3 * tau:.1f} ms is one that messages can have."
+    if not fine:
+        words = (
+            f"The delay of {1e3 * tau:.1f} ms lies outside of 0 to {1e3 * e.longest:.1f} ms: the "
+            "clocks differ, or longest_delay is too small."
+        )
+    return (Check("delay", tau, low, high, fine, words),)
 
 
 def _innovations(e: Evidence, name: str, s: Spread) -> Check:
@@ -268,13 +291,21 @@ def _white(e: Evidence) -> Check:
     return Check("whiteness", worst, None, limit, fine, words)
 
 
-def _hardly(e: Evidence) -> list[str]:
+def hardly(e: Evidence) -> list[str]:
+    """Return the coefficients that the motion shows hardly anything of.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
     c = e.states
-    return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
+    return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True)
+            if s > HARDLY * p and not n.startswith(e.aside)]  # fmt: skip
 
 
 def _seen(e: Evidence) -> Check:
-    names = _hardly(e)
+    names = hardly(e)
     words = "The motion tells something of every coefficient."
     if names:
         words = (
@@ -282,102 +313,3 @@ def _seen(e: Evidence) -> Check:
             "what was known before."
         )
     return Check("seen", float(len(names)), None, 0.0, not names, words)
-
-
-def findings(e: Evidence) -> list[Finding]:
-    """Return what the user should know of delay, motion and innovations.
-
-    Parameters
-    ----------
-    e : Evidence
-        Filter and coefficients.
-    """
-    return [*_of_delay(e), *_of_motion(e), *_of_spread(e)]
-
-
-def _of_delay(e: Evidence) -> list[Finding]:
-    out = []
-    if e.fit is not None and e.fit.at_edge:
-        out.append(finding("transfer.edge", delay=_ms(e.fit.delay), longest=_ms(e.longest)))
-    if "master.delay" not in e.states.layout:
-        return out
-    found = e.states["master.delay"]
-    tau, sd = float(found.values[0]), float(found.sd[0])
-    if not -3 * sd - NEAR <= tau <= e.longest + 3 * sd:
-        out.append(finding("transfer.outside", delay=_ms(tau), longest=_ms(e.longest)))
-    if tau < 3 * sd + NEAR and sd < NEAR:
-        out.append(finding("transfer.at_validity", delay=_ms(tau), sd=plain(sd * 1e3, 2)))
-    return out
-
-
-def _ms(seconds: float) -> str:
-    return f"{seconds * 1e3:.1f}"
-
-
-def _of_motion(e: Evidence) -> list[Finding]:
-    out = []
-    C, v = e.master.C_nm, e.master.velocity_n
-    turn = float(np.max(np.linalg.norm(rotation_vector(C[0].T @ C), axis=1)))
-    speed = float(np.ptp(np.linalg.norm(v, axis=1)))
-    if turn < TURNED and speed < SPED:
-        out.append(finding("transfer.straight", turn=f"{np.degrees(turn):.1f}",
-                           speed=f"{speed:.1f}"))  # fmt: skip
-    names = _hardly(e)
-    if names:
-        groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in names)]
-        wanted = "; ".join(WANTED[g] for g in groups)
-        out.append(finding("transfer.unseen", names=", ".join(names), wanted=wanted))
-    return out
-
-
-def _of_spread(e: Evidence) -> list[Finding]:
-    out = []
-    units = {"velocity": (1.0, "m/s"), "attitude": (np.radians(1 / 60), "arcmin")}
-    for name, s in _spreads(e).items():
-        if s.low <= s.ratio <= s.high or (s.ratio < s.low and not e.nominal):
-            continue
-        size, unit = units[name]
-        # What the state is uncertain by belongs to the innovation, and not to the messages. It is
-        # most at the start: the median is of a filter that has settled.
-        run, block = e.found.run, BLOCKS[name]
-        S = run.variance[:, block][np.isfinite(run.innovation[:, block])]
-        given = getattr(e.matching, f"{name}_sd")
-        left = given**2 + (s.ratio**2 - 1.0) * float(np.median(S))
-        if left <= 0:
-            continue
-        value = f"{plain(np.sqrt(left) / size, 2)} {unit}"
-        out.append(finding("transfer.spread", what=name, ratio=f"{s.ratio:.2f}",
-                           key=f"{name}_sd", value=value))  # fmt: skip
-    return out
-
-
-def rivals(e: Evidence) -> list[Finding]:
-    """Try other lever arms, such as a wrong sign makes.
-
-    Parameters
-    ----------
-    e : Evidence
-        Filter and coefficients.
-    """
-    lever = e.mount.lever_m
-    if not np.linalg.norm(lever) > LONG or not np.isfinite(e.matching.velocity_sd):
-        return []
-    others = {
-        "the opposite lever arm": -lever,
-        "no lever arm": 0.0 * lever,
-        "x and y of the lever arm exchanged": lever[[1, 0, 2]],
-        "z of the lever arm reversed": lever * [1.0, 1.0, -1.0],
-        "y of the lever arm reversed": lever * [1.0, -1.0, 1.0],
-        "x of the lever arm reversed": lever * [-1.0, 1.0, 1.0],
-    }
-    now, best, gain = _likelihood(e, lever), "", BETTER
-    for words, arm in others.items():
-        if np.linalg.norm(arm - lever) > LONG and _likelihood(e, arm) - now > gain:
-            best, gain = words, _likelihood(e, arm) - now
-    return [finding("transfer.lever", words=best, gain=f"{gain:.0f}")] if best else []
-
-
-def _likelihood(e: Evidence, lever: FloatArray) -> float:
-    free = free_run(e.slave, e.master, replace(e.mount, lever_m=lever), e.matching, e.found.at,
-                    e.prior, e.sd)  # fmt: skip
-    return kalman(free.system).log_likelihood

@@ -1,10 +1,13 @@
-"""What the turning of slave and master says of mounting, heading and clocks."""
+"""What the turning of slave and master says of mounting, axes, units and angles."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose import delay_checks
 from foucault.errors import Finding, finding
 from foucault.estimate.delay import Delay, delay_of
 from foucault.models.attitude import angles_of, matrix_of
@@ -23,12 +26,19 @@ ASTRAY = np.radians(3.0)
 SURELY = 5.0
 """If it is so many standard deviations [1]."""
 
+ANGLES = {
+    "heading": 'Write sense = "counter-clockwise" (or "clockwise") in [master.attitude].',
+    "pitch": 'Write "-pitch", or whatever its column is called, into [master.attitude].',
+    "roll": 'Write "-roll", or whatever its column is called, into [master.attitude].',
+}
+"""Angle of the master that may count the other way -> what to do."""
+
 
 def turning(
     increments: Increments, said: Messages, found: Delay | None, C_ms: FloatArray,
     bracket: tuple[float, float],
 ) -> list[Finding]:  # fmt: skip
-    """Return what contradicts mounting and sense of the heading.
+    """Return what contradicts mounting, units, axes, and the sense of angles.
 
     Parameters
     ----------
@@ -43,21 +53,49 @@ def turning(
     bracket : (float, float)
         Where the delay was looked for [s].
     """
-    if found is None or _agrees(found, C_ms):
+    if found is None:
         return []
-    heading, pitch, roll = angles_of(said.C_nm).T
-    mirrored = delay_of(increments, said.time, matrix_of(-heading, pitch, roll), C_ms=C_ms,
-                        bracket=bracket)  # fmt: skip
-    if mirrored is not None and _agrees(mirrored, C_ms):
-        return [finding("transfer.sense", likeness=f"{100 * mirrored.likeness:.0f} %",
-                        angle=f"{np.degrees(_off(found, C_ms)):.0f}")]  # fmt: skip
-    found = delay_of(increments, said.time, said.C_nm, bracket=bracket)
+    dt = float(np.median(increments.dt))
+    if _agrees(found, C_ms):
+        return [*delay_checks.of_size(found, dt), *delay_checks.of_wild(found)]
+    for k, (name, cure) in enumerate(ANGLES.items()):
+        angles = angles_of(said.C_nm)
+        angles[:, k] *= -1.0
+        mirrored = delay_of(increments, said.time, matrix_of(*angles.T), C_ms=C_ms,
+                            bracket=bracket)  # fmt: skip
+        if mirrored is not None and _agrees(mirrored, C_ms):
+            return [finding("transfer.sense", angle=name, cure=cure,
+                            likeness=f"{100 * mirrored.likeness:.0f} %")]  # fmt: skip
+    return _mounted(increments, said, found, C_ms, bracket) or [
+        *delay_checks.of_size(found, dt), *_mirrored(increments, said, C_ms, bracket)
+    ]  # fmt: skip
+
+
+def _mounted(
+    increments: Increments, said: Messages, found: Delay, C_ms: FloatArray,
+    bracket: tuple[float, float],
+) -> list[Finding]:  # fmt: skip
+    """Tell where both turn alike in another mounting."""
+    other = delay_of(increments, said.time, said.C_nm, bracket=bracket)
+    if other is None or other.likeness < ALIKE:
+        return []
+    angles = np.degrees(angles_of(other.C_ms))
+    heading, pitch, roll = (angles + 180.0) % 360.0 - 180.0
+    told = finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",
+                   roll=f"{roll:.1f}", angle=f"{np.degrees(_off(other, C_ms)):.1f}")  # fmt: skip
+    return [told, *delay_checks.of_size(other, float(np.median(increments.dt)))]
+
+
+def _mirrored(
+    increments: Increments, said: Messages, C_ms: FloatArray, bracket: tuple[float, float]
+) -> list[Finding]:
+    """Tell where the slave's gyros are a mirror image: a wrong sign, or two columns exchanged."""
+    mirror = replace(increments, dtheta_b=-increments.dtheta_b)
+    found = delay_of(mirror, said.time, said.C_nm, bracket=bracket)
     if found is None or found.likeness < ALIKE:
         return []
-    angles = np.degrees(angles_of(found.C_ms))
-    heading, pitch, roll = (angles + 180.0) % 360.0 - 180.0
-    return [finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",
-                    roll=f"{roll:.1f}", angle=f"{np.degrees(_off(found, C_ms)):.1f}")]  # fmt: skip
+    C = -C_ms.T @ found.C_ms  # where the gyros point, in the axes of the nominal mounting
+    return [finding("transfer.mirror", axes=delay_checks.signed_axes(C))]
 
 
 def _off(found: Delay, C_ms: FloatArray) -> float:

@@ -167,6 +167,12 @@ class Delay:
         """Its covariance, shape (3, 3) [rad^2/s^2]."""
         return self.match.cov[BIAS, BIAS]
 
+    def later(self, time: float) -> Delay:
+        """Return the same by clocks that show more by `time`, shape () [s]."""
+        turns = replace(self.turns, start=self.turns.start + time, end=self.turns.end + time)
+        begin, end = self.part_start + time, self.part_end + time
+        return replace(self, turns=turns, middle=self.middle + time, part_start=begin, part_end=end)
+
 
 def delay_of(
     increments: Increments,
@@ -200,6 +206,18 @@ def delay_of(
         None where fewer than `FEWEST` intervals are common to both. Whether the delay is seen, it
         says itself.
     """
+    # A clock that counts from 1970 is good to 0.2 us only, too coarse for the iteration to settle.
+    start = float(increments.time[0])
+    found = _delay_of(replace(increments, time=increments.time - start), time - start, C_nb, w_in_n,
+                      C_ms, bracket)  # fmt: skip
+    return found and found.later(start)
+
+
+def _delay_of(
+    increments: Increments, time: FloatArray, C_nb: FloatArray, w_in_n: FloatArray | None,
+    C_ms: FloatArray | None, bracket: tuple[float, float] | None,
+) -> Delay | None:  # fmt: skip
+    """Find the offset by a clock that begins near zero."""
     turns = turns_of(time, C_nb, w_in_n)
     slave = SlaveAttitude(increments)
     usable = possible(slave, turns)
@@ -209,7 +227,7 @@ def delay_of(
     size = seen.size if seen.likeness.max() > UNLIKE else 1.0
     if abs(np.log(size)) > OTHER_UNIT:
         reduced = replace(increments, dtheta_b=increments.dtheta_b / size)
-        found = delay_of(reduced, time, C_nb, w_in_n=w_in_n, C_ms=C_ms, bracket=bracket)
+        found = _delay_of(reduced, time, C_nb, w_in_n, C_ms, bracket)
         return found and replace(found, scale=size * found.scale, scale_sd=size * found.scale_sd)
     tried = []
     for tau in seen.peaks:

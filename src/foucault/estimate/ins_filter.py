@@ -201,13 +201,17 @@ class FilterRun:
         return int(np.count_nonzero(np.isnan(self.innovation) & np.isfinite(self.variance)))
 
 
-def seen_at_place(history: FloatArray) -> FloatArray:
+def seen_at_place(
+    history: FloatArray, states: Mapping[str, FloatArray] | None = None
+) -> FloatArray:
     """Return the matrices from (psi, dv, dr) in l to (phi, velocity, position) in n.
 
     Parameters
     ----------
     history : ndarray, shape (m, 12)
         States of `kernels.strapdown` [SI].
+    states : mapping of str to ndarray or None
+        What they mean, see `navigate.state.states_of`, where that is known already [SI].
 
     Returns
     -------
@@ -215,7 +219,7 @@ def seen_at_place(history: FloatArray) -> FloatArray:
         Axes are those of the computed place; that its meridian points elsewhere than that of the
         true place, by dr_E tan L / R, is left out: it has no bound near a pole [SI].
     """
-    C_nl = states_of(history)["C_nl"]
+    C_nl = (states or states_of(history))["C_nl"]
     v0, v1, v2 = history[:, 4:7].T
     share = 1.0 / (SEMI_MAJOR_AXIS + history[:, 11])
     out = np.zeros((len(history), 9, 9))

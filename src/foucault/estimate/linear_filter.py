@@ -2,7 +2,7 @@
 
 ::
 
-    x_k = Phi_k x_k-1 + w_k,    z_k = H_k x_k + v_k
+    x_k = Phi_k x_k-1 + u_k + w_k,    z_k = H_k x_k + v_k
 
 What is linearised about a run that is not corrected on the way (a free run of a navigator, say) is
 of this form, and can be filtered again and again, with other noise or another bound, at the cost of
@@ -33,8 +33,9 @@ class LinearSystem:
 
     Attributes
     ----------
-    Phi : ndarray, shape (m, n, n)
-        Transition to each epoch from the one before, the first from the start [SI].
+    Phi : ndarray, shape (m, b, n)
+        Transition to each epoch from the one before, the first from the start; its rows beyond
+        the first b are those of the identity [SI].
     half : ndarray, shape (m, n)
         Half of the variance of the white noise between them, which comes in half before the
         transition and half after [SI].
@@ -48,6 +49,8 @@ class LinearSystem:
         Expected state at the start [SI].
     P0 : ndarray, shape (n, n)
         Its covariance [SI].
+    jump : ndarray, shape (m, b), or None
+        u, known steps of the state, which no noise comes with; None for none [SI].
     """
 
     Phi: FloatArray
@@ -57,6 +60,7 @@ class LinearSystem:
     R: FloatArray
     x0: FloatArray
     P0: FloatArray
+    jump: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -140,9 +144,10 @@ def filtered(
         Whether predictions are kept.
     """
     s = system
+    jump = np.zeros(s.Phi.shape[:2]) if s.jump is None else s.jump
     x, sd, innovation, variance, predicted, before, cov, margin, stopped = linear_filter(
-        s.Phi, s.half, s.H, s.z, s.R, np.ascontiguousarray(L, float), float(limit), float(gate),
-        s.x0, s.P0, keep,
+        s.Phi, jump, s.half, s.H, s.z, s.R, np.ascontiguousarray(L, float), float(limit),
+        float(gate), s.x0, s.P0, keep,
     )  # fmt: skip
     return LinearRun(x, sd, innovation, variance, predicted, before, cov, margin,
                      None if stopped == len(s.Phi) else int(stopped))  # fmt: skip

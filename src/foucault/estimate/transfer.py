@@ -5,6 +5,7 @@ The equations are those of `estimate.transfer_system`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,8 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.estimate.linear_filter import LinearRun, kalman, smoothed
-from foucault.estimate.transfer_system import Free, Known, Slave, free_run
+from foucault.estimate.transfer_measured import Known, Slave
+from foucault.estimate.transfer_system import Free, free_run
 from foucault.kernels.ins_filter import corrected
 from foucault.models.rotation import exp
 from foucault.models.transfer import Matching, Messages, Mount
@@ -75,6 +77,7 @@ def solve(
     sd: FloatArray,
     *,
     passes: int = 2,
+    settled: float = 0.0,
     gate: float = np.inf,
 ) -> Transfer:
     """Estimate the slave's errors with a Kalman filter.
@@ -94,19 +97,37 @@ def solve(
     sd : ndarray, shape (n,)
         How well, see `free_run` [SI].
     passes : int, shape ()
-        How often; each later pass is linear about the start that the one before has found [1].
+        How often at most; each later pass is linear about the start that the one before has
+        found [1].
+    settled : float, shape ()
+        No more passes follow one that has moved nothing by more of its uncertainty [1].
     gate : float, shape ()
         Measurements beyond so many standard deviations are left out in the last pass [1].
     """
     at, seen = prior, []
     for k in range(passes):
-        again = k + 1 < passes
         free = free_run(slave, master, mount, matching, at, prior, sd)
-        found = kalman(free.system, gate=np.inf if again else gate, keep=again)
+        found = kalman(free.system, keep=k + 1 < passes)
         seen.append(_point(free.layout, at) + found.states[-1, 9:])
-        if again:
-            at = moved(free, at, smoothed(free.system, found).start)
+        if k + 1 == passes or (k > 0 and last_step(seen, found) < settled):
+            break
+        at = moved(free, at, smoothed(free.system, found).start)
+    if np.isfinite(gate):
+        found = kalman(free.system, gate=gate)
     return Transfer(free, found, at, tuple(seen))
+
+
+def last_step(passes: Sequence[FloatArray], run: LinearRun) -> float:
+    """Return by how much of its uncertainty the last pass has moved anything [1].
+
+    Parameters
+    ----------
+    passes : sequence of ndarray, each shape (n - 9,)
+        What two passes or more have found [SI].
+    run : LinearRun
+        The last pass.
+    """
+    return float(np.max(np.abs(passes[-1] - passes[-2]) / run.sd[-1, 9:]))
 
 
 def moved(free: Free, at: Known, x: FloatArray) -> Known:

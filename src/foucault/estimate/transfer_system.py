@@ -26,6 +26,8 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -33,70 +35,23 @@ import numpy.typing as npt
 from foucault.coefficients import Layout
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.estimate.linear_filter import LinearSystem
-from foucault.models.attitude import angles_of
-from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS
-from foucault.models.ins_errors import Sensors
+from foucault.estimate.transfer_anew import Anew
+from foucault.estimate.transfer_measured import Known, Slave, between, by_the_master, measured
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp, log
 from foucault.models.transfer import LIVELY, Matching, Messages, Mount, states_of_transfer
-from foucault.navigate.increments import Increments
-from foucault.navigate.state import State, states_of
-from foucault.tables import AXES
+from foucault.navigate.state import states_of
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-SPAN = 0.1
-"""What a delay does is judged by the motion so long before and after: noise and vibration of one
-sample, which the master does not share, would look like knowledge of it [s]."""
+PIECE = 300.0
+"""A free run is begun anew after so long: its errors are to stay small enough for equations that
+are linear in them, and its vertical channel runs away [s]."""
 
-
-@dataclass(frozen=True)
-class Slave:
-    """The slave's log and what is known of it.
-
-    Attributes
-    ----------
-    increments : Increments
-        As measured.
-    sensors : Sensors
-        Coefficients to estimate.
-    noise : ImuNoise
-        Its noise [SI].
-    first : int
-        Row at whose end the run starts [1].
-    gravity_offset : float
-        Measured local minus normal gravity [m/s^2].
-    """
-
-    increments: Increments
-    sensors: Sensors
-    noise: ImuNoise
-    first: int = 0
-    gravity_offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class Known:
-    """The point that a pass is linear about, or what is known beforehand.
-
-    Attributes
-    ----------
-    state : State
-        Of the slave at the start.
-    coefficients : ndarray, shape (p,)
-        Errors of its sensors [SI].
-    installation : ndarray, shape (3,)
-        mu [rad].
-    delay : float
-        tau [s].
-    """
-
-    state: State
-    coefficients: FloatArray
-    installation: FloatArray
-    delay: float
+LATELY = 10.0
+"""Where it begins anew is a mean over so long [s]."""
 
 
 @dataclass(frozen=True)
@@ -161,23 +116,73 @@ def free_run(
     valid = master.time - at.delay
     rows, used = _rows(slave, valid, matching)
     some, when = master[used], valid[used]
-    found = run(
-        slave.increments, at.state, slave.sensors, Updates.none(rows),
-        np.zeros((9 + len(slave.sensors),) * 2), ImuNoise(), first=slave.first,
-        estimate=at.coefficients, gravity_offset=slave.gravity_offset, keep="transitions",
-    )  # fmt: skip
-    history = found.trajectory.history
-    place = seen_at_place(history)
-    seen = _between(slave, states_of(history), rows, when, at.coefficients, matching)
-    H, z = _measured(layout, seen, some, mount, matching, at, _by_the_master(history, place))
+    pieces = _pieces(slave, layout, some, mount, matching, at, rows, when)
+    history, C_ns, velocity_n, transitions, jump, H, z = (
+        each[0] if len(each) == 1 else np.concatenate(each) for each in zip(*pieces, strict=True)
+    )
     R = np.full(z.shape, np.inf)
     R[:, : 3 if matching.vertical else 2] = matching.velocity_sd**2
     R[:, 3:] = matching.attitude_sd**2
     steps = np.diff(slave.increments.time[rows], prepend=slave.increments.time[slave.first])
-    Phi, half = _carried(layout, found.transitions, steps, slave, mount)
+    Phi, half = _carried(layout, transitions, steps, slave, mount)
     x0, P0 = _start(layout, at, prior, sd)
-    system = LinearSystem(Phi, half, H, z, R, x0, P0)
-    return Free(system, layout, when, rows, used, seen.velocity_n, seen.C_ns, history)
+    system = LinearSystem(Phi, half, H, z, R, x0, P0, jump)
+    return Free(system, layout, when, rows, used, velocity_n, C_ns, history)
+
+
+class _Piece(NamedTuple):
+    """What `Free` and `LinearSystem` have, of some of the messages."""
+
+    history: FloatArray
+    C_ns: FloatArray
+    velocity_n: FloatArray
+    transitions: FloatArray
+    jump: FloatArray
+    H: FloatArray
+    z: FloatArray
+
+
+def _pieces(
+    slave: Slave, layout: Layout, some: Messages, mount: Mount, matching: Matching, at: Known,
+    rows: IntArray, when: FloatArray,
+) -> list[_Piece]:  # fmt: skip
+    """Navigate piece by piece, each begun by what the master said at the end of the one before."""
+    many = max(1, ceil((when[-1] - slave.increments.time[slave.first]) / PIECE))
+    out: list[_Piece] = []
+    first, anew = slave.first, Anew.of(at.state)
+    parts = np.array_split(np.arange(len(rows)), many)
+    for before, part in zip((None, *parts), parts, strict=False):
+        if before is not None:
+            first, anew = int(rows[before[-1]]), _set_back(out[-1], some[before], mount, at)
+        found = run(
+            slave.increments, anew.state, slave.sensors, Updates.none(rows[part]),
+            np.zeros((9 + len(slave.sensors),) * 2), ImuNoise(), first=first,
+            estimate=at.coefficients, gravity_offset=slave.gravity_offset, keep="transitions",
+        )  # fmt: skip
+        history = found.trajectory.history
+        states = states_of(history)
+        place = by_the_master(states, seen_at_place(history, states))
+        seen = between(slave, states, rows[part], when[part], at.coefficients, matching)
+        H, z = measured(layout, seen, some[part], mount, matching, at, place)
+        Phi, jump = found.transitions, np.zeros((len(part), _moving(layout, mount)))
+        jump[0, :9] = Phi[0, :, :9] @ anew.jump
+        Phi[0, :, :9] = Phi[0, :, :9] @ anew.turn
+        out.append(_Piece(history, seen.C_ns, seen.velocity_n, Phi, jump, H, z))
+    return out
+
+
+def _set_back(piece: _Piece, some: Messages, mount: Mount, at: Known) -> Anew:
+    """Return where the next piece begins, by what the last seconds of this one showed.
+
+    Over some seconds, for a delay that is not known yet looks like an error of the attitude while
+    the vehicle turns. The position follows from the velocities.
+    """
+    late = some.time >= some.time[-1] - LATELY
+    C_nominal = some.C_nm[late] @ (mount.C_ms @ exp(at.installation))
+    turned = log(piece.C_ns[late] @ np.swapaxes(C_nominal, 1, 2)).mean(axis=0)
+    faster = piece.z[:, :3]
+    away = np.diff(some.time, prepend=some.time[0]) @ faster
+    return Anew.by(piece.history[-1], turned, faster[late].mean(axis=0), away)
 
 
 def _rows(
@@ -195,126 +200,15 @@ def _rows(
     return rows[used].astype(np.int64), used
 
 
-def _by_the_master(history: FloatArray, place: FloatArray) -> FloatArray:
-    """Return `place`, (phi, velocity, position), for axes of the true place.
-
-    East and north of the computed place are turned about up by dr_E tan L / R: in a free run that
-    is hundreds of metres off the master's would be seen as a heading error.
-    """
-    states = states_of(history)
-    turn = np.tan(states["latitude"]) / (SEMI_MAJOR_AXIS + states["height"])
-    turned = turn[:, None] * place[:, 6]  # of the computed axes against the true ones, about up
-    out = place.copy()
-    v = states["velocity_n"]
-    out[:, 2] += turned
-    out[:, 3] += v[:, 1:2] * turned
-    out[:, 4] -= v[:, 0:1] * turned
-    return out
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """The slave where the messages hold: n frame, its changes about then, and what it felt."""
-
-    velocity_n: FloatArray
-    C_ns: FloatArray
-    rate_n: FloatArray
-    acceleration_n: FloatArray
-    w_ib_b: FloatArray
-    f_b: FloatArray
-
-
-def _between(
-    slave: Slave, states: dict[str, FloatArray], rows: IntArray, when: FloatArray,
-    coefficients: FloatArray, matching: Matching,
-) -> _Seen:  # fmt: skip
-    """Look at the slave between its samples: it goes on as over the interval that holds `when`."""
-    inc = slave.increments
-    ahead = when - inc.time[rows] if matching.shift == "interpolated" else np.zeros(len(rows))
-    inside = np.minimum(rows + (ahead > 0), len(inc) - 1)
-    names = slave.sensors.layout.names
-    w, f = (x[inside] / inc.dt[inside, None] for x in (inc.dtheta_b, inc.dvel_b))
-    for k, a in enumerate(AXES):  # scale factors hardly count over part of an interval
-        if f"gyro.bias.{a}" in names:
-            w[:, k] -= coefficients[names.index(f"gyro.bias.{a}")]
-        if f"accel.bias.{a}" in names:
-            f[:, k] -= coefficients[names.index(f"accel.bias.{a}")]
-    rate, pull = _changes(states, w, f)
-    C, v = states["C_nb"], states["velocity_n"]
-    first = np.searchsorted(inc.time, inc.time[rows] - SPAN)
-    last = np.minimum(np.searchsorted(inc.time, inc.time[rows] + SPAN), len(inc) - 1)
-    apart = (inc.time[last] - inc.time[first])[:, None]
-    sums = (np.cumsum(x, axis=0) for x in (inc.dtheta_b, inc.dvel_b))
-    slow = _changes(states, *((total[last] - total[first]) / apart for total in sums))
-    return _Seen(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, *slow, w, f)
-
-
-def _changes(
-    states: dict[str, FloatArray], w: FloatArray, f: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return how attitude and velocity change, frame n [rad/s], [m/s^2]."""
-    C, v, latitude = states["C_nb"], states["velocity_n"], states["latitude"]
-    earth = EARTH_RATE * np.stack(
-        [np.zeros_like(latitude), np.cos(latitude), np.sin(latitude)], axis=-1
-    )
-    rate = np.einsum("kij,kj->ki", C, w) - earth
-    pull = np.einsum("kij,kj->ki", C, f) - 2.0 * np.cross(earth, v)
-    pull[:, 2] -= 9.80665  # a few milligal are nothing over part of an interval
-    return rate, pull
-
-
-def _measured(
-    layout: Layout, seen: _Seen, master: Messages, mount: Mount, matching: Matching, at: Known,
-    place: FloatArray,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return H (m, 6, n) and z (m, 6): velocity, then attitude."""
-    m, n = len(master), len(layout)
-    H, z = np.zeros((m, 6, n)), np.empty((m, 6))
-    C_ms = mount.C_ms @ exp(at.installation)
-    w_m = np.einsum("ij,kj->ki", C_ms, seen.w_ib_b)
-    lever_n = np.einsum("kij,kj->ki", master.C_nm, np.cross(w_m, mount.lever_m))
-    z[:, :3] = seen.velocity_n - master.velocity_n - lever_n
-    H[:, :3, :9] = place[:, 3:6]
-    C_nominal = master.C_nm @ C_ms
-    H[:, 3:, :9] = -place[:, 0:3]
-    mu = layout.group("installation")
-    H[:, 3:, mu] = C_nominal
-    z[:, 3:] = log(seen.C_ns @ np.swapaxes(C_nominal, 1, 2))
-    if matching.delay:
-        tau = layout.index("master.delay")
-        H[:, :3, tau], H[:, 3:, tau] = seen.acceleration_n, seen.rate_n
-    if mount.load:  # by the force along the master's z
-        load = seen.f_b @ C_ms[2] / 9.80665 - 1.0
-        H[:, 3:, layout.group("load")] = C_nominal * load[:, None, None]
-    if mount.flexure_sd > 0:
-        H[:, 3:, layout.group("flexure")] = C_nominal
-    if matching.attitude == "angles":
-        J, difference = _as_angles(seen.C_ns, C_nominal)
-        H[:, 3:] = J @ H[:, 3:]
-        z[:, 3:] = difference
-    return H, z
-
-
-def _as_angles(C_ns: FloatArray, C_nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how heading, pitch and roll go with a rotation about n, and their differences."""
-    heading, pitch, _ = angles_of(C_ns).T
-    sH, cH, cP, tP = np.sin(heading), np.cos(heading), np.cos(pitch), np.tan(pitch)
-    J = np.zeros((len(C_ns), 3, 3))
-    J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = tP * sH, tP * cH, -1.0
-    J[:, 1, 0], J[:, 1, 1] = cH, -sH
-    J[:, 2, 0], J[:, 2, 1] = sH / cP, cH / cP
-    difference = angles_of(C_ns) - angles_of(C_nominal)
-    return J, np.remainder(difference + np.pi, 2 * np.pi) - np.pi
-
-
 def _carried(
     layout: Layout, transitions: FloatArray, steps: FloatArray, slave: Slave, mount: Mount
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the transitions of all states, and half of the noise between them."""
+    """Return the transitions of the states that change, and half of the noise between them."""
     m, _, known = transitions.shape
     n = len(layout)
-    Phi = np.zeros((m, n, n))
-    Phi[:, np.arange(n), np.arange(n)] = 1.0
+    moving = _moving(layout, mount)
+    Phi = np.zeros((m, moving, n))
+    Phi[:, np.arange(9, moving), np.arange(9, moving)] = 1.0
     Phi[:, :9, :known] = transitions
     q = np.zeros(n)
     q[0:3], q[3:6] = slave.noise.gyro.white**2, slave.noise.accel.white**2
@@ -332,6 +226,11 @@ def _carried(
         Phi[:, rate, rate] = (fade * (1 - b * steps))[:, None]
         q[rate] = 4.0 * b**3 * mount.flexure_sd**2
     return Phi, 0.5 * steps[:, None] * q
+
+
+def _moving(layout: Layout, mount: Mount) -> int:
+    """Return how many of the first states change on the way."""
+    return len(layout) if mount.flexure_sd > 0 else 9
 
 
 def _start(

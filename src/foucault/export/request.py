@@ -106,6 +106,7 @@ class Request:
         turned = "" if self.axes == OWN_AXES else f", turned from the result's {OWN_AXES}"
         signs = "Signs: a bias is measured minus true; at rest the axis that points up reads +1 g."
         lines = about(self.result, f"Axes: {self.axes}{turned}", signs)
+        lines += _beside(self.result.diagnostics)
         if len(self.dropped):
             lines += ["LOST, because it was dropped on request (the numbers are in SI units):"]
             lines += [
@@ -142,6 +143,17 @@ def about(result: Result, axes: str, signs: str = "") -> list[str]:
         *(f"Valid for: {words}." for words in _validity(result.validity)),
     ]
     return [" ".join(line.split()) for line in lines]
+
+
+def _beside(known: Mapping[str, Any]) -> list[str]:
+    """Say how a slave is mounted and how late its master: no correction of readings has that."""
+    if "mounting" not in known:
+        return []
+    rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in known["mounting"]["C_ms"])
+    return [
+        f"Beside it, and no part of the correction: x_master = C_ms x_slave, {OWN_AXES} both, C_ms "
+        f"= ({rows}); messages of the master come {1e3 * known['delay']['used']:.3f} ms late."
+    ]
 
 
 def request(

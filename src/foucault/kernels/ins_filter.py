@@ -76,6 +76,11 @@ def propagate(P, Phi, M, keep, q, T, n):
 
     keep (n - 9,) is what is left of each coefficient, q (n,) white noise of each error.
     """
+    sure = True  # a run that is only navigated: nothing to carry
+    for j in range(n):
+        sure = sure and P[j, j] == 0.0 and q[j] == 0.0
+    if sure:
+        return
     for j in range(n):
         P[j, j] += 0.5 * T * q[j]
     for r in range(9):

@@ -2,7 +2,7 @@
 
 ::
 
-    x_k = Phi_k x_k-1 + w_k,    z_k = H_k x_k + v_k,    s_k = L x_k is what is wanted
+    x_k = Phi_k x_k-1 + u_k + w_k,    z_k = H_k x_k + v_k,    s_k = L x_k is what is wanted
 
 One loop does both. The Kalman filter takes in each row h of H as a scalar measurement of variance
 R; the H-infinity filter then takes in each row l of L as one of variance -gamma^2 whose outcome is
@@ -19,49 +19,61 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel
+from foucault.kernels import inlined, kernel
+
+
+@inlined
+def combined(c, rows, many, width, out):
+    """Fill out[:width] with the sum of ``c[i] * rows[i, :width]`` over the many i with c[i] != 0.
+
+    Four rows at a time: one row at a time, a loop over so few columns is mostly its own beginning.
+    """
+    for j in range(width):
+        out[j] = 0.0
+    i0 = i1 = i2 = 0
+    got = 0
+    for i in range(many):
+        if c[i] != 0.0:
+            if got == 3:
+                c0, c1, c2, c3 = c[i0], c[i1], c[i2], c[i]
+                p0, p1, p2, p3 = rows[i0], rows[i1], rows[i2], rows[i]
+                for j in range(width):
+                    out[j] += c0 * p0[j] + c1 * p1[j] + c2 * p2[j] + c3 * p3[j]
+                got = 0
+            else:
+                i0, i1, i2 = i1, i2, i
+                got += 1
+    if got > 0:
+        c2, p2 = c[i2], rows[i2]
+        c1, p1 = (c[i1], rows[i1]) if got > 1 else (0.0, p2)
+        c0, p0 = (c[i0], rows[i0]) if got > 2 else (0.0, p2)
+        for j in range(width):
+            out[j] += c0 * p0[j] + c1 * p1[j] + c2 * p2[j]
 
 
 @kernel
-def carried(Phi, P, half, M, out):
-    """Fill out (n, n) with ``Phi (P + half) Phi' + half``; M (n, n) is scratch, half (n,).
+def carried(Phi, P, half, row, M):
+    """Carry P (n, n) over ``Phi (P + half) Phi' + half``, in place; half (n,).
 
-    Zeros of Phi are passed over: most rows of it are those of the identity.
+    Phi (b, n): rows beyond are those of the identity, and what they make of P is P. row (n,) and
+    M (n, n) are scratch.
     """
-    n = half.size
-    for j in range(n):
-        P[j, j] += half[j]
+    n, many = half.size, Phi.shape[0]
     for r in range(n):
+        P[r, r] += half[r]
+    for b in range(many):  # (Phi P)', column by column
+        combined(Phi[b], P, n, n, row)
         for j in range(n):
-            M[j, r] = 0.0
-    # M = (Phi P)' = P Phi', row by row of P, which is symmetric.
-    for r in range(n):
-        row = out[r]
+            M[j, b] = row[j]
+    for b in range(many):
         for j in range(n):
-            row[j] = 0.0
-        for i in range(n):
-            c = Phi[r, i]
-            if c != 0.0:
-                p = P[i]
-                for j in range(n):
-                    row[j] += c * p[j]
+            P[b, j] = P[j, b] = M[j, b]
+    for b in range(many):
+        combined(Phi[b], M, n, many, row)
+        for a in range(b + 1):
+            P[b, a] = P[a, b] = row[a]
     for r in range(n):
-        for j in range(n):
-            M[j, r] = out[r, j]
-    for r in range(n):
-        row = out[r]
-        for j in range(n):
-            row[j] = 0.0
-        for i in range(n):
-            c = Phi[r, i]
-            if c != 0.0:
-                p = M[i]
-                for j in range(n):
-                    row[j] += c * p[j]
-    for r in range(n):
-        for j in range(r):
-            out[r, j] = out[j, r] = 0.5 * (out[r, j] + out[j, r])
-        out[r, r] += half[r]
+        P[r, r] += half[r]
 
 
 @kernel
@@ -86,21 +98,24 @@ def seen(P, h, g):
 def take_in(P, g, S):
     """Take ``g g' / S`` away from P (n, n)."""
     n = g.size
+    share = 1.0 / S
     for i in range(n):
-        c = g[i] / S
+        c = g[i] * share
         p = P[i]
         for j in range(n):
             p[j] -= c * g[j]
 
 
 @kernel
-def linear_filter(Phi, half, H, z, R, L, limit, gate, x0, P0, keep):
+def linear_filter(Phi, jump, half, H, z, R, L, limit, gate, x0, P0, keep):
     """Filter forward.
 
-    Parameters: Phi (m, n, n) from the epoch before; half (m, n) half of the white noise between
-    them, taken in before and after; H (m, q, n), z (m, q), R (m, q) infinite where nothing is
-    measured; L (r, n) and limit gamma^2, infinite for a Kalman filter; gate: innovations beyond so
-    many sds are left out; x0 (n,), P0 (n, n) before the first; keep: whether covariances are kept.
+    Parameters: Phi (m, b, n) from the epoch before, rows beyond b those of the identity; jump
+    (m, b) what is then added to the state; half (m, n) half of the white noise between them, taken
+    in before and after; H (m, q, n), z (m, q),
+    R (m, q) infinite where nothing is measured; L (r, n) and limit gamma^2, infinite for a Kalman
+    filter; gate: innovations beyond so many sds are left out; x0 (n,), P0 (n, n) before the first;
+    keep: whether covariances are kept.
 
     Returns x (m, n), sd (m, n), innovations and variances (m, q) (NaN where not measured; a NaN
     innovation alone where beyond the gate), predictions (m, n) and their covariances (m, n, n)
@@ -117,18 +132,18 @@ def linear_filter(Phi, half, H, z, R, L, limit, gate, x0, P0, keep):
     before = np.empty((kept, n, n))
     margin = np.full(m, np.nan)
     x, P = x0.copy(), P0.copy()
-    new, other, M = np.empty(n), np.empty((n, n)), np.empty((n, n))
-    g = np.empty(n)
+    new, g, M = np.empty(n), np.empty(n), np.empty((n, n))
+    many = Phi.shape[1]
     after = P0.copy()
     for k in range(m):
-        for r in range(n):
+        for r in range(many):
             c = 0.0
             for i in range(n):
                 c += Phi[k, r, i] * x[i]
             new[r] = c
-        x, new = new, x
-        carried(Phi[k], P, half[k], M, other)
-        P, other = other, P
+        for r in range(many):
+            x[r] = new[r] + jump[k, r]
+        carried(Phi[k], P, half[k], g, M)
         if keep:
             for r in range(n):
                 predicted[k, r] = x[r]
@@ -187,6 +202,7 @@ def linear_smoother(Phi, H, R, innovation, predicted, before):
     lam, adj = np.zeros(n), np.zeros((n, n))
     gains, variances = np.empty((q, n)), np.empty(q)
     P, u, M = np.empty((n, n)), np.empty(n), np.empty((n, n))
+    many = Phi.shape[1]
     for k in range(m - 1, -1, -1):
         for r in range(n):
             for j in range(n):
@@ -229,22 +245,22 @@ def linear_smoother(Phi, H, R, innovation, predicted, before):
             for i in range(n):
                 for j in range(n):
                     cov[k, r, j] -= M[r, i] * before[k, i, j]
-        for i in range(n):
-            u[i] = 0.0
+        for i in range(n):  # M = Phi' adj
+            u[i] = lam[i] if i >= many else 0.0
             for j in range(n):
-                M[i, j] = 0.0
-        for r in range(n):
+                M[i, j] = adj[i, j] if i >= many else 0.0
+        for r in range(many):
             for i in range(n):
                 c = Phi[k, r, i]
                 if c != 0.0:
                     u[i] += c * lam[r]
                     for j in range(n):
                         M[i, j] += c * adj[r, j]
-        for i in range(n):
+        for i in range(n):  # adj = M Phi
             lam[i] = u[i]
             for j in range(n):
-                adj[i, j] = 0.0
-        for r in range(n):
+                adj[i, j] = M[i, j] if j >= many else 0.0
+        for r in range(many):
             for i in range(n):
                 c = Phi[k, r, i]
                 if c != 0.0:

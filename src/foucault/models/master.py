@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.models.attitude import angles_of
+from foucault.models.earth import transport_rate
 from foucault.models.transfer import Messages
 from foucault.units import plain, span
 
@@ -81,6 +82,30 @@ class MasterTable:
     def angles(self) -> FloatArray:
         """Heading, pitch and roll, shape (k, 3) [rad]."""
         return angles_of(self.C_nb)
+
+    @property
+    def has_place(self) -> bool:
+        """Whether it says latitude and longitude."""
+        return self.latitude is not None and self.longitude is not None
+
+    def from_place(self, latitude: float, height: float) -> MasterTable:
+        """Return the table with the positions that its velocities lead to, where it says none.
+
+        Parameters
+        ----------
+        latitude : float
+            Of the first message; its longitude is taken as 0 [rad].
+        height : float
+            Of the first message [m].
+        """
+        time, v = self.time, self.velocity_n
+        up = self.height if self.height is not None else _along(time, v[:, 2], height)
+        if self.has_place:
+            return replace(self, height=up)
+        north = -transport_rate(latitude, up, v)[:, 0]
+        there = _along(time, north, latitude)
+        east = transport_rate(there, up, v)[:, 1] / np.cos(there)
+        return replace(self, latitude=there, longitude=_along(time, east, 0.0), height=up)
 
     @property
     def messages(self) -> Messages:
@@ -157,3 +182,9 @@ class MasterTable:
         names = _OPTIONAL if stamps else _OPTIONAL[1:]
         columns = [getattr(self, name) for name in names]
         return np.concatenate([*parts, *(c[:, None] for c in columns if c is not None)], axis=1)
+
+
+def _along(time: FloatArray, rate: FloatArray, begin: float) -> FloatArray:
+    """Return where a rate leads to."""
+    steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
+    return begin + np.concatenate([[0.0], np.cumsum(steps)])

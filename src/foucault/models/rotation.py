@@ -61,34 +61,39 @@ def log(C: FloatArray) -> FloatArray:
     Goes through the quaternion of largest pivot, so that it is accurate at all angles.
     """
     trace = np.trace(C, axis1=-2, axis2=-1)
-    d = np.diagonal(C, axis1=-2, axis2=-1)
-    w, x, y, z = (
-        trace,
-        2 * d[..., 0] - trace,
-        2 * d[..., 1] - trace,
-        2 * d[..., 2] - trace,
-    )
     upper = C - np.swapaxes(C, -1, -2)
-    sx, sy, sz = upper[..., 2, 1], upper[..., 0, 2], upper[..., 1, 0]
+    q = np.stack([1 + trace, upper[..., 2, 1], upper[..., 0, 2], upper[..., 1, 0]], -1)
+    if np.any(trace < 0):  # the scalar part is the pivot up to 120 deg
+        q = _by_pivot(C, trace, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    half = np.arctan2(sine, q[..., :1])
+    small = sine < 1e-12 * q[..., :1]
+    return np.asarray(
+        q[..., 1:] * (2 * np.where(small, 1.0, half) / np.where(small, q[..., :1], sine))
+    )
+
+
+def _by_pivot(C: FloatArray, trace: FloatArray, scalar: FloatArray) -> FloatArray:
+    """Return four times the quaternion's largest part times it, its first part not negative.
+
+    The row of the symmetric matrix 4 q q' with that pivot; `scalar` is the first, q = (w, x, y, z).
+    """
+    d = 2 * np.diagonal(C, axis1=-2, axis2=-1) - trace[..., None]
     sym = C + np.swapaxes(C, -1, -2)
     xy, xz, yz = sym[..., 0, 1], sym[..., 0, 2], sym[..., 1, 2]
-    # rows of the symmetric matrix 4 q q', q = (w, x, y, z)
+    sx, sy, sz = scalar[..., 1], scalar[..., 2], scalar[..., 3]
     rows = np.stack(
         [
-            np.stack([1 + w, sx, sy, sz], -1),
-            np.stack([sx, 1 + x, xy, xz], -1),
-            np.stack([sy, xy, 1 + y, yz], -1),
-            np.stack([sz, xz, yz, 1 + z], -1),
+            scalar,
+            np.stack([sx, 1 + d[..., 0], xy, xz], -1),
+            np.stack([sy, xy, 1 + d[..., 1], yz], -1),
+            np.stack([sz, xz, yz, 1 + d[..., 2]], -1),
         ],
         -2,
     )
-    pivot = np.argmax(np.stack([w, x, y, z], -1), axis=-1)
+    pivot = np.argmax(np.concatenate([trace[..., None], d], -1), axis=-1)
     q = np.take_along_axis(rows, pivot[..., None, None], axis=-2)[..., 0, :]
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    q = np.where(q[..., :1] < 0, -q, q)
-    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    half = np.arctan2(sine, q[..., :1])
-    return np.asarray(q[..., 1:] * np.where(sine > 1e-12, 2 * half / np.maximum(sine, 1e-300), 2.0))
+    return np.where(q[..., :1] < 0, -q, q)
 
 
 def right_jacobian(phi: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -62,7 +62,7 @@ class Messages:
     def __len__(self) -> int:
         return len(self.time)
 
-    def __getitem__(self, rows: slice | npt.NDArray[np.bool_]) -> Messages:
+    def __getitem__(self, rows: slice | npt.NDArray[Any]) -> Messages:
         """Return some of the messages."""
         return Messages(self.time[rows], self.velocity_n[rows], self.C_nm[rows])
 

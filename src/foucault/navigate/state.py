@@ -154,12 +154,14 @@ def matrix_of(q: FloatArray) -> FloatArray:
         Quaternions, scalar first [1].
     """
     a, b, c, d = np.moveaxis(q, -1, 0)
-    rows = [
-        [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
-        [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
-        [2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    out = np.empty((*a.shape, 3, 3))
+    out[..., 0, 0] = a * a + b * b - c * c - d * d
+    out[..., 1, 1] = a * a - b * b + c * c - d * d
+    out[..., 2, 2] = a * a - b * b - c * c + d * d
+    out[..., 0, 1], out[..., 1, 0] = 2 * (b * c - a * d), 2 * (b * c + a * d)
+    out[..., 0, 2], out[..., 2, 0] = 2 * (b * d + a * c), 2 * (b * d - a * c)
+    out[..., 1, 2], out[..., 2, 1] = 2 * (c * d - a * b), 2 * (c * d + a * b)
+    return out
 
 
 def quaternion_of(C: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose import delay_checks
+from foucault.diagnose.delay_checks import signed_axes
 from foucault.errors import Finding, error, finding
 from foucault.estimate.delay import BRACKET, FEWEST, Delay, delay_of
 from foucault.estimate.turned import SlaveAttitude
@@ -30,6 +31,9 @@ CLEARLY = 4.0
 
 ASTRAY = np.radians(45.0)
 """A mounting that is so far off what was said may be a wrong sign [rad]."""
+
+EXPLAINED = {"delay.axes", "delay.scale", "delay.north_east_down"}
+"""What a reversed angle or axis brings about [1]."""
 
 ALIKE = 0.99
 """Above this part in common nothing is tried the other way round [1]."""
@@ -73,6 +77,8 @@ class FoundDelay:
         How far it can be relied on.
     findings : tuple of Finding
         What was noticed.
+    start : float
+        When the first log begins, by its clock [s].
     """
 
     delay: Delay
@@ -80,6 +86,7 @@ class FoundDelay:
     transport: FloatArray | None
     verdict: Verdict
     findings: tuple[Finding, ...]
+    start: float
 
 
 def find_delay(
@@ -126,16 +133,20 @@ def find_delay(
         elsewhere = delay_of(increments, other.time, other.C_nb, w_in_n=other.w_in_n, C_ms=C_ms,
                              bracket=None)  # fmt: skip
     told = list(increments.findings)
-    told += _reversed(increments, other, found, C_ms, messages)
-    told += delay_checks.checked(found, C_ms=C_ms, messages=messages, elsewhere=elsewhere)
+    other_way = _reversed(increments, other, found, C_ms, messages)
+    checked = delay_checks.checked(found, C_ms=C_ms, messages=messages, elsewhere=elsewhere)
+    # What is reversed looks like another mounting, and like turning of another size.
+    told += [*other_way, *(f for f in checked if not other_way or f.code not in EXPLAINED)]
     if messages and other.w_in_n is None:
         told.append(finding("delay.earth"))
     transport = None
     if isinstance(master, MasterTable) and master.arrival is not None:
         held = master.time - found.delay - found.drift * (master.time - found.middle)
         transport = master.arrival - held
-    findings = (*slave.findings, *master.findings, *told)
-    return FoundDelay(found, messages, transport, _verdict(found, findings), findings)
+    # The log of a slave beside its master holds the findings of both.
+    findings = tuple(dict.fromkeys((*slave.findings, *master.findings, *told)))
+    begun = float(slave.time[0])
+    return FoundDelay(found, messages, transport, _verdict(found, findings), findings, begun)
 
 
 def _increments(log: Log, name: str) -> Increments:
@@ -195,10 +206,22 @@ def _reversed(
             name = each if C_ms is not None else name
     same = C_ms is not None and found.likeness > ALIKE
     if not name or not (same or 1 - best.likeness < (1 - found.likeness) / CLEARLY):
-        return []
+        return _mirrored(increments, other, found, C_ms) if messages else []
     return [finding("delay.sense" if messages else "delay.mirror", what=name,
                     reversed=delay_checks.percent(best.likeness),
                     part=delay_checks.percent(found.likeness))]  # fmt: skip
+
+
+def _mirrored(
+    increments: Increments, other: Epochs, found: Delay, C_ms: FloatArray | None
+) -> list[Finding]:
+    """Tell where the slave's gyros are a mirror image, which no mounting makes."""
+    mirror = replace(increments, dtheta_b=-increments.dtheta_b)
+    best = delay_of(mirror, other.time, other.C_nb, w_in_n=other.w_in_n, bracket=found.bracket)
+    if best is None or 1 - best.likeness > (1 - found.likeness) / CLEARLY:
+        return []
+    C = -best.C_ms if C_ms is None else -C_ms.T @ best.C_ms
+    return [finding("transfer.mirror", axes=signed_axes(C))]
 
 
 def _turned(found: Delay, C_ms: FloatArray) -> float:

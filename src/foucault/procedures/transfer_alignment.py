@@ -9,7 +9,8 @@ Tables of the result
 --------------------
 ``innovations``: time; of each of velocity_east, velocity_north, velocity_up, attitude_1..3 [m/s],
 [rad] that is used the innovation and ``..._sd``; nis [1]. ``estimates``: time; of each coefficient
-of the result its value and ``..._sd`` along the run [SI]. ``smoothed``: time, latitude, longitude
+of the result its value and ``..._sd`` along the run [SI]. ``undelayed``: the same, had the delay
+been ignored. ``smoothed``: time, latitude, longitude
 [rad], heading, pitch, roll of the slave, phi_east_sd, phi_north_sd, phi_up_sd [rad]. ``delayed``:
 time; what the delay is worth: heading [rad], velocity_east, velocity_north [m/s] of the slave when
 a message arrives less those when it held. ``stretches``: what the vehicle did: start, end [s], kind
@@ -36,6 +37,7 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose import transfer_evidence as evidence
+from foucault.diagnose import transfer_findings as findings
 from foucault.diagnose import transfer_report as report
 from foucault.diagnose.transfer_evidence import Evidence
 from foucault.errors import error
@@ -45,15 +47,20 @@ from foucault.models.imu import EQUATION
 from foucault.models.noise import ImuNoise
 from foucault.procedures.hand_rotated import Progress, silent
 from foucault.procedures.transfer_foresight import foresee as foresee
+from foucault.procedures.transfer_input import heard, usable
 from foucault.procedures.transfer_log import SlaveLog
 from foucault.procedures.transfer_log import log_table as log_table
 from foucault.procedures.transfer_log import with_master as with_master
 from foucault.procedures.transfer_log import write_log as write_log
+from foucault.procedures.transfer_plan import EVALUATIONS as EVALUATIONS
+from foucault.procedures.transfer_plan import Wanted as Wanted
+from foucault.procedures.transfer_plan import space as space
 from foucault.procedures.transfer_problem import problem_of
 from foucault.procedures.transfer_session import SIMULATE as SIMULATE
 from foucault.procedures.transfer_session import Session as Session
 from foucault.procedures.transfer_session import draw_errors as draw_errors
 from foucault.procedures.transfer_session import simulate as simulate
+from foucault.procedures.transfer_settings import ASIDE
 from foucault.procedures.transfer_settings import LAYOUT as LAYOUT
 from foucault.procedures.transfer_settings import NOISE as NOISE
 from foucault.procedures.transfer_settings import NOISE_LINES as NOISE_LINES
@@ -160,22 +167,27 @@ def _calibrate(
 ) -> Result:  # fmt: skip
     if not isinstance(log, SlaveLog):
         raise error("transfer.no_master")
+    log = usable(log)
     progress(0.1, "matching what both turned")
+    settings, silence = heard(log.messages, settings)
     problem = problem_of(log, site, settings, noise, given)
     progress(0.3, "filtering")
     s = solved(problem, history=shown)
     p = s.problem
     e = Evidence(
         p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
-        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit,
+        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, ASIDE,
     )  # fmt: skip
     checks = evidence.checks(e)
-    told = evidence.findings(e)
+    told = findings.findings(e, problem.findings, s.findings)
     tables: dict[str, TableData] = {}
     if shown:
-        progress(0.7, "trying other lever arms")
-        told += evidence.rivals(e)
-        tables = report.tables(e, s.backward)
+        progress(0.7, "looking at what was found")
+        undelayed = None
+        if settings.delay != "none":
+            ignored = settings.model_copy(update={"delay": "none", "gamma": None})
+            undelayed = solved(problem_of(log, site, ignored, noise, given), history=False).found
+        tables = report.tables(e, s.backward, undelayed)
     return Result(
         procedure="transfer_alignment",
         coefficients=s.states,
@@ -184,16 +196,16 @@ def _calibrate(
         gauge=GAUGE,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*log.findings, *problem.findings, *told),
+        findings=(*log.findings, *silence, *told),
         status=s.status,
         site=site.as_dict(),
         validity=_validity(log),
-        diagnostics=_diagnostics(s, e),
+        diagnostics={"start": float(log.time[0])} | _diagnostics(log, s, e),
         tables=tables,
     )
 
 
-def _diagnostics(s: Solution, e: Evidence) -> dict[str, Any]:
+def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
     p, settings = s.problem, s.problem.settings
     return {
         "gravity": p.site.gravity,
@@ -201,14 +213,16 @@ def _diagnostics(s: Solution, e: Evidence) -> dict[str, Any]:
         "filter": _filter(s),
         "noise": {"accel": p.slave.noise.accel.white, "gyro": p.slave.noise.gyro.white},
         "delay": _delay(s),
-        "hand_over": report.hand_over(s.handed, p.slave.increments),
+        "hand_over": {"place": "master" if log.messages.has_place else "site"}
+        | report.hand_over(s.handed, p.slave.increments),
         "passes": {"names": list(s.found.free.layout.names[9:]),
                    "values": [x.tolist() for x in s.found.passes]},
         "log_likelihood": s.found.run.log_likelihood,
         "messages": {"used": int(s.found.free.used.sum()), "logged": len(p.master)},
         "innovations": evidence.spread(e),
+        "mounting": report.mounting(settings.mount, s.states),
         "beside": [r for r in s.states.rows() if r["name"] in settings.beside],
-        "unseen": report.unseen(settings.mount),
+        "unseen": report.unseen(settings.mount, misalignments=settings.misalignments),
     }  # fmt: skip
 
 

@@ -15,18 +15,20 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.information import largest_shares, terms
-from foucault.diagnose.transfer_evidence import HARDLY, WANTED
+from foucault.diagnose.transfer_evidence import HARDLY
+from foucault.diagnose.transfer_findings import WANTED
 from foucault.errors import Finding, finding
 from foucault.estimate.linear_filter import kalman
-from foucault.estimate.transfer_system import free_run
+from foucault.estimate.transfer_outage import after_outage
+from foucault.estimate.transfer_system import Free, free_run
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.plans.manoeuvres import Accelerate, Segment, Straight, STurn, Turn
 from foucault.plans.transfer_profiles import TransferProfile
-from foucault.procedures.transfer_problem import assumed_noise, problem_of
+from foucault.procedures.transfer_problem import TransferProblem, assumed_noise, problem_of
 from foucault.procedures.transfer_session import Session, moved, simulate_motion
-from foucault.procedures.transfer_settings import NOISE, Settings
+from foucault.procedures.transfer_settings import ASIDE, NOISE, Settings
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,6 +42,9 @@ MOST = 3
 """So many combinations are named [1]."""
 
 _DEG = np.pi / 180.0
+
+AHEAD = (0.0, 90 * _DEG, 180 * _DEG, 270 * _DEG)
+"""Turns with which an outage may begin: straight on, no manoeuvre before it is worth much [rad]."""
 
 
 def manoeuvres(speed: float) -> dict[str, tuple[Segment, ...]]:
@@ -70,11 +75,15 @@ class Shown:
         How long it takes [s].
     vector : CoefficientVector
         Coefficients at zero with the covariance that they will have, and sds of the prior [SI].
+    position : float
+        What all errors will make of the horizontal position after the outage of the settings:
+        root mean square over the headings of `AHEAD` [m].
     """
 
     name: str
     time: float
     vector: CoefficientVector
+    position: float
 
 
 def foresee(
@@ -145,9 +154,45 @@ def per_manoeuvre(
     return tuple(out)
 
 
+def free_of(
+    plan: TransferProfile, settings: Settings, session: Session, site: Site,
+    noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]], *, rate: float,
+) -> tuple[TransferProblem, Free]:  # fmt: skip
+    """Return a slave without errors beside a master without noise on a motion.
+
+    Parameters
+    ----------
+    plan : TransferProfile
+        The motion.
+    settings : Settings
+        What will be chosen.
+    session : Session
+        How messages come.
+    site : Site
+        Where it begins.
+    noise : ImuNoise or None
+        Noise of the slave [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    rate : float, shape ()
+        Samples of the slave in a second [Hz].
+    """
+    quiet = Session(
+        rate=rate, message_rate=session.message_rate, message_delay=session.message_delay,
+        master_velocity_sd=0.0, master_attitude_sd=0.0, installation_sd=0.0,
+    )  # fmt: skip
+    made = simulate_motion(plan, quiet, settings, ImuModel(), ImuNoise(), 0)
+    about = settings.model_copy(update={"delay_method": "state"})
+    zero = {name: (0.0, sd) for name, (_, sd) in prior.items()}
+    p = problem_of(made.log, site, about, noise or NOISE, zero, match=False)
+    p = p.with_delay(made.delay)
+    free = free_run(p.slave, p.master, settings.mount, settings.matched, p.prior, p.prior, p.sd)
+    return p, free
+
+
 def shown(
     plan: TransferProfile, settings: Settings, session: Session, site: Site,
-    noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]],
+    noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]], *, rate: float = RATE,
 ) -> Shown:  # fmt: skip
     """Return the covariance that a motion leaves.
 
@@ -165,27 +210,27 @@ def shown(
         Noise of the slave [SI].
     prior : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
+    rate : float, shape ()
+        Samples of the slave in a second [Hz].
     """
-    quiet = Session(
-        rate=RATE, message_rate=session.message_rate, message_delay=session.message_delay,
-        master_velocity_sd=0.0, master_attitude_sd=0.0, installation_sd=0.0,
-    )  # fmt: skip
-    made = simulate_motion(plan, quiet, settings, ImuModel(), ImuNoise(), 0)
-    about = settings.model_copy(update={"delay_method": "state"})
-    zero = {name: (0.0, sd) for name, (_, sd) in prior.items()}
-    p = problem_of(made.log, site, about, noise or NOISE, zero).with_delay(made.delay)
-    free = free_run(p.slave, p.master, settings.mount, settings.matched, p.prior, p.prior, p.sd)
+    p, free = free_of(plan, settings, session, site, noise, prior, rate=rate)
     cov = kalman(free.system).cov
     at = [free.layout.index(name) for name in p.vector.names]
     vector = replace(p.vector, values=np.zeros(len(at)), cov=cov[np.ix_(at, at)])
-    return Shown(plan.name, plan.hand_over, vector)
+    ahead = np.array([after_outage(free, settings.sensors, settings.outage, turn=turn)
+                      for turn in AHEAD])  # fmt: skip
+    # Where it is is what the master says: of the position at the hand-over nothing is counted.
+    ahead[:, :, 6:9] = 0.0
+    squares = np.einsum("tij,jk,tik->t", ahead, cov, ahead)
+    return Shown(plan.name, plan.hand_over, vector, float(np.sqrt(squares.mean())))
 
 
 def _judged(now: Shown, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:
     vector = now.vector
     assert vector.cov is not None
     ratio = vector.sd / vector.prior_sd
-    hardly = tuple(n for n, r in zip(vector.names, ratio, strict=True) if r > HARDLY)
+    hardly = tuple(n for n, r in zip(vector.names, ratio, strict=True)
+                   if r > HARDLY and not n.startswith(ASIDE))  # fmt: skip
     # Combinations of the coefficients, their priors as units.
     left, ways = np.linalg.eigh(vector.cov / np.outer(vector.prior_sd, vector.prior_sd))
     left = np.sqrt(np.maximum(left, 0.0))

@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.force_at_rest import wrong_force
+from foucault.diagnose import delay_checks
+from foucault.diagnose.transfer_forces import forces
 from foucault.diagnose.transfer_turns import turning
 from foucault.errors import Finding, error, finding
 from foucault.estimate.delay import Delay, delay_of
-from foucault.estimate.transfer_system import Known, Slave
+from foucault.estimate.transfer_measured import Known, Slave
 from foucault.models.earth import Site, earth_rate_n, gravity, transport_rate
 from foucault.models.geodesy import displaced
 from foucault.models.layouts import BESIDE
@@ -21,31 +22,26 @@ from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
 from foucault.models.transfer import LIVELY, Messages, states_of_transfer
-from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
+from foucault.procedures.transfer_input import BEYOND, common, even, placed
 from foucault.procedures.transfer_log import SlaveLog
 from foucault.procedures.transfer_settings import NOISE, PRIOR, Settings
 from foucault.units import convert, plain
 
 FloatArray = npt.NDArray[np.float64]
 
-MANOEUVRES = 2.5
-"""Half of the time a vehicle feels gravity within this factor, whatever it does [1]."""
-
-LEAST = 20
-"""Messages that it takes at least [1]."""
-
-BEYOND = 0.3
-"""A delay is looked for so far outside its bracket too, to be told [s]."""
-
-SPARE = 1.0
-"""The slave's log is used from so much before the first message to so much after the last [s]."""
+MINOR = {"transfer.noise", "strapdown.bridged", "delay.wild", "delay.wanders"}
+"""What leaves forces to be compared with accelerations all the same."""
 
 DRIFTS = 5.0
 """A drift of the clocks of so many standard deviations is taken out [1]."""
 
-DRIFTED = 1e-3
+DRIFTED = 1e-4
 """If it makes so much over the log [s]."""
+
+DIFFERS = 1e-3
+"""A delay that was given is told to be wrong if it is by so much [s]."""
 
 WIDER = 5.0
 """The start attitude is that of the master with the nominal mounting: its error is that of the
@@ -133,6 +129,8 @@ def problem_of(
     settings: Settings,
     noise: ImuNoise | None,
     given: Mapping[str, tuple[float, float]],
+    *,
+    match: bool = True,
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
 
@@ -148,18 +146,25 @@ def problem_of(
         Noise of the slave [SI]; None takes that of a tactical instrument.
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
+    match : bool
+        Whether what both turned is compared; a simulated session without errors need not be.
     """
-    _of_this_earth(log, site)
-    table = _placed(log.messages, site)
-    hand_over, table, increments = _common(log, _even(table), settings)
-    said, told = table.messages, [] if noise else [assumed_noise()]
-    attitudes = settings.matching != "velocity" or settings.estimates_delay
+    hand_over, table, increments = common(log, even(placed(log.messages, site)), settings)
+    said, told = table.messages, [*([] if noise else [assumed_noise()]), *increments.findings]
+    attitudes = match and (settings.matching != "velocity" or settings.estimates_delay)
     matched = _matched(increments, table, said, settings) if attitudes else None
+    if matched is not None and matched.wild.any():
+        table = table[~_wild(matched)]
+        said = table.messages
     bracket = (-BEYOND, settings.longest_delay + BEYOND)
     told += turning(increments, said, matched, settings.C_ms, bracket) if attitudes else []
+    if match and settings.matching != "attitude" and {f.code for f in told} <= MINOR:
+        told += forces(increments, said, matched, settings.C_ms)
     drifting: list[Finding] = []
     if matched is not None and matched.seen:
-        said, drifting = _one_clock(said, matched)
+        told += delay_checks.of_wandering(matched)
+        if "delay.wanders" not in {f.code for f in told}:
+            said, drifting = _one_clock(said, matched)
     start = settings.known_delay
     if settings.estimates_delay:
         start = settings.longest_delay / 2
@@ -183,73 +188,14 @@ def problem_of(
     )  # fmt: skip
 
 
-def _of_this_earth(log: SlaveLog, site: Site) -> None:
-    """Refuse specific forces that no vehicle feels for half of its way."""
-    if log.accel is None:
-        return
-    usual = float(np.median(np.linalg.norm(log.accel, axis=1)))
-    wrong = wrong_force(usual, site.gravity, log.interval, MANOEUVRES)
-    if wrong is not None:
-        raise wrong
-
-
-def _placed(table: MasterTable, site: Site) -> MasterTable:
-    """Return the table with positions: those of a master that has none are the site's."""
-    if table.latitude is not None and table.longitude is not None:
-        return table if table.height is not None else replace(table, height=0.0 * table.time)
-    if site.latitude is None:
-        raise error("transfer.place")
-    here = np.ones(len(table))
-    return replace(table, latitude=site.latitude * here, longitude=0.0 * here,
-                   height=site.height * here)  # fmt: skip
-
-
-def _even(table: MasterTable) -> MasterTable:
-    """Return the table with times of arrival that do not jitter.
-
-    The master's own stamps are even: the straight line of arrival over stamp is one clock against
-    the other, and the mean of what the messages are late, which is part of the delay.
-    """
-    if table.arrival is None:
-        return table
-    stamp = table.time - table.time[0]
-    slope, offset = np.polyfit(stamp, table.arrival, 1)
-    return replace(table, arrival=offset + slope * stamp)
-
-
 def _differs(settings: Settings, found: Delay) -> list[Finding]:
     """Say so where the delay that was given is not the one that is found."""
     off = abs(found.delay - settings.known_delay)
-    if off < max(DRIFTS * found.delay_sd, DRIFTED):
+    if off < max(DRIFTS * found.delay_sd, DIFFERS):
         return []
     given, delay, sd = (f"{1e3 * x:.1f}" for x in (settings.known_delay, found.delay,
                                                    found.delay_sd))  # fmt: skip
     return [finding("transfer.delay_differs", given=given, found=delay, sd=sd)]
-
-
-def _common(
-    log: SlaveLog, table: MasterTable, settings: Settings
-) -> tuple[float, MasterTable, Increments]:
-    """Return when the slave is handed over, the messages until then, and the slave beside them."""
-    time = table.messages.time
-    first, last = float(log.time[0]), float(log.time[-1])
-    inside = (time > first) & (time <= last)
-    end = settings.hand_over
-    if end is not None and not (np.sum(inside) and time[inside][0] < end <= last):
-        begin = float(time[inside][0]) if inside.any() else np.nan
-        raise error("transfer.hand_over", given=plain(end, 9), begin=plain(begin, 9),
-                    last=plain(last, 9))  # fmt: skip
-    if end is not None:
-        inside &= time <= end
-    if np.sum(inside) < LEAST:
-        raise error("transfer.overlap", first=plain(first, 9), last=plain(last, 9),
-                    begin=plain(float(time[0]), 9), end=plain(float(time[-1]), 9),
-                    used=int(np.sum(inside)), least=LEAST)  # fmt: skip
-    used = table[inside]
-    end = float(time[inside][-1]) if end is None else end
-    near = SPARE + settings.longest_delay + BEYOND
-    rows = np.searchsorted(log.time, [float(time[inside][0]) - near, end + SPARE])
-    return end, used, increments_of(log[slice(int(rows[0]), int(rows[1]))])
 
 
 def _matched(
@@ -264,6 +210,12 @@ def _matched(
     bracket = (-BEYOND, settings.longest_delay + BEYOND)
     return delay_of(increments, said.time, said.C_nm, w_in_n=turning, C_ms=settings.C_ms,
                     bracket=bracket)  # fmt: skip
+
+
+def _wild(found: Delay) -> npt.NDArray[np.bool_]:
+    """Return the messages whose attitude no neighbour leads to, shape (k,)."""
+    before, after = np.append(found.wild[0], found.wild), np.append(found.wild, found.wild[-1])
+    return np.asarray(before & after)
 
 
 def _one_clock(said: Messages, found: Delay) -> tuple[Messages, list[Finding]]:

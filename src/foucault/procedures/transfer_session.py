@@ -20,6 +20,7 @@ from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise, grade
+from foucault.plans.manoeuvre_table import ManoeuvreTable
 from foucault.plans.transfer_profiles import TransferProfile, transfer_profile
 from foucault.procedures.transfer_log import SlaveLog
 from foucault.procedures.transfer_settings import Settings
@@ -62,6 +63,20 @@ class Session(BaseModel):
         default="flight",
         description="What the vehicle does: flight, survey, straight, uav or ship.",
     )
+    manoeuvres: tuple[ManoeuvreTable, ...] = Field(
+        default=(),
+        examples=[[{"straight": "20 s"}, {"s_turn": "25 deg", "time": "40 s"}]],
+        description="Your own, in the place of the profile's until the hand-over: straight, turn, "
+        "s_turn, accelerate, climb or sway.",
+    )
+    heading: Angle | None = Field(
+        default=None, examples=["40 deg"],
+        description="Heading at the start; left out, that of the profile.",
+    )  # fmt: skip
+    speed: Annotated[float, Quantity("velocity")] | None = Field(
+        default=None, ge=0, examples=["40 m/s"],
+        description="Speed at the start; left out, that of the profile.",
+    )  # fmt: skip
     rate: Annotated[float, Quantity("frequency")] = Field(
         default=200.0, gt=0, description="Sample rate of the slave."
     )
@@ -107,7 +122,12 @@ class Session(BaseModel):
     def motion(self) -> TransferProfile:
         """What the vehicle does."""
         found = transfer_profile(self.profile)
-        return found if self.with_outage else replace(found, outage=())
+        begun = {"heading": self.heading, "speed": self.speed}
+        start = replace(found.start, **{k: v for k, v in begun.items() if v is not None})
+        if self.manoeuvres:
+            own = tuple(table.segment(k) for k, table in enumerate(self.manoeuvres))
+            found = replace(found, name="own manoeuvres", calibration=own)
+        return replace(found, start=start, outage=found.outage if self.with_outage else ())
 
 
 @dataclass(frozen=True)
@@ -246,7 +266,7 @@ def simulate(
     noise : ImuNoise
         Its noise [SI].
     site : Site
-        Where it begins: the latitude; gravity is normal gravity.
+        Where it begins: latitude and height; gravity is normal gravity.
     seed : int, shape ()
         Seed of installation, compliance and noise [1].
     """
@@ -302,7 +322,7 @@ def simulate_motion(
 
 
 def moved(profile: TransferProfile, site: Site) -> TransferProfile:
-    """Return a motion that begins at the latitude of a site.
+    """Return a motion that begins at latitude and height of a site.
 
     Parameters
     ----------
@@ -313,7 +333,8 @@ def moved(profile: TransferProfile, site: Site) -> TransferProfile:
     """
     if site.latitude is None:
         raise error("transfer.place")
-    return replace(profile, start=replace(profile.start, latitude=site.latitude))
+    here = replace(profile.start, latitude=site.latitude, height=site.height)
+    return replace(profile, start=here)
 
 
 def _three(x: FloatArray) -> tuple[float, float, float]:

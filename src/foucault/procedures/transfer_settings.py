@@ -22,10 +22,16 @@ FloatArray = npt.NDArray[np.float64]
 Seconds = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 
+ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
+"""Groups that are there for the uncertainties of the others: a motion need not show them."""
+
 USUAL = {
     "gyro.bias": "2.4 deg/h",
     "gyro.scale": "500 ppm",
     "accel.bias": "1 mg",
+    "gyro.misalignment": "1 mrad",
+    "accel.scale": "500 ppm",
+    "accel.misalignment": "1 mrad",
     "installation": "5 arcmin",
     "load": "2 arcmin",
 }
@@ -81,7 +87,9 @@ class Settings(BaseModel):
         "which fail with the nose up or down.",
     )
     vertical: bool = Field(
-        default=False, description="Use vertical velocity too; a free run drifts in it."
+        default=True,
+        description="Use vertical velocity too: without it the bias of the accelerometer that "
+        "points up rests on turns alone. It is not used without accel_bias_z, which it shows.",
     )
     velocity_sd: Annotated[float, Quantity("velocity")] = Field(
         default=0.05, gt=0, description="Sd of the difference of velocities, each component."
@@ -144,6 +152,12 @@ class Settings(BaseModel):
         description="Estimate the bias of the z accelerometer; without it the states are the "
         "published sixteen.",
     )
+    misalignments: bool = Field(
+        default=False,
+        description="Count with misalignments of gyros and accelerometers and with scale factors "
+        "of the accelerometers: twelve states, most of which a motion does not show. Left out, "
+        "they are part of the biases, and not of their uncertainties.",
+    )
     load: bool = Field(default=False, description="The mount gives way under load: three states.")
     flexure_sd: Angle = Field(
         default=0.0, ge=0, description="Sd of a bending that comes and goes; 0: none. Six states."
@@ -153,10 +167,11 @@ class Settings(BaseModel):
         default=0.0, ge=0, description="Random walk of the installation."
     )
     passes: int = Field(
-        default=3,
+        default=6,
         ge=1,
         le=10,
-        description="Passes, each linear about what the one before has found.",
+        description="At most so many passes, each linear about what the one before has found; "
+        "fewer where nothing moves any more.",
     )
     hand_over: Seconds | None = Field(
         default=None,
@@ -185,6 +200,8 @@ class Settings(BaseModel):
     def _possible(self) -> Settings:
         if self.matching == "velocity" and self.estimates_load:
             raise error("transfer.no_attitude")
+        if self.shift == "sample" and self.estimates_delay:
+            raise error("transfer.sample_delay")
         return self
 
     @property
@@ -206,7 +223,8 @@ class Settings(BaseModel):
     def sensors(self) -> Sensors:
         """Errors of the slave that are estimated, as terms."""
         axes = "xyz" if self.accel_bias_z else "xy"
-        return Sensors.of(("gyro.bias", "gyro.scale", *(f"accel.bias.{a}" for a in axes)))
+        more = ASIDE if self.misalignments else ()
+        return Sensors.of(("gyro.bias", "gyro.scale", *(f"accel.bias.{a}" for a in axes), *more))
 
     @property
     def C_ms(self) -> FloatArray:  # noqa: N802
@@ -226,7 +244,8 @@ class Settings(BaseModel):
         return Matching(
             self.velocity_sd if "velocity" in parts else np.inf,
             self.attitude_sd if "attitude" in parts else np.inf,
-            self.attitude_form, self.vertical, self.estimates_delay, self.shift,
+            self.attitude_form, self.vertical and self.accel_bias_z, self.estimates_delay,
+            self.shift,
         )  # fmt: skip
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.errors import Status, error
+from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import LinearSmoothed, kalman, smoothed
 from foucault.estimate.transfer import (
@@ -22,6 +22,7 @@ from foucault.estimate.transfer import (
 from foucault.estimate.transfer_outage import after_outage
 from foucault.models.transfer import states_of_transfer
 from foucault.navigate.state import State
+from foucault.procedures.transfer_input import stamp
 from foucault.procedures.transfer_problem import TransferProblem, place_of
 from foucault.procedures.transfer_settings import Settings
 from foucault.units import plain
@@ -30,6 +31,9 @@ FloatArray = npt.NDArray[np.float64]
 
 SETTLED = 0.5
 """Passes have settled if the last moved nothing by more than this of its uncertainty [1]."""
+
+STILL = 0.1
+"""No further pass is made if the last moved nothing by more [1]."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ class Solution:
         The Kalman run as seen from its end, where wanted.
     status : Status
         How the passes ended.
+    findings : list of Finding
+        What the user should know of that.
     """
 
     problem: TransferProblem
@@ -65,6 +71,7 @@ class Solution:
     least: float
     backward: LinearSmoothed | None
     status: Status
+    findings: list[Finding]
 
     @property
     def nominal(self) -> bool:
@@ -88,18 +95,19 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
     elif settings.estimates_delay and settings.delay_method == "state":
         p = _as_state(p)
     found = solve(p.slave, p.master, settings.mount, settings.matched, p.prior, p.sd,
-                  passes=settings.passes)  # fmt: skip
+                  passes=settings.passes, settled=STILL)  # fmt: skip
     backward = None
     if history:
         kept = kalman(found.free.system, keep=True)
         backward = smoothed(found.free.system, kept)
         found = replace(found, run=replace(kept, before=kept.before[:0]))
-    status = _settled(found)
+    status, told = _settled(p, found)
     gamma = least = np.inf
     if settings.filter == "h_infinity":
         found, gamma, least = _bounded(p, found, settings)
     states = _states(p, found)
-    return Solution(p, found, states, _handed(p, found), fit, gamma, least, backward, status)
+    return Solution(p, found, states, _handed(p, found), fit, gamma, least, backward, status,
+                    told)  # fmt: skip
 
 
 def _likeliest(p: TransferProblem) -> tuple[TransferProblem, DelayFit]:
@@ -123,13 +131,21 @@ def _as_state(p: TransferProblem) -> TransferProblem:
     return p.with_delay(float(found.estimate["master.delay"].values[0]))
 
 
-def _settled(found: Transfer) -> Status:
+def _settled(p: TransferProblem, found: Transfer) -> tuple[Status, list[Finding]]:
+    """Tell whether the last pass still moved something; what one pass has found, a second tells."""
     if not np.isfinite(found.run.states).all():
-        return Status.NOT_FINITE
-    if len(found.passes) < 2:
-        return Status.CONVERGED
-    moved = np.abs(found.passes[-1] - found.passes[-2]) / found.run.sd[-1, 9:]
-    return Status.CONVERGED if float(moved.max()) < SETTLED else Status.NOT_CONVERGED
+        return Status.NOT_FINITE, []
+    s, passes = p.settings, found.passes
+    if len(passes) < 2:
+        passes = solve(p.slave, p.master, s.mount, s.matched, p.prior, p.sd, passes=2).passes
+    moved = np.abs(passes[-1] - passes[-2]) / found.run.sd[-1, 9:]
+    if float(moved.max()) < SETTLED:
+        return Status.CONVERGED, []
+    name = found.free.layout.names[9 + int(np.argmax(moved))]
+    told = finding("transfer.unsettled", before=len(passes) - 1, after=len(passes), name=name,
+                   moved=plain(float(moved.max()), 2), more=min(len(passes) + 3, 10),
+                   passes="1 pass was" if s.passes == 1 else f"{s.passes} passes were")  # fmt: skip
+    return Status.NOT_CONVERGED, [told]
 
 
 def _bounded(
@@ -149,7 +165,7 @@ def _bounded(
     run = h_infinity(system, L, gamma)
     if run.stopped is not None:
         raise error("transfer.gamma", given=plain(gamma, 4), least=plain(least, 4),
-                    time=plain(float(found.free.time[run.stopped]), 6))  # fmt: skip
+                    time=stamp(float(found.free.time[run.stopped])))  # fmt: skip
     return replace(found, run=run), gamma, least
 
 

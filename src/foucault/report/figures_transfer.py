@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from foucault.report.figures import (
     FIRST,
+    SECOND,
     SERIES,
     SOFT,
     Trace,
@@ -143,6 +144,34 @@ def estimates(table: Columns, family: Family, times: Times) -> Figure:
     look = layout(80 + (95 if n > 1 else 150) * n, meta={"zoom": True}, shapes=marked(times),
                   annotations=titled(family.name, family.unit), **axes)  # fmt: skip
     alt = f"{family.name} along the run with two standard deviations"
+    return Figure(data, look, share=50, alt=alt)
+
+
+def compared(ours: Columns, other: Columns, family: Family, times: Times) -> Figure:
+    """Draw coefficients of one kind with the delay and without it, each with its +-2 sd."""
+    data: list[Trace] = []
+    axes: dict[str, Any] = {"xaxis": axis("time [s]", anchor="y", showgrid=False)}
+    looks = (("delay ignored", other, SECOND, "var(--second-band)"),
+             ("with the delay", ours, FIRST, "var(--band)"))  # fmt: skip
+    panels_ = zip(family.members, family.labels, domains(len(family.members)), strict=True)
+    for k, (name, label, (ref, domain)) in enumerate(panels_):
+        courses = [(np.asarray(t["time"], float), np.asarray(t[name], float) / family.size,
+                    np.asarray(t[f"{name}_sd"], float) / family.size)
+                   for _, t, _, _ in looks]  # fmt: skip
+        reach = np.array([_reach(y, sd) for _, y, sd in courses])
+        low, high = float(reach[:, 0].min()), float(reach[:, 1].max())
+        for (words, _, colour, shade), (x, y, sd) in zip(looks, courses, strict=True):
+            edges = [np.clip(y + s * sd, low, high) for s in (-GUIDE, GUIDE)]
+            data.append(band(x, edges[0], edges[1], "±2 sd", yaxis=f"y{ref}", showlegend=False,
+                             fillcolor=shade))  # fmt: skip
+            data.append(line(words, x, y, colour, yaxis=f"y{ref}", showlegend=k == 0))
+        axes[f"yaxis{ref}"] = axis(label, domain=domain, range=[low, high], nticks=5)
+    n = len(family.members)
+    title = titled(family.name, family.unit)[0] | {"yshift": 24}
+    look = layout(100 + (95 if n > 1 else 150) * n, meta={"zoom": True}, shapes=marked(times),
+                  annotations=[title], showlegend=True, **axes)  # fmt: skip
+    look["margin"] = look["margin"] | {"t": 54}
+    alt = f"{family.name} along the run with the delay and without it"
     return Figure(data, look, share=50, alt=alt)
 
 

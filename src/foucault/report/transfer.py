@@ -14,7 +14,7 @@ from foucault.models.geodesy import displacement
 from foucault.report import figures_navigation
 from foucault.report import figures_transfer as figures
 from foucault.report.figures import FIRST
-from foucault.report.figures_transfer import Panel, Times
+from foucault.report.figures_transfer import Times
 from foucault.report.figures_tumble import Family
 from foucault.report.page import Block, Column, Facts, Figure, Section, Table, Text
 from foucault.report.uncertainty import shown
@@ -58,14 +58,26 @@ DOTTED = "Dotted: a manoeuvre begins or ends."
 BACK = 5.0
 """Turns that come to less end where they began [deg]."""
 
-UNSEEN = 0.01
-"""A part whose delay is less certain than this shows none [s]."""
-
 MINUTE = float(np.radians(1 / 60))
 
 
 def mine(result: Result) -> bool:
     return result.procedure == "transfer_alignment" and "filter" in result.diagnostics
+
+
+def started(result: Result) -> float:
+    """Return when the slave's log begins by its clock [s]: times of the report count from there."""
+    return float(result.diagnostics.get("start", 0.0))
+
+
+def table_of(result: Result, name: str) -> Mapping[str, Any] | None:
+    """Return a table of the run, its times counted from the start of the slave's log [s]."""
+    table = result.tables.get(name)
+    if table is None:
+        return None
+    clock = ("time", "start", "end")
+    return {k: np.asarray(v, float) - started(result) if k in clock else v
+            for k, v in table.items()}  # fmt: skip
 
 
 def done(result: Result) -> Section | None:
@@ -86,6 +98,7 @@ def done(result: Result) -> Section | None:
         ("mount", _mount(f)),
         ("noise of the gyros", _noise(noise["gyro"], "angle random walk")),
         ("noise of the accelerometers", _noise(noise["accel"], "velocity random walk")),
+        *_clock(started(result)),
     ]
     lead = (
         "The slave is navigated beside its master; what the two say of the same instants shows "
@@ -94,13 +107,19 @@ def done(result: Result) -> Section | None:
     if f["gamma"] is not None:
         times = f["gamma"] / f["least_gamma"]
         words = f"{plain(f['gamma'], 4)}, {times:.2f} times the least, {plain(f['least_gamma'], 4)}"
-        pairs[4:4] = [("gamma", words), ("bound of", WANTED.get(f["wanted"], str(f["wanted"])))]
+        at = [name for name, _ in pairs].index("delay")
+        pairs[at:at] = [("gamma", words), ("bound of", WANTED.get(f["wanted"], str(f["wanted"])))]
         lead += (
             " Standard deviations are those of an H-infinity filter: bounds, inflated as gamma "
             "demands, rather than the spread of the error. They do not make up for a noise or a "
             "mount that is far from what was said."
         )
     return Section("What was done", lead, [Facts(pairs)])
+
+
+def _clock(start: float) -> list[tuple[str, str]]:
+    words = f"{plain(start, 13)} s of the slave's clock, the start of its log"
+    return [("time 0", words)] if start else []
 
 
 def _scatter(matching: str, f: Mapping[str, Any]) -> str:
@@ -121,13 +140,14 @@ def _filter(d: Mapping[str, Any]) -> str:
 
 def _delay(delay: Mapping[str, Any]) -> str:
     if delay["method"] in METHODS:
-        return f"{_ms(delay['used'], delay['sd'])} ms, starting from {METHODS[delay['method']]}"
+        value = milliseconds(delay["used"], delay["sd"])
+        return f"{value} ms, starting from {METHODS[delay['method']]}"
     if delay["method"] == "none":
         return "none: messages are taken as if they held when they arrive"
     return f"{plain(1e3 * delay['used'])} ms, as given"
 
 
-def _ms(seconds: float, sd: float) -> str:
+def milliseconds(seconds: float, sd: float) -> str:
     value, spread = 1e3 * seconds, 1e3 * sd
     return f"{signed(format_value(value, spread))} ± {format_value(spread, spread)}"
 
@@ -149,90 +169,6 @@ def _noise(white: float, kind: str) -> str:
     return f"{plain(units.convert(white, kind, unit), 3)} {shown(unit)}"
 
 
-# -- the delay -------------------------------------------------------------------------------
-
-
-def delay(result: Result) -> Section | None:
-    """How late messages are by each method and in parts, and what that is worth in motion."""
-    if not mine(result):
-        return None
-    known = result.diagnostics["delay"]
-    blocks: list[Block] = []
-    rows = _methods(known)
-    if rows:
-        columns = [Column("method"), Column("delay [ms]", "number"), Column("± sd [ms]", "number")]
-        blocks.append(Table(columns, rows))
-    if words := _drift(known):
-        blocks.append(Text(words))
-    gone, lead = result.tables.get("delayed"), ""
-    if gone is not None and len(gone["time"]) and known["used"] != 0:
-        lead = _worth(gone, known["used"])
-        blocks.append(_gone(gone, changes(result)))
-    tried, fit = result.tables.get("likelihood"), known.get("likelihood")
-    if tried is not None and fit:
-        log_l = np.asarray(tried["log_likelihood"], float)
-        times = np.asarray(tried["delay"], float)
-        blocks.append(figures.likelihood(times, log_l.max() - log_l, fit["value"], fit["sd"]))
-    parts = result.tables.get("delay_parts")
-    if parts is not None and len(parts["start"]) > 1:
-        blocks += [Text("By matching what both turned, part by part of the log:"), _parts(parts)]
-    return Section("Delay of the messages", lead, blocks) if blocks else None
-
-
-def _methods(known: Mapping[str, Any]) -> list[list[str]]:
-    out = []
-    if "sd" in known:
-        out.append(("the result: state of the filter", known["used"], known["sd"]))
-    for key, words in (("likelihood", "likeliest"), ("rate_matching", "what both turned")):
-        if known.get(key):
-            out.append((words, known[key]["value"], known[key]["sd"]))
-    return [[words, *_ms(value, sd).split(" ± ")] for words, value, sd in out]
-
-
-def _drift(known: Mapping[str, Any]) -> str:
-    match = known.get("rate_matching")
-    if not match or not match["drift_sd"] > 0:
-        return ""
-    if match["drift"] == 0:
-        return (f"The clocks of the two do not drift against one another, within "
-                f"{plain(2e6 * match['drift_sd'], 2)} ppm.")  # fmt: skip
-    sd = 1e6 * match["drift_sd"]
-    value = signed(format_value(1e6 * match["drift"], sd))
-    return f"The delay grows by {value} ± {format_value(sd, sd)} ppm of time: the clocks drift."
-
-
-def _worth(gone: Mapping[str, FloatArray], used: float) -> str:
-    turn = float(np.degrees(np.nanmax(np.abs(gone["heading"]))))
-    speed = float(np.nanmax(np.hypot(gone["velocity_east"], gone["velocity_north"])))
-    return (
-        f"In {plain(1e3 * used, 4)} ms the slave went on by up to {plain(turn, 2)}° of heading and "
-        f"{plain(speed, 2)} m/s of velocity: so far off a message is when it arrives."
-    )
-
-
-def _gone(gone: Mapping[str, FloatArray], times: Times) -> Figure:
-    some = [
-        Panel("heading [°]", (("heading", np.degrees(gone["heading"])),), {}),
-        Panel("east [m/s]", (("velocity east", gone["velocity_east"]),), {}),
-        Panel("north [m/s]", (("velocity north", gone["velocity_north"]),), {}),
-    ]
-    alt = "What the slave went on in heading and velocity while each message was under way"
-    caption = "The slave when a message arrives less the slave when it held."
-    time = np.asarray(gone["time"], float)
-    return figures.panels(time, some, times, alt, 50, 100, caption)
-
-
-def _parts(parts: Mapping[str, FloatArray]) -> Table:
-    columns = [Column("from [s]", "number"), Column("to [s]", "number"),
-               Column("delay [ms]", "number"), Column("± sd [ms]", "number")]  # fmt: skip
-    rows = []
-    for a, b, value, sd in zip(*(parts[k] for k in ("start", "end", "delay", "delay_sd")),
-                               strict=True):  # fmt: skip
-        cells = _ms(float(value), float(sd)).split(" ± ") if sd < UNSEEN else ["not seen", ""]
-        rows.append([f"{a:.0f}", f"{b:.0f}", *cells])
-    return Table(columns, rows)
-
-
 def signed(text: str) -> str:
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
@@ -242,7 +178,7 @@ def signed(text: str) -> str:
 
 def changes(result: Result) -> Times:
     """Return when a manoeuvre begins or ends [s]; nothing where there are too many."""
-    table = result.tables.get("stretches")
+    table = table_of(result, "stretches")
     if table is None or len(table["start"]) > MOST:
         return []
     return [float(t) for t in table["start"][1:]]
@@ -263,13 +199,13 @@ def families(result: Result) -> list[Family]:
 
 def motion(result: Result) -> Section | None:
     """What each manoeuvre has shown of every group of coefficients."""
-    table, course = result.tables.get("stretches"), result.tables.get("estimates")
+    table, course = table_of(result, "stretches"), table_of(result, "estimates")
     if not mine(result) or table is None or course is None:
         return None
     c = result.coefficients
     before = dict(zip(c.names, c.prior_sd, strict=True))
     groups = [f for f in families(result) if all(0 < before[m] < np.inf for m in f.members)]
-    path = result.tables.get("smoothed")
+    path = table_of(result, "smoothed")
     moved = path is not None and len(path["time"]) > 1
     blocks: list[Block] = [
         figures.known(course, groups, before, changes(result), 62 if moved else 100)
@@ -337,7 +273,7 @@ def _map(path: Mapping[str, FloatArray]) -> Figure:
 
 def estimates(result: Result) -> Section | None:
     """Estimates against time with two standard deviations."""
-    table = result.tables.get("estimates")
+    table = table_of(result, "estimates")
     if not mine(result) or table is None or not len(table["time"]):
         return None
     times = changes(result)

@@ -14,8 +14,8 @@ from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.report import figures_transfer as figures
 from foucault.report.figures_transfer import Panel
 from foucault.report.figures_tumble import Family
-from foucault.report.page import Block, Column, Section, Table, Text
-from foucault.report.transfer import MINUTE, changes, mine, signed
+from foucault.report.page import Block, Code, Column, Section, Table, Text
+from foucault.report.transfer import MINUTE, changes, mine, signed, started, table_of
 from foucault.result import Result
 from foucault.units import plain
 
@@ -25,9 +25,16 @@ GROUPED = 60
 """Points that the course of the NIS is drawn with [1]."""
 
 
+PLACES = {
+    "master": "The position is the master's, the lever arm away",
+    "site": "The master says no position: it is that of [site] and the way from there",
+}
+"""Where the position of a hand-over is from, in words."""
+
+
 def innovations(result: Result) -> Section | None:
     """What each message said beyond what was expected, and how it scatters."""
-    table = result.tables.get("innovations")
+    table = table_of(result, "innovations")
     if not mine(result) or table is None or "nis" not in table:
         return None
     times = changes(result)
@@ -93,7 +100,7 @@ def grouped_nis(table: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, tuple
 
 def bound(result: Result) -> Section | None:
     """How near the H-infinity filter comes to the end of its bound."""
-    table = result.tables.get("gamma")
+    table = table_of(result, "gamma")
     if not mine(result) or table is None:
         return None
     f, used = result.diagnostics["filter"], 1 - np.asarray(table["margin"], float)
@@ -103,14 +110,15 @@ def bound(result: Result) -> Section | None:
     lead = (
         f"There is an H-infinity filter of gamma {plain(f['gamma'], 4)} as long as what is "
         "uncertain of the states it is a bound of stays below gamma squared at every step. "
-        f"The largest part of it, {most}, is used at {when} s."
+        f"The largest part of it, {most}, is used at {when} s. Below the least gamma what is "
+        "inflated feeds itself from message to message until it reaches 1."
     )
     return Section("Bound of the filter", lead, [figures.bound(time, used, changes(result))])
 
 
 def attitude(result: Result) -> Section | None:
     """Heading, pitch and roll of the slave as seen from the end, with sd."""
-    table = result.tables.get("smoothed")
+    table = table_of(result, "smoothed")
     if not mine(result) or table is None or not len(table["time"]):
         return None
     time, times = np.asarray(table["time"], float), changes(result)
@@ -136,6 +144,32 @@ def attitude(result: Result) -> Section | None:
     return Section("Attitude", lead, blocks)
 
 
+def mounting(result: Result) -> Section | None:
+    """How the slave is turned on its master, and how that is used."""
+    known = result.diagnostics.get("mounting")
+    if not mine(result) or not known:
+        return None
+    pairs = zip(("heading", "pitch", "roll"), known["nominal"], known["angles"], strict=True)
+    rows = [[n, *(signed(f"{np.degrees(x):.4f}") for x in (said, found))]
+            for n, said, found in pairs]  # fmt: skip
+    columns = [Column("of the slave on its master"), Column("nominal [°]", "number"),
+               Column("found [°]", "number")]  # fmt: skip
+    arm = ", ".join(signed(plain(x, 4)) for x in known["lever_arm"])
+    lead = (
+        "Coordinates in the axes of the slave, s, go over into those of the master, m, by "
+        "x_m = C_ms x_s. The coefficients of the installation are the rotation from the nominal "
+        "C_ms to the one found, right-handed about the axes of the slave; their sd stands above. "
+        f"The lever arm, {arm} m right, forward and up of the master, was taken as exact."
+    )
+    matrix = "\n".join(f"    [{', '.join(f'{x:.9f}' for x in row)}]," for row in known["C_ms"])
+    code = (
+        f"C_ms = np.array([  # x_m = C_ms @ x_s\n{matrix}\n])\n"
+        "C_ns = C_nm @ C_ms    # attitude of the slave from that of its master, and\n"
+        "C_nm = C_ns @ C_ms.T  # the other way: f_m = C_ms @ f_s, w_m = C_ms @ w_s"
+    )
+    return Section("Mounting", lead, [Table(columns, rows), Code(code)])
+
+
 def handed(result: Result) -> Section | None:
     """The state in which the slave goes on alone."""
     state = result.diagnostics.get("hand_over")
@@ -159,9 +193,23 @@ def handed(result: Result) -> Section | None:
     columns = [Column("quantity"), Column("value", "number"), Column("unit", "short"),
                Column("± sd", "number")]  # fmt: skip
     table = Table(columns, [[n, v, u, s] for n, v, s, u in cells])
+    at = float(state["time"]) - started(result)
     lead = (
-        f"How the slave goes on alone at {plain(state['time'], 6)} s of its clock: the last "
-        "message carried forward over its delay, with the coefficients above. The position is the "
-        "master's, the lever arm away; pitch and roll are known at least as well as is said."
+        f"How the slave goes on alone from {plain(at, 6)} s on: the last "
+        "message carried forward over its delay, with the coefficients above. "
+        f"{PLACES[state.get('place', 'master')]}; pitch and roll are known at least as well as is "
+        "said."
     )
-    return Section("Hand-over", lead, [table])
+    more = (
+        "Where the slave's log goes on after that, and something else knows where it went, this "
+        "says what the calibration is worth in metres:"
+    )
+    angles = " ".join(f"--{n} '{np.degrees(state[n]):.5f} deg'"
+                      for n in ("heading", "pitch", "roll"))  # fmt: skip
+    code = (
+        f"foucault navigate LOG --reference REFERENCE --calibration result.json \\\n"
+        f"    --from '{plain(at, 9)} s' {angles} \\\n"
+        f"    --heading-sd '{format_value(sd[2] / MINUTE, sd[2] / MINUTE)} arcmin' "
+        f"--level-sd '{format_value(level, level)} arcmin' -o navigation"
+    )
+    return Section("Hand-over", lead, [table, Text(more), Code(code)])

@@ -39,7 +39,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("campaign.required", "error",
      "A key that must be there is not",
      "{key} is missing.{more}",
-     "Add it ({example}); `foucault init hand_rotated` prints a complete example."),
+     "Add it ({example}); `foucault init` with the name of the procedure prints a complete "
+     "example."),
     ("campaign.value", "error",
      "A value of the wrong type or outside its range",
      "{key}: {given} is not allowed; {reason}.{hint}{more}",

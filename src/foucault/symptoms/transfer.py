@@ -33,6 +33,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The slave's gyros and the master's attitudes have too few turns in common to find the delay "
      "by.",
      'Write delay = "80 ms" or whatever it is known to be; or delay_method = "likelihood".'),
+    ("transfer.sample_delay", "error",
+     "A delay that is to be found by whole samples",
+     'shift = "sample" takes the slave at whole samples: a delay that is estimated jumps from one '
+     "to the next.",
+     'Write shift = "interpolated", or the delay, such as delay = "80 ms".'),
     ("transfer.hand_over", "error",
      "A hand-over outside the log",
      "hand_over is {given} s; messages hold from {begin} s on, and the slave's log ends at {last} "
@@ -81,15 +86,84 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Correct mounting_heading, mounting_pitch and mounting_roll, or the order and the signs of "
      "the columns."),
     ("transfer.sense", "warning",
-     "A master whose heading counts the other way",
-     "The slave turns as the master would if its heading counted the other way: {likeness} of its "
-     "turning is explained so, and as it is only by a mounting {angle} deg from the nominal one.",
-     'Write sense = "counter-clockwise" (or "clockwise") in [master.attitude].'),
+     "A master of which an angle counts the other way",
+     "The slave turns as the master would if its {angle} counted the other way: {likeness} of its "
+     "turning is explained so, and as it is not, in the mounting that was said.",
+     "{cure}"),
+    ("transfer.mirror", "warning",
+     "Gyros that are a mirror image",
+     "The slave turns as the master does if its gyros x, y, z point along {axes}: no mounting "
+     "makes that, but a wrong sign or two columns exchanged.",
+     "Correct the order and the signs of the columns in [log.gyro]; \"-gy\" flips a sign."),
+    ("transfer.gravity", "warning",
+     "Accelerometers that read gravity",
+     "The slave's specific force and the master's velocities fit if every accelerometer has the "
+     "other sign ({least} m/s^2 are left over, {now} as it is).",
+     'Write reads = "gravity" in [log.accel]: at rest specific force is +1 g up.'),
+    ("transfer.force_axes", "warning",
+     "Accelerometers in other axes than the gyros",
+     "The slave's specific force and the master's velocities fit if the accelerometers are taken "
+     "as {words} ({least} m/s^2 are left over, {now} as they are).",
+     "Correct the order and the signs of the columns in [log.accel]."),
+    ("transfer.force_velocity", "warning",
+     "Velocities or headings of a master that do not fit the slave's forces",
+     "The master's velocities change as the slave feels it if they are, or come with, {words} "
+     "({least} m/s^2 are left over, {now} as they are).",
+     'Correct order, signs and frame ("NED") of the columns in [master.velocity], or the zero of '
+     "the heading."),
+    ("transfer.force_unit", "warning",
+     "Velocities of a master in another unit",
+     "The master's velocities change as the slave feels it if they are {words} ({least} m/s^2 are "
+     "left over, {now} as they are).",
+     "Correct the unit in [master.velocity]."),
+    ("transfer.force_size", "warning",
+     "Accelerometers in another unit",
+     "The slave feels {ratio} times the force that moves its master.{hint}",
+     'Check the unit in [log.accel], and whether it holds rates or increments (kind = '
+     '"increment").'),
+    ("transfer.gap", "error",
+     "A gap in the log of a slave",
+     "The slave's log has {count} gaps, the longest of {longest} at {time} s; up to {allowed} are "
+     "bridged.",
+     "Use what lies before it (hand_over), or a log that begins after it."),
+    ("transfer.not_finite", "error",
+     "Readings of a slave that are no numbers",
+     "{count} readings of the slave are not finite, the first at {time} s.",
+     "Leave them out: a gap of a few samples is bridged."),
+    ("transfer.backwards", "error",
+     "A slave's time that does not run forward",
+     "{count} stamps of the slave are not after the one before, the first at {time} s.",
+     "Sort the log by time; where its stamps start anew it holds two runs: use one of them."),
     ("transfer.lever", "warning",
      "A lever arm that the velocities contradict",
-     "The velocities fit better with {words} (log-likelihood {gain} higher).",
+     "The velocities show a lever arm of {found} +- {sd} m, and {said} (log-likelihood {gain} "
+     "higher).",
      "The lever arm goes from the master to the slave, right, forward and up of the master: check "
-     "its sign and its axes."),
+     "its sign and its axes; what shows is lever_arm = [{written}]. Velocities that come later "
+     "than the attitudes look like an arm along the course."),
+    ("transfer.prior", "warning",
+     "A prior that the messages contradict",
+     "{name} was said to be {mean} give or take {prior}; the messages alone say {found}, and "
+     "explain themselves once the priors are wide enough.",
+     'Write "{group}" with sd = "{wide}" or so into [prior] (mean = "{mean}"), and look at '
+     "velocity_sd and attitude_sd afterwards."),
+    ("transfer.outliers", "warning",
+     "A few messages that are off",
+     "{count} messages differ from the slave by more than {limit} standard deviations, {worst} at "
+     "most; they are stamped {times} s.",
+     "Look at the master there: a new satellite solution, a switch of its mode, a damaged row. "
+     "Leave these rows out of its table."),
+    ("transfer.no_vertical", "note",
+     "A master that says nothing of the vertical",
+     "The vertical velocity of all messages is zero: it was not used.",
+     "Nothing, if the master does not say it; vertical = false says so beforehand. The bias of the "
+     "accelerometer that points up then rests on turns alone."),
+    ("transfer.unsettled", "warning",
+     "Passes that have not settled",
+     "From pass {before} to pass {after} {name} moves by {moved} of its standard deviations; "
+     "{passes} asked for.",
+     "Write passes = {more}. Where more passes do not settle either, look at units, axes and "
+     "priors."),
     ("transfer.unseen", "warning",
      "Coefficients that the motion does not show",
      "The motion shows hardly anything of {names}.",
@@ -104,6 +178,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Messages that differ from the slave otherwise than was stated",
      "Innovations of {what} are {ratio} times what is expected.",
      "{key} = \"{value}\" would explain them. Look for causes first: a mount that bends (load, "
-     "flexure_sd), and stamps that jitter (log the time of arrival beside the master's own)."),
+     "flexure_sd), a slave whose axes are not at right angles (misalignments), and stamps that "
+     "jitter (log the time of arrival beside the master's own)."),
 )
 # fmt: on

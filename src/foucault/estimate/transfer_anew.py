@@ -1,0 +1,79 @@
+"""Begin a free run anew where it has gone astray, and say what that makes of its errors.
+
+Errors of attitude, velocity and position are vectors in space: seen from the Earth, those of the
+new run are those of the old one and a difference that is known without noise. Only the axes of the
+level frame, which belong to the computed place, are others::
+
+    psi_new = C_l'l psi_old - log(C_eb_new C_eb_old')     and likewise of v and r
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.models.geodesy import displaced, east_north_up, ecef
+from foucault.models.rotation import exp, log
+from foucault.navigate.state import State, state_of, states_of
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Anew:
+    """A new beginning.
+
+    Attributes
+    ----------
+    state : State
+        Where, how fast and how turned.
+    turn : ndarray, shape (9, 9)
+        Axes of the new level frame from those of the old one, for (psi, dv, dr) [1].
+    jump : ndarray, shape (9,)
+        What is added to the errors, in the new level frame [SI].
+    """
+
+    state: State
+    turn: FloatArray
+    jump: FloatArray
+
+    @classmethod
+    def of(cls, state: State) -> Anew:
+        """Return the first beginning."""
+        return cls(state, np.eye(9), np.zeros(9))
+
+    @classmethod
+    def by(cls, row: FloatArray, turned: FloatArray, faster: FloatArray, away: FloatArray) -> Anew:
+        """Return the beginning that takes out what a run is thought to be wrong by.
+
+        Parameters
+        ----------
+        row : ndarray, shape (12,)
+            State of `kernels.strapdown` at the end of the run [SI].
+        turned : ndarray, shape (3,)
+            Rotation vector from the true to the computed attitude, frame n [rad].
+        faster : ndarray, shape (3,)
+            Computed less true velocity, frame n [m/s].
+        away : ndarray, shape (3,)
+            Computed less true position, frame n [m].
+        """
+        old = state_of(row)
+        latitude, longitude, height = displaced(old.latitude, old.longitude, old.height, -away)
+        new = State(float(latitude), float(longitude), float(height), old.velocity_n - faster,
+                    exp(-turned) @ old.C_nb)  # fmt: skip
+        before, after = _in_space(row), _in_space(new.packed())
+        psi = -log(after[0] @ before[0].T)
+        C_le = after[3].T
+        turn = np.asarray(np.kron(np.eye(3), C_le @ before[3]), np.float64)
+        jump = np.concatenate([C_le @ d for d in (psi, after[1] - before[1], after[2] - before[2])])
+        return cls(new, turn, jump)
+
+
+def _in_space(row: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return C_eb, velocity and position in frame e, and C_el of a state."""
+    x = states_of(row)
+    C_en = east_north_up(float(x["latitude"]), float(x["longitude"]))
+    place = ecef(float(x["latitude"]), float(x["longitude"]), float(x["height"]))
+    return C_en @ x["C_nb"], C_en @ x["velocity_n"], place, C_en @ x["C_nl"]

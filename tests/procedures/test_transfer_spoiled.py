@@ -1,0 +1,450 @@
+"""Good logs of a slave and its master that were spoiled: what is said of each, in its own words."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault.diagnose.consistency import chi_square_limits
+from foucault.errors import FoucaultError
+from foucault.models.attitude import angles_of, matrix_of
+from foucault.models.imu import ImuModel
+from foucault.models.rotation import exp
+from foucault.plans.transfer_profiles import transfer_profile
+from foucault.procedures.transfer_log import SlaveLog
+from foucault.procedures.transfer_problem import problem_of
+from foucault.procedures.transfer_session import moved, simulate, simulate_motion
+from foucault.result import Level
+from make_transfer_campaign import codes, described, failed, made, missed, trial
+
+DEG, ARCMIN, G = np.pi / 180, np.pi / 10800, 9.80665
+LEVER = '["1 m", "2 m", "-0.5 m"]'
+
+
+@pytest.fixture(scope="module")
+def flight():
+    c = described()
+    return c, made(c, 7)
+
+
+@pytest.fixture(scope="module")
+def levered():
+    """A slave 2.3 m from its master."""
+    c = described(lever_arm=LEVER)
+    return c, made(c, 2)
+
+
+def said(flight, spoil, **changes):
+    """Calibrate a spoiled pair; return the result."""
+    c, session = flight
+    settings = c.settings.model_copy(update=changes)
+    return trial(c, spoil(session.simulation.log), settings=settings)
+
+
+def told(result, code: str) -> str:
+    """Return message and cure of the one finding of a code."""
+    (one,) = [f for f in result.findings if f.code == code]
+    return f"{one.message} {one.cure}"
+
+
+def as_it_is(log):
+    return log
+
+
+def slave(**columns):
+    """Return what changes gyro or accel of the slave."""
+    return lambda log: replace(log, **{name: f(getattr(log, name)) for name, f in columns.items()})
+
+
+def master(**columns):
+    """Return what changes time, velocity_n or angles of the master."""
+
+    def spoil(log):
+        m, changed = log.messages, dict(columns)
+        turned = changed.pop("angles", None)
+        if turned is not None:
+            changed["C_nb"] = lambda C: matrix_of(*turned(angles_of(C)).T)
+        return replace(
+            log, master=replace(m, **{name: f(getattr(m, name)) for name, f in changed.items()})
+        )
+
+    return spoil
+
+
+def swapped(x):
+    return x[:, [1, 0, 2]]
+
+
+# -- what is given comes with its own words --------------------------------------------------------
+
+SPOILED = [
+    (slave(gyro=lambda w: w / DEG), "delay.scale", "as if it were in deg, and was taken for rad"),
+    (slave(gyro=lambda w: w * DEG), "delay.scale", "as if it were in rad, and was taken for deg"),
+    (slave(gyro=lambda w: w / 100), "delay.scale",
+     "as if it held increments of angle, and was taken for rates"),
+    (slave(gyro=lambda w: w * 100), "delay.scale",
+     "as if it held rates, and was taken for increments of angle"),
+    (slave(accel=lambda f: f / G), "transfer.force_size", "They look like g, taken for m/s^2."),
+    (slave(accel=lambda f: f * G), "transfer.force_size", "They look like m/s^2, taken for g."),
+    (slave(accel=lambda f: f / 100), "transfer.force_size",
+     "They look like increments of velocity, taken for forces."),
+    (slave(accel=lambda f: f * 7), "transfer.force_size",
+     "7.03 times the force that moves its master. Check the unit in [log.accel]"),
+    (slave(accel=np.negative), "transfer.gravity", 'Write reads = "gravity" in [log.accel]'),
+    (slave(accel=swapped), "transfer.force_axes", "if the accelerometers are taken as y, x, z"),
+    (slave(accel=lambda f: f * [1, -1, 1]), "transfer.force_axes", "are taken as x, -y, z"),
+    (slave(gyro=swapped), "transfer.mirror", "gyros x, y, z point along y, x, z"),
+    (slave(gyro=lambda w: w * [1, 1, -1]), "transfer.mirror", "point along x, y, -z"),
+    (slave(gyro=lambda w: swapped(w) * [1, 1, -1], accel=lambda f: swapped(f) * [1, 1, -1]),
+     "transfer.mounting", "the order and the signs of the columns"),
+    (master(angles=lambda a: a * [-1, 1, 1]), "transfer.sense",
+     "as the master would if its heading counted the other way: 100 % of its turning"),
+    (master(angles=lambda a: [90 * DEG, 0, 0] + a * [-1, 1, 1]), "transfer.sense",
+     'Write sense = "counter-clockwise"'),
+    (master(angles=lambda a: a * [1, 1, -1]), "transfer.sense", 'Write "-roll", or whatever'),
+    (master(angles=lambda a: a * [1, -1, 1]), "transfer.force_velocity",
+     "a pitch that counts the other way"),
+    (master(angles=lambda a: a + np.array([np.pi, 0, 0])), "transfer.force_velocity",
+     "a heading that is off by 180 deg"),
+    (master(velocity_n=lambda v: swapped(v) * [1, 1, -1]), "transfer.force_velocity",
+     'north, east, down for east, north, up'),
+    (master(velocity_n=lambda v: v * [1, 1, -1]), "transfer.force_velocity", "down for up"),
+    (master(velocity_n=lambda v: v * 3.6), "transfer.force_unit", "if they are km/h"),
+    (master(velocity_n=lambda v: v / 0.514444), "transfer.force_unit", "if they are knots"),
+]  # fmt: skip
+
+
+def noticed(flight, spoil):
+    """Return what is noticed before anything is filtered."""
+    c, session = flight
+    return problem_of(spoil(session.simulation.log), c.site, c.settings, c.noise, {}).findings
+
+
+@pytest.mark.parametrize(("spoil", "code", "words"), SPOILED)
+def test_a_mistake_is_named(flight, spoil, code: str, words: str) -> None:
+    one = next(f for f in noticed(flight, spoil) if f.code == code)
+    assert words in f"{one.message} {one.cure}"
+
+
+def test_nobody_is_sent_elsewhere_for_a_wrong_column(flight) -> None:
+    """Neither to velocity_sd and attitude_sd, nor to more passes or another lever arm."""
+    for spoil in (slave(accel=swapped), master(angles=lambda a: a * [-1, 1, 1])):
+        result = said(flight, spoil)
+        assert len(codes(result)) == 1
+        assert result.verdict.level is not Level.PASS
+
+
+@pytest.mark.parametrize("profile", ["ship", "uav", "survey"])
+def test_other_vehicles_name_them_too(profile: str) -> None:
+    c = described(profile=f'"{profile}"')
+    both = c, made(c, 3)
+    assert not noticed(both, as_it_is)
+    for spoil, code in (
+        (slave(accel=np.negative), "transfer.gravity"),
+        (slave(accel=swapped), "transfer.force_axes"),
+        (master(velocity_n=swapped), "transfer.force_velocity"),
+        (master(velocity_n=lambda v: v * 3.6), "transfer.force_unit"),
+    ):
+        assert [f.code for f in noticed(both, spoil)] == [code]
+
+
+@pytest.mark.parametrize("away", [1.0, -0.3])
+def test_clocks_that_differ(flight, away: float) -> None:
+    result = said(flight, master(time=lambda t: t + away))
+    words = told(result, "transfer.outside")
+    assert f"The delay is {1e3 * away + 100:.1f} ms, and was looked for from 0 to 200.0 ms" in words
+    assert "A negative delay means clocks that differ" in words
+    assert "transfer.at_validity" not in codes(result)
+    assert "delay" in failed(result)
+
+
+def test_a_mounting_of_some_degrees_is_no_wrong_column() -> None:
+    c = described(installation_sd='"2 deg"')
+    assert not noticed((c, made(c, 1)), as_it_is)
+
+
+# -- time ------------------------------------------------------------------------------------------
+
+
+def test_clocks_that_drift_a_little(flight) -> None:
+    """3 ppm of a straight line over the log are 0.7 ms: told as soon as they are seen."""
+    c = described(message_rate='"20 Hz"', profile='"uav"')
+    both = c, made(c, 1)
+    (one,) = noticed(both, master(time=lambda t: t * (1 - 3e-6)))
+    assert re.match(r"The clock of the stamps gains -(2|3)\.\d \+- 0\.\d ppm on the slave's, "
+                    r"-0\.[678] ms over the log; this was taken out\.", one.message)  # fmt: skip
+    assert not noticed(both, as_it_is)
+
+
+def test_stamps_that_do_not_rise(flight) -> None:
+    back = slave(time=lambda t: np.where(t > 90.0, t - 3.0, t))
+    with pytest.raises(FoucaultError) as caught:
+        said(flight, back)
+    assert caught.value.code == "transfer.backwards"
+    assert "1 stamps of the slave are not after the one before, the first at 87.01 s" in (
+        caught.value.message
+    )
+    twice = slave(time=lambda t: np.where(np.arange(len(t)) == 9000, t - 0.01, t))
+    with pytest.raises(FoucaultError, match=r"the first at 89\.99 s"):
+        said(flight, twice)
+    with pytest.raises(FoucaultError) as caught:
+        said(flight, master(time=lambda t: np.where(t > 100.0, t - 20.0, t)))
+    assert caught.value.code == "master.time"
+
+
+def test_a_slave_that_lost_samples(flight) -> None:
+    def lost(log, rows):
+        kept = np.setdiff1d(np.arange(len(log)), rows)
+        return replace(log, time=log.time[kept], gyro=log.gyro[kept], accel=log.accel[kept])
+
+    result = said(flight, lambda log: lost(log, [3000, 8000, 8001, 20000]))
+    assert "3 gaps were bridged, the longest 30 ms" in told(result, "strapdown.bridged")
+    assert not failed(result)
+    assert np.abs(missed(result, flight[1])[0]).max() < 4.5
+    with pytest.raises(FoucaultError) as caught:
+        said(flight, lambda log: lost(log, np.arange(8000, 8200)))
+    assert caught.value.code == "transfer.gap"
+    assert "1 gaps, the longest of 2.01 s at 79.99 s; up to 250 ms" in caught.value.message
+    # What lies before the gap can be used.
+    before = said(flight, lambda log: lost(log, np.arange(20000, 20200)), hand_over=190.0)
+    assert not failed(before)
+
+
+def test_what_is_no_number(flight) -> None:
+    def hole(x):
+        out = x.copy()
+        out[500] = np.nan
+        return out
+
+    for spoil in (slave(gyro=hole), slave(accel=hole)):
+        with pytest.raises(FoucaultError) as caught:
+            said(flight, spoil)
+        assert caught.value.code == "transfer.not_finite"
+        assert "1 readings of the slave are not finite, the first at 5 s" in caught.value.message
+    for spoil in (master(velocity_n=hole), master(C_nb=hole)):
+        with pytest.raises(FoucaultError) as caught:
+            said(flight, spoil)
+        assert caught.value.code == "master.missing"
+        assert "the first of them is number 500" in caught.value.message
+
+
+# -- messages --------------------------------------------------------------------------------------
+
+
+def test_messages_that_were_lost_or_came_twice(flight) -> None:
+    def kept(rows):
+        return lambda log: replace(log, master=log.messages[rows(len(log.messages))])
+
+    lost = said(flight, kept(lambda n: np.r_[0:300, 400:n]))
+    assert "1 gaps, in which about 100 messages are missing" in told(lost, "master.gaps")
+    twice = said(flight, kept(lambda n: np.repeat(np.arange(n), 2)))
+    assert "1199 messages repeat the one before" in told(twice, "master.repeated")
+    for result in (lost, twice):
+        assert not failed(result)
+        assert np.abs(missed(result, flight[1])[0]).max() < 4.5
+
+
+def test_a_heading_averaged_across_its_wrap(flight) -> None:
+    def averaged(angles):
+        H = angles[:, 0] % (2 * np.pi)
+        wrapped = np.flatnonzero(np.abs(np.diff(H)) > 3.0)
+        assert len(wrapped) > 1
+        H[wrapped + 1] = (H[wrapped] + H[wrapped + 1]) / 2
+        return np.column_stack([H, angles[:, 1:]])
+
+    result = said(flight, master(angles=averaged))
+    assert "A heading that was averaged or interpolated across its wrap" in (
+        told(result, "delay.wild")
+    )
+    assert not failed(result)
+    assert np.abs(missed(result, flight[1])[0]).max() < 4.5
+    # Wrapped at 180 deg instead of at 360 it is the same heading.
+    other = said(flight, master(angles=lambda a: a - [2 * np.pi, 0, 0] * (a[:, :1] > np.pi)))
+    assert codes(other) == []
+
+
+def test_a_master_without_vertical_velocity(flight) -> None:
+    result = said(flight, master(velocity_n=lambda v: v * [1, 1, 0]))
+    assert "The vertical velocity of all messages is zero" in told(result, "transfer.no_vertical")
+    assert not failed(result)
+    assert np.abs(missed(result, flight[1])[0]).max() < 4.5
+    assert codes(said(flight, as_it_is, vertical=False)) == []
+
+
+def test_a_delay_that_jumps_is_no_drift() -> None:
+    c = described(profile='"uav"')
+    (one,) = noticed((c, made(c, 1)), master(time=lambda t: t + 0.03 * (t > 120.0)))
+    assert one.code == "delay.wanders"
+    assert "it jumps or wanders" in one.message
+
+
+def test_whole_samples_and_an_unknown_delay() -> None:
+    with pytest.raises(FoucaultError) as caught:
+        described(shift='"sample"')
+    assert caught.value.code == "transfer.sample_delay"
+    assert "a delay that is estimated jumps from one to the next" in caught.value.message
+
+
+# -- what was said of the mount, and beforehand ----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ((-1, -2, 0.5), "what was given is (-1.000, -2.000, 0.500) m: what shows is the opposite"),
+        ((0, 0, 0), "and none was given"),
+        ((2, 1, -0.5), "what shows is it with x and y exchanged"),
+        ((2, 1, 0.5), "it with forward, right, down taken for right, forward, up"),
+        ((1, 2, 0.5), "it with z reversed"),
+        ((1, 2, -0.3), "and what was given is (1.000, 2.000, -0.300) m (log-likelihood"),
+    ],
+)
+def test_a_wrong_lever_arm_is_named_with_its_size(levered, given, words: str) -> None:
+    result = said(levered, as_it_is, lever_arm=tuple(f"{x} m" for x in given))
+    (one,) = [f for f in result.findings if f.code == "transfer.lever"]
+    assert words in one.message
+    shown = [float(x.strip(' "m')) for x in one.cure.split("[")[1].split("]")[0].split(",")]
+    np.testing.assert_allclose(shown, [1, 2, -0.5], atol=0.06)
+    assert "transfer.spread" not in codes(result)
+
+
+def test_the_right_lever_arm_is_left_alone(levered) -> None:
+    assert codes(said(levered, as_it_is)) == []
+    assert "transfer.lever" not in codes(said(levered, as_it_is, matching="attitude",
+                                              lever_arm=("0 m", "0 m", "0 m")))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("prior", "words"),
+    [
+        ({"gyro.bias": (0.0, 0.02 * DEG / 3600)}, 'Write "gyro.bias" with sd = "9.9 deg/h"'),
+        ({"installation": (0.0, 0.1 * ARCMIN)}, 'Write "installation" with sd = "11 arcmin"'),
+        ({"accel.bias": (0.0, 1e-5 * G)}, 'Write "accel.bias" with sd = "1300 ug"'),
+    ],
+)
+def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
+    c, session = flight
+    result = trial(c, session.simulation.log, prior=prior)
+    assert words in told(result, "transfer.prior")
+    assert not {"transfer.spread", "transfer.unseen"} & set(codes(result))
+    wider = {k: (0.0, 300 * sd) for k, (_, sd) in prior.items()}
+    wide = trial(c, session.simulation.log, prior=wider)
+    assert codes(wide) == []
+
+
+def test_a_wrong_sd_of_the_messages_is_no_prior(flight) -> None:
+    result = said(flight, as_it_is, attitude_sd=0.1 * ARCMIN)
+    assert codes(result) == ["transfer.spread"]
+
+
+def test_a_nominal_mounting_two_degrees_off(flight) -> None:
+    words = told(said(flight, as_it_is, mounting_heading=2 * DEG), "transfer.prior")
+    assert words.startswith("installation.z was said to be 0 deg give or take 0.083 deg")
+    assert "the messages alone say 2 deg" in words
+
+
+# -- passes ----------------------------------------------------------------------------------------
+
+
+def test_one_pass_is_judged_by_a_second(flight) -> None:
+    result = said(flight, as_it_is, passes=1)
+    words = told(result, "transfer.unsettled")
+    assert "From pass 1 to pass 2 accel.bias.z moves by 4.4 of its standard deviations" in words
+    assert "1 pass was asked for. Write passes = 5." in words
+    assert failed(result) == {"converged"}
+
+
+def test_one_pass_of_a_slave_without_errors_has_settled(flight) -> None:
+    """Nothing is to be moved: the equations hold where they begin."""
+    c, session = flight
+    log, model = session.simulation.log, session.simulation.made.slave
+    force, rate = model.model.compensate(log.accel, log.gyro)
+    C = exp(np.array(model.mu))
+    right = replace(log, accel=force @ C.T, gyro=rate @ C.T)
+    result = trial(c, SlaveLog.of(right, log.messages),
+                   settings=c.settings.model_copy(update={"passes": 1}))  # fmt: skip
+    assert failed(result) == set() and codes(result) == []
+
+
+# -- a slave whose axes are not at right angles ----------------------------------------------------
+
+
+def test_misalignments_widen_the_uncertainties_of_biases(flight) -> None:
+    """Axes off by 1 mrad: of uncertainties that know nothing of it biases are tens off."""
+    total, runs, worst = 0.0, 2, 0.0
+    c = described(misalignments="true")
+    for seed in range(runs):
+        model = skewed(made(c, seed).simulation.model, seed)
+        made_ = simulate(c.session, settings=c.settings, model=model, noise=c.noise, site=c.site,
+                         seed=seed)  # fmt: skip
+        result = trial(c, made_.log)
+        assert not failed(result) and not codes(result)
+        total += off(result, model, made_)[1]
+        plain = trial(c, made_.log, settings=flight[0].settings)
+        worst = max(worst, float(np.abs(off(plain, model, made_)[0]).max()))
+    low, high = chi_square_limits(28 * runs)
+    assert low < total < high
+    assert worst > 50
+    assert not any("Misalignments" in one for one in result.diagnostics["unseen"])
+    assert any("1 mrad, or 1000 ppm, makes 1 mg" in one for one in plain.diagnostics["unseen"])
+
+
+def skewed(model, seed):
+    vector, rng = model.coefficients(), np.random.default_rng([seed, 5])
+    for group, sd in (("gyro.misalignment", 1e-3), ("accel.misalignment", 1e-3),
+                      ("accel.scale", 5e-4)):  # fmt: skip
+        at = vector.layout.group(group)
+        vector.values[at] = sd * rng.standard_normal(len(at))
+    return ImuModel.from_coefficients(vector)
+
+
+def off(result, model, made_):
+    """Return the errors of a result in its sds, and their NEES."""
+    c, true = result.coefficients, model.coefficients().with_others(made_.beside)
+    err = c.values - true.chosen(c.names).values
+    return err / c.sd, float(err @ np.linalg.solve(c.cov, err))
+
+
+def test_a_few_messages_that_are_off(flight) -> None:
+    def jumped(v):
+        out = v.copy()
+        out[500:503] += 5.0
+        return out
+
+    words = told(said(flight, master(velocity_n=jumped)), "transfer.outliers")
+    assert "3 messages differ from the slave by more than 8 standard deviations" in words
+    assert re.search(r"stamped 100\.\d+, 100\.\d+, 100\.\d+ s", words)
+
+
+def test_as_many_passes_as_it_takes(flight) -> None:
+    """Forty times the usual errors take more passes than usual, and are found as well."""
+    c = described()
+    model = made(c, 1).simulation.model
+    vector = model.coefficients()
+    vector.values[:] *= 40
+    prior = {"gyro.bias": (0.0, 100 * DEG / 3600), "gyro.scale": (0.0, 0.02),
+             "accel.bias": (0.0, 0.04 * G)}  # fmt: skip
+    large = ImuModel.from_coefficients(vector)
+    session = simulate(c.session, settings=c.settings, model=large, noise=c.noise, site=c.site,
+                       seed=1)  # fmt: skip
+    result = trial(c, session.log, prior=prior)
+    assert not failed(result)
+    assert np.abs(off(result, large, session)[0]).max() < 4.5
+    few = len(said(flight, as_it_is).diagnostics["passes"]["values"])
+    assert few < len(result.diagnostics["passes"]["values"]) <= c.settings.passes
+
+
+def test_two_hours() -> None:
+    """A free run of the slave would be gone by far: its vertical grows 300 000 times."""
+    c = described(profile='"ship"', rate='"10 Hz"', message_rate='"0.5 Hz"')
+    plan = moved(transfer_profile("ship"), c.site)
+    plan = replace(plan, calibration=plan.calibration * 30, outage=())
+    model = made(c, 0).simulation.model
+    session = simulate_motion(plan, c.session, c.settings, model, c.noise, 0)
+    result = trial(c, session.log)
+    assert not failed(result) and not codes(result)
+    low, high = chi_square_limits(13)
+    assert low < off(result, model, session)[1] < high
