@@ -312,9 +312,7 @@ def test_every_family_can_be_chosen(result):
 def test_how_to_apply_says_what_works(result):
     blocks = how_to_apply(result).blocks
     code = "\n".join(b.text for b in blocks if b.kind == "code")
-    assert (
-        "foucault apply" in code and "--to c" in code and "compensate(accel, command)" in code
-    )
+    assert "foucault apply" in code and "--to c" in code and "compensate(accel, command)" in code
 
 
 @pytest.mark.parametrize("receiver", sorted({*RECEIVERS} - {"c", "python", "json"}))
