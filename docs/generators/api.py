@@ -101,7 +101,7 @@ def _signature(name: str, function: Any) -> list[str]:
 
 
 def _default(value: Any) -> str:
-    return getattr(value, "__name__", None) or repr(value)
+    return "..." if callable(value) else repr(value)
 
 
 def _fields(fields: dict[str, Any]) -> list[str]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
+from typing import Any
+
 import typer.main
-from typer.testing import CliRunner
 
 from foucault.cli.app import app
 
@@ -15,16 +18,19 @@ What `foucault --help` and `foucault COMMAND --help` print. Quantities are text 
 
 
 def page() -> str:
-    lines = [HEAD, "```text", _help(), "```"]
-    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
-        lines += ["", f"## {name}", "", "```text", _help(name), "```"]
+    program: Any = typer.main.get_command(app)
+    lines = [HEAD, "```text", _help(program), "```"]
+    for name, command in program.commands.items():
+        lines += ["", f"## {name}", "", "```text", _help(program, name), "```"]
         for sub in getattr(command, "commands", {}):
-            lines += ["", f"### {name} {sub}", "", "```text", _help(name, sub), "```"]
+            lines += ["", f"### {name} {sub}", "", "```text", _help(program, name, sub), "```"]
     return "\n".join(lines) + "\n"
 
 
-def _help(*words: str) -> str:
-    said = CliRunner().invoke(
-        app, [*words, "--help"], prog_name="foucault", env={"COLUMNS": "88"}, terminal_width=88
-    )
-    return "\n".join(line.rstrip() for line in said.output.strip().splitlines())
+def _help(program: Any, *words: str) -> str:
+    said = io.StringIO()
+    with redirect_stdout(said):
+        program.main(
+            [*words, "--help"], prog_name="foucault", standalone_mode=False, terminal_width=88
+        )
+    return "\n".join(line.rstrip() for line in said.getvalue().strip().splitlines())

@@ -17,9 +17,10 @@ here are taken from those pages. *Beside* is what a paper printed, another progr
 closed form says; *bound* is the Cramér-Rao bound or the limit that ours must keep. Statistical
 limits are two-sided chi-square limits with 1 % false alarms for a whole table.
 
-`make validation` runs all scripts, one after the other: hours on two cores. Each runs alone too, by
-the command on its page. Those on real logs need the [logs](install.md#logs-for-the-validation).
-The tests hold the short form of these checks and run at every change.
+`make validation` runs all scripts, one after the other: hours on two cores. Each runs alone too,
+`python validation/NAME.py` with the name in the last column. Those on real logs need [the
+logs](install.md#logs-for-the-validation). The tests hold the short form of these checks and run
+at every change.
 """
 
 
@@ -34,7 +35,7 @@ def page() -> str:
         for row in rows:
             path = DOCS / "validation" / f"{row['page']}.md"
             values = [filled(row.get(key, ""), path) for key in ("what", "beside", "bound", "ours")]
-            link = f"[{row['page'].replace('_', ' ')}](validation/{row['page']}.md)"
+            link = f"[{row['page']}](validation/{row['page']}.md)"
             lines.append(f"| {' | '.join(values)} | {link} |")
         lines.append("")
     _complete({row["page"] for rows in said.values() for row in rows})

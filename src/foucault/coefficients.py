@@ -251,9 +251,9 @@ class CoefficientVector:
 def format_value(value: float, sd: float | None) -> str:
     """Write `value` [display unit] to the second significant digit of `sd` [the same unit]."""
     if sd is None or not np.isfinite(sd) or sd <= 0:
-        return f"{value:.6g}"
+        return f"{value:z.6g}"
     decimals = max(0, 1 - int(np.floor(np.log10(sd))))
-    return f"{value:.{min(decimals, 9)}f}"
+    return f"{value:z.{min(decimals, 9)}f}"
 
 
 def _columns(lines: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:

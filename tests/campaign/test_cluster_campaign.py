@@ -6,12 +6,14 @@ import json
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from foucault import campaign
 from foucault.campaign import study, tolerance
 from foucault.campaign.reading import coefficient_kind
 from foucault.campaign.running import read_log
 from foucault.campaign.writing import resolved, template
+from foucault.cli import app
 from foucault.errors import FoucaultError
 from foucault.export import calibrate_log, write
 from foucault.export.receivers import RECEIVERS
@@ -191,8 +193,12 @@ def test_a_study_of_a_cluster(tmp_path):
     again, asked = study.load(tmp_path / "study")
     assert asked["names"] == list(LAYOUT.names)
     np.testing.assert_array_equal(again.error, done.error)
-    page = write_study(again, asked, tmp_path / "report.html")
-    assert "gyro.drift_input_output.x" in page.read_text()
+    page = write_study(again, asked, tmp_path / "report.html").read_text()
+    assert "gyro.drift_input_output.x" in page
+    assert "2 trials" in page
+    command = CliRunner().invoke(app, ["report", str(tmp_path / "study")])
+    assert command.exit_code == 0
+    assert (tmp_path / "study" / "report.html").read_text() == page
 
 
 def test_a_tolerance_of_a_cluster():

@@ -40,14 +40,14 @@ def test_it_prints_a_table_and_writes_a_folder(log: Path, tmp_path: Path) -> Non
         assert word in out
     assert "below" in out and "The record is too short to show less" in out
     assert {p.name for p in (tmp_path / "noise").iterdir()} == {
-        "allan.html", "noise.toml", "allan.csv",
+        "report.html", "noise.toml", "allan.csv",
     }  # fmt: skip
     block = (tmp_path / "noise" / "noise.toml").read_text()
     noise = campaign.parse(campaign.template("hand_rotated") + "\n" + block).noise
     assert noise is not None
     assert noise.gyro.white == pytest.approx(1e-4, rel=0.05)
     assert noise.accel.white == pytest.approx(1e-3, rel=0.05)
-    page = (tmp_path / "noise" / "allan.html").read_text()
+    page = (tmp_path / "noise" / "report.html").read_text()
     assert page.count("Plotly.react") >= 1 and "[noise.gyro]" in page and "http-equiv" not in page
     rows = (tmp_path / "noise" / "allan.csv").read_text().splitlines()
     assert rows[0].startswith("axis,kind,tau,deviation") and len(rows) == 1 + 6 * 11

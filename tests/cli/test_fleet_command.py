@@ -36,7 +36,7 @@ def test_all_pass(bench: Path, tmp_path: Path) -> None:
     result = run("fleet", bench, "-o", tmp_path / "out", "--reports")
     assert result.exit_code == 0
     assert "10 of 10 instruments have a result, 10 solved in one batch." in result.output
-    page = (tmp_path / "out" / "fleet.html").read_text()
+    page = (tmp_path / "out" / "report.html").read_text()
     assert 'href="instruments/SN010/report.html"' in page
     assert (tmp_path / "out" / "instruments" / "SN010" / "report.html").is_file()
 
@@ -54,7 +54,7 @@ def test_json_with_a_tolerance_and_a_broken_instrument(bench: Path, tmp_path: Pa
     assert said["counts"] == {"pass": 9, "fail": 0, "undecided": 0, "broken": 1}
     assert said["broken"][0]["serial"] == "SN006"
     assert said["broken"][0]["code"] == "fleet.positions"
-    assert Path(said["page"]).is_file() and said["tolerance"]["file"] == "limits.toml"
+    assert Path(said["report"]).is_file() and said["tolerance"]["file"] == "limits.toml"
     shown = run("fleet", bench, "-o", tmp_path / "out")
     assert shown.exit_code == 3
     assert "SN006: Its readings are not in the positions" in shown.output

@@ -227,7 +227,7 @@ def test_one_number_is_shown_case_by_case():
         page
     )
     assert titles_of(page)[0] == "Standard deviation of the heading"
-    assert rows_of(page, 0)[1] == ["latitude 0 deg", "2", "1.1", "arcmin", "0.550"]
+    assert rows_of(page, 0)[1] == ["latitude 0°", "2", "1.1", "arcmin", "0.550"]
 
 
 # -- numbers ---------------------------------------------------------------------------------------

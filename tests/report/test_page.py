@@ -128,3 +128,17 @@ def test_text_and_marks_stand_out(theme):
     marks = ("--first", "--second", "--third", "--fourth", "--fifth", "--sixth", "--bad", "--good")
     for mark in marks:
         assert contrast(c[mark], c["--card"]) >= 3.0, mark
+
+
+@pytest.mark.parametrize(
+    ("plain", "written"),
+    [
+        ("within 40 deg of y", "within 40° of y"),
+        ("+17.1 +- 1.9 deg/h", "+17.1 ± 1.9\N{NO-BREAK SPACE}°/h"),
+        ("24 ug at 60.0 degC", "24\N{NO-BREAK SPACE}µg at 60.0\N{NO-BREAK SPACE}°C"),
+        ('write "47 deg" there', 'write "47 deg" there'),
+        ("degrees of freedom", "degrees of freedom"),
+    ],
+)
+def test_units_are_written_with_signs_but_what_is_to_be_copied_is_not(plain, written):
+    assert report._signs(plain) == written

@@ -232,7 +232,9 @@ def _of_history(one: Judged, past: History, limits: Sequence[Decision]) -> tuple
     within = ", within the tolerance" if level == PASS else ""
     if names:
         courses = [past.courses[k] for k in past.standing_out]
-        words = [how(course, one.entries, one.kind(course.name)) for course in courses]
+        loose = [c.name for c in courses if c.how == "scatter"]
+        words = [how(c, one.entries, one.kind(c.name)) for c in courses if c.how != "scatter"]
+        words += [_scattering(loose)] if loose else []
         return level, f"{_start(one)} has changed{within}: {_listed(words, '; ')}."
     likely = past.courses[past.likeliest].name
     why = "would explain it" if past.alone else "explains most of it, but not all"
@@ -292,8 +294,17 @@ def how(course: Course, entries: Sequence[Entry], kind: str) -> str:
         "step": f"{name} {stepped}, in one step",
         "drift": f"{name} drifts by {drift}",
         "drift or step": f"{name} drifts by {drift}, or changed {stepped}",
-        "scatter": f"{name} scatters by more than its uncertainty, in no line and no single step",
+        "scatter": _scattering([name]),
     }[course.how]
+
+
+def _scattering(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return f"{names[0]} scatters by more than its uncertainty, in no line and no single step"
+    return (
+        f"{_listed(names, ', ')} scatter by more than their uncertainties, in no line and no "
+        "single step"
+    )
 
 
 def said(value: float, sd: float, kind: str) -> str:

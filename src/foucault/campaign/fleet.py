@@ -4,7 +4,7 @@
 
     fleet.json                          what was asked, versions, counts, broken instruments
     fleet.parquet                       a row per instrument
-    fleet.html                          the summary page, written by `report.fleet`
+    report.html                         the summary page, written by `report.fleet`
     campaign.toml                       the campaign with every default filled in
     instruments/SERIAL/result.json ...  a run folder per instrument
 
@@ -51,7 +51,7 @@ Entry = tuple[str, "Log | FoucaultError"]
 
 SCHEMA = "foucault.fleet/1"
 FLEET_FILE, TABLE_FILE, PAGE_FILE, INSTRUMENTS = (
-    "fleet.json", "fleet.parquet", "fleet.html", "instruments",
+    "fleet.json", "fleet.parquet", "report.html", "instruments",
 )  # fmt: skip
 
 LONGEST = 80

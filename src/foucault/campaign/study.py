@@ -172,4 +172,4 @@ def load(folder: str | Path) -> tuple[Study, dict[str, Any]]:
         raise error("study.missing", folder=folder)
     table = pq.read_table(folder / TRIALS_FILE)
     columns = {name: table[name].to_numpy() for name in table.column_names}
-    return Study.of(asked["names"], columns), asked
+    return Study.of(asked["names"], columns), asked | {"n": len(table)}

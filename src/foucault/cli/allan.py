@@ -15,7 +15,7 @@ from foucault.cli.sessions import from_start, read_any
 if TYPE_CHECKING:
     from foucault.diagnose.allan_log import LogAllan
 
-REPORT_FILE, NOISE_FILE, TABLE_FILE = "allan.html", "noise.toml", "allan.csv"
+REPORT_FILE, NOISE_FILE, TABLE_FILE = "report.html", "noise.toml", "allan.csv"
 
 
 def add_to(app: typer.Typer) -> None:

@@ -66,8 +66,8 @@ def fleet(
         about = fleets.about(output)
         written = page.write(table, about, output / fleets.PAGE_FILE)
     _show(screen, table, about)
-    screen.say(f"Page: {written}", f"Table: {output / fleets.TABLE_FILE}")
-    screen.data({"folder": str(output), "page": str(written)} | about)
+    screen.say(f"Report: {written}", f"Table: {output / fleets.TABLE_FILE}")
+    screen.data({"folder": str(output), "report": str(written)} | about)
     raise typer.Exit(_code(table))
 
 

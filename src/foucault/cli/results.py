@@ -83,7 +83,8 @@ def report(
     folder: Annotated[
         Path,
         typer.Argument(
-            help="A run folder, or that of `north`, `navigate`, `optimise` or `compare`."
+            help="A run folder, or one of `north`, `navigate`, `optimise`, `compare` or "
+            "`montecarlo`."
         ),
     ],
 ) -> None:
@@ -95,9 +96,11 @@ def report(
         navigation_folder,
         north_folder,
         optimisation,
+        study,
     )
     from foucault.report import compare, navigation, north
     from foucault.report import optimisation as search
+    from foucault.report import study as study_page
     from foucault.run_folder import REPORT_FILE
 
     screen: Screen = ctx.obj
@@ -109,6 +112,8 @@ def report(
         file = search.write(found.load(folder), folder / REPORT_FILE)
     elif (folder / comparison_folder.COMPARE_FILE).is_file():
         file = compare.write(comparison_folder.load(folder), folder / REPORT_FILE)
+    elif (folder / study.STUDY_FILE).is_file():
+        file = study_page.write(*study.load(folder), folder / REPORT_FILE)
     else:
         file = reports.write(folder)
     screen.say(f"Wrote {file}.")

@@ -56,7 +56,7 @@ def montecarlo(
             map=map_,
             progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
         )
-    about = study.load(output)[1] | {"n": trials}
+    about = study.load(output)[1]
     report = study_report.write(result, about, output / "report.html")
     rows = result.rows()
     bound = any(math.isfinite(row["rms_over_bound"]) for row in rows)

@@ -25,7 +25,7 @@ from foucault.diagnose.allan_covariance import Kind
 from foucault.diagnose.rests import find_rests
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.tables import AXES, Log
-from foucault.units import convert, display_unit
+from foucault.units import convert, display_unit, plain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -242,7 +242,7 @@ def described(noise: Noise, triad: str, longest: float) -> tuple[str, str, str]:
     return (
         "not seen",
         "",
-        f"below {float(f'{convert(noise.high, kind, unit):.2g}'):g} {unit}{short}",
+        f"below {plain(convert(noise.high, kind, unit), 2)} {unit}{short}",
     )
 
 

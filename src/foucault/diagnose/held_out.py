@@ -12,6 +12,7 @@ from foucault.models.imu import ImuModel, coefficient_slot, products
 from foucault.models.rests_and_turns import Attitudes, Session
 from foucault.models.session_noise import SessionNoise
 from foucault.result import Estimate
+from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -50,6 +51,36 @@ def norm_with_cov(
     if coefficients.cov is not None:
         joint = joint + slope @ coefficients.cov @ slope.T
     return norm, joint
+
+
+def norm_columns(
+    model: ImuModel, coefficients: CoefficientVector, session: Session
+) -> dict[str, FloatArray]:
+    """Return the columns of `tables.RESTS` about up and norms, the noise that of each rest.
+
+    Parameters
+    ----------
+    model : ImuModel
+        The error model.
+    coefficients : CoefficientVector
+        The estimated coefficients, with covariance.
+    session : Session
+        What was observed [SI].
+    """
+    readings, mean = session.log.accel, session.accel_mean
+    assert readings is not None
+    spans = zip(session.first, session.last, strict=True)
+    cov = np.array([np.diag(readings[a:b].var(axis=0, ddof=1)) / (b - a) for a, b in spans])
+    norm, joint = norm_with_cov(model, coefficients, mean, cov)
+    f_b, _ = model.compensate(mean, None)
+    assert f_b is not None
+    up_b = f_b / norm[:, None]
+    return {f"up_{axis}": up_b[:, i] for i, axis in enumerate(AXES)} | {
+        "norm_before": np.linalg.norm(mean, axis=1),
+        "norm_after": norm,
+        "norm_sd": np.sqrt(np.diag(joint)),
+        "weight": np.ones(len(norm)),
+    }
 
 
 def hold_out(

@@ -23,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import session as judge
+from foucault.diagnose.held_out import norm_columns
 from foucault.diagnose.published_rests import find_published_rests
 from foucault.diagnose.rests import rest_table
 from foucault.diagnose.session_input import check_input, enough_rests
@@ -134,7 +135,9 @@ def calibrate(
     data = SessionData.reduce(log, rests.first, rests.last, replace(site, latitude=None))
     findings = [*log.findings, *check_input(data)]
     progress(0.5, "calibrating")
-    result = replace(_published(data, settings), tables={"rests": rest_table(log, rests)})
+    result = _published(data, settings)
+    seen = rest_table(log, rests) | norm_columns(result.model, result.coefficients, data)
+    result = replace(result, tables={"rests": seen})
     progress(1.0, "done")
     return complete(result, data, rests, findings, instrument or {}, clock.monotonic() - started)
 

@@ -21,6 +21,7 @@ from foucault.models import cluster
 from foucault.models.imu import gravity_slope
 from foucault.models.layouts import BESIDE, is_cluster
 from foucault.result import Check, Level, Result, Verdict
+from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
 Hashed = tuple[str, str, Result]
@@ -259,8 +260,8 @@ def _agree(step: Fused, label: str, tests: int) -> Check:
     _, high = chi_square_limits(step.dof, 0.02, tests)  # 1 % on the side that matters
     passed = step.chi_square <= high
     words = (
-        f"{label}: chi-square of the differences {step.chi_square:.1f} of {step.dof} degrees of "
-        f"freedom, at most {high:.1f} if nothing has changed."
+        f"{label}: chi-square of the differences {plain(step.chi_square, 4)} of {step.dof} "
+        f"degrees of freedom, at most {high:.1f} if nothing has changed."
     )
     if np.isfinite(step.change).any():
         worst = int(np.nanargmax(np.abs(step.change)))

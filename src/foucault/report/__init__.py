@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from markupsafe import Markup
 
+    from foucault.report.ends import Heading
     from foucault.report.page import Section
-    from foucault.report.sections import Heading
     from foucault.result import Result
 
 _HERE = Path(__file__).parent
@@ -71,6 +71,25 @@ LONG_NAME = 26
 _PIECES = re.compile(r"[A-Za-z]\w*|\^-?\d+|\s+|.")
 
 
+_SIGNS = (
+    (r"(?<=\d) ug\b", "\N{NO-BREAK SPACE}\N{MICRO SIGN}g"),
+    (r"(?<=\d) degC\b", "\N{NO-BREAK SPACE}°C"),
+    (r"(?<=\d) deg(?=/)", "\N{NO-BREAK SPACE}°"),
+    (r"(?<=\d) deg\b", "°"),
+    (r" \+- ", " ± "),
+    (r" %", "\N{NO-BREAK SPACE}%"),
+)
+
+
+def _signs(text: str) -> str:
+    """Write units with the signs that people use, but leave what is quoted to be copied."""
+    parts = text.split('"')
+    for i in range(0, len(parts), 2):
+        for plain, sign in _SIGNS:
+            parts[i] = re.sub(plain, sign, parts[i])
+    return '"'.join(parts)
+
+
 def _typeset(piece: str) -> Markup:
     """Write a matrix upright and bold, a vector or number italic, a power raised, a word as is."""
     from markupsafe import Markup, escape
@@ -110,10 +129,12 @@ def _template() -> Any:
 
     def prose(text: str) -> Markup:
         """Write `code` between backticks as such."""
-        text = re.sub(r"(?<=\d) ug\b", "\N{NO-BREAK SPACE}\N{MICRO SIGN}g", text)
-        parts = text.replace(" %", "\N{NO-BREAK SPACE}%").split("`")
         code = Markup("<code>{}</code>")
-        return Markup("").join(code.format(p) if i % 2 else escape(p) for i, p in enumerate(parts))
+        parts = [
+            code.format(part) if i % 2 else escape(_signs(part))
+            for i, part in enumerate(text.split("`"))
+        ]
+        return Markup("").join(parts)
 
     def equation(text: str) -> Markup:
         """Typeset one line of an equation written in plain letters."""

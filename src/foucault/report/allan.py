@@ -11,9 +11,10 @@ import numpy as np
 from foucault.diagnose.allan import NOISES, WORDS, Channel, Noise
 from foucault.diagnose.allan_log import LogAllan, described
 from foucault.files import atomic
-from foucault.report import figures, render
-from foucault.report.page import Block, Code, Column, Figure, Items, Section, Table, Text
-from foucault.report.sections import Heading
+from foucault.report import ends, figures, render
+from foucault.report.ends import Heading
+from foucault.report.page import Block, Code, Column, Figure, Section, Table, Text
+from foucault.report.uncertainty import shown
 from foucault.units import display_unit, factor
 
 _COLOURS = (figures.FIRST, figures.SECOND, figures.THIRD)
@@ -56,11 +57,8 @@ def write(measured: LogAllan, name: str, block: str, path: str | Path) -> None:
         reasons=[", ".join(names).capitalize() + "."] if names else [],
     )
     sections = [_noise_section(measured), *_plots(measured)]
-    if measured.findings:
-        states = {"warning": "warning", "error": "bad"}
-        items = [(states.get(f.severity, "plain"), f"{f.message} {f.cure}")
-                 for f in measured.findings]  # fmt: skip
-        sections.append(Section("Findings", "", [Items(items)]))
+    noticed = ends.findings(measured.findings)
+    sections += [] if noticed is None else [noticed]
     use = "Copy into the campaign file of this instrument."
     sections += [Section("Noise block", use, [Code(block)]), _method()]
     with atomic(path) as temporary:
@@ -78,7 +76,7 @@ def _noise_section(measured: LogAllan) -> Section:
         Column("", "state"),
         Column("noise"),
         Column("value", "number"),
-        Column("sd", "number", aside=True),
+        Column("± sd", "number", aside=True),
         Column("95 % interval"),
     ]
     rows: list[list[str]] = []
@@ -119,12 +117,11 @@ def _figure(channels: dict[str, Channel], triad: str) -> Figure:
     highest = max(float(c.high[c.dof > 1].max()) for c in channels.values()) / one
     look = figures.layout(
         460,
-        xaxis=figures.axis("averaging time [s]", type="log", dtick=1, exponentformat="power"),
+        xaxis=figures.axis("averaging time [s]", type="log", dtick=1),
         yaxis=figures.axis(
-            f"deviation [{unit}]",
+            f"deviation [{shown(unit)}]",
             type="log",
             dtick=1,
-            exponentformat="power",
             range=[math.log10(lowest) - 0.1, math.log10(highest) + 0.1],
         ),
     )
@@ -165,7 +162,7 @@ def _traces(name: str, c: Channel, one: float, unit: str, colour: str) -> list[f
             "x": tau,
             "y": figures.numbers(c.deviation / one),
             "marker": {"color": colour, "size": 7},
-            "hovertemplate": f"%{{x:.4g}} s: %{{y:.4g}} {unit}<extra>{name}</extra>",
+            "hovertemplate": f"%{{x:.4g}} s: %{{y:.4g}} {shown(unit)}<extra>{name}</extra>",
         },
     ]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from foucault.files import atomic
-from foucault.report import render
+from foucault.report import ends, render
 from foucault.report.compare_detail import (
     changes,
     drawn,
@@ -18,8 +18,8 @@ from foucault.report.compare_detail import (
     plus_minus,
     side_by_side,
 )
-from foucault.report.page import Column, Facts, Items, Section, Table
-from foucault.report.sections import Heading
+from foucault.report.ends import Heading
+from foucault.report.page import Column, Section, Table
 from foucault.report.uncertainty import shown
 from foucault.units import ZERO_CELSIUS, plain
 
@@ -69,7 +69,7 @@ def html(about: About) -> str:
                 drawn(about, one, of),
                 pairs(about, one, of),
             ]
-    made += [_findings(about), _provenance(about)]
+    made += [ends.findings(about["findings"], "results"), _provenance(about)]
     return render(_heading(about), [section for section in made if section is not None])
 
 
@@ -171,21 +171,9 @@ def _tolerance(about: About) -> Section | None:
 # -- the rest --------------------------------------------------------------------------------
 
 
-def _findings(about: About) -> Section | None:
-    if not about["findings"]:
-        return None
-    looks = {"warning": "warning", "error": "bad"}
-    items = [
-        (looks.get(f["severity"], "plain"), f"{f['message']} {f['cure']}")
-        for f in about["findings"]
-    ]
-    return Section("Findings", "Noticed in the results; the work went on.", [Items(items)])
-
-
 def _provenance(about: About) -> Section:
     made = about["provenance"]
-    versions = "; ".join(f"{k} {v}" for k, v in (made.get("versions") or {}).items())
-    facts = [("created", str(made.get("created", ""))), ("versions", versions)]
+    facts = [("created", str(made.get("created", "")))]
     facts += [("tolerance", about["tolerance"]["file"])] if about["tolerance"] else []
-    facts += [(f"SHA-256 of {r['label']}", f"{r['sha256'][:12]}…") for r in about["results"]]
-    return Section("Provenance", "", [Facts([f for f in facts if f[1]])])
+    facts += [(f"SHA-256 of {r['label']}", r["sha256"]) for r in about["results"]]
+    return ends.provenance([*facts, ("versions", ends.words(made.get("versions") or {}))])

@@ -50,7 +50,7 @@ def residuals(result: Result) -> Section | None:
     blocks: list[Block] = []
     for name, what, triad in (("rests", "rest", "accel"), ("turns", "turn", "gyro")):
         table = result.tables.get(name)
-        if table is not None:
+        if table is not None and "residual" in table:
             limit = float(limits.get(triad, RESIDUAL_LIMIT))
             size, weight = table["residual"], table["weight"]
             blocks.append(figures.residuals(_middle(table), size, weight, what, limit))

@@ -44,6 +44,7 @@ def layout(height: int, **more: Any) -> dict[str, Any]:
         "ticks": "outside",
         "tickcolor": "var(--line)",
         "automargin": True,
+        "exponentformat": "power",
         "title": {"standoff": 8},
     }
     font = {"family": "system-ui, -apple-system, Segoe UI, Roboto, sans-serif", "size": 12.5}

@@ -14,10 +14,10 @@ from foucault.coefficients import format_value
 from foucault.diagnose.fleet import FEWEST
 from foucault.files import atomic
 from foucault.models.imu import LAYOUT
-from foucault.report import render
+from foucault.report import ends, render
+from foucault.report.ends import STATES, Heading
 from foucault.report.fleet_figures import families, ratios
-from foucault.report.page import Column, Facts, Items, Section, Table, Text
-from foucault.report.sections import STATES, Heading
+from foucault.report.page import Column, Items, Section, Table, Text
 from foucault.report.uncertainty import shown
 from foucault.result import Level
 from foucault.units import display_unit, factor, plain
@@ -330,14 +330,13 @@ def _tolerance(table: FleetTable) -> Section | None:
 
 def _about(about: Mapping[str, Any]) -> Section:
     made = about.get("provenance") or {}
-    versions = "; ".join(f"{k} {v}" for k, v in (made.get("versions") or {}).items())
     pairs = [
         ("procedure", str(about.get("procedure", ""))),
         ("solved in one batch", str(about.get("solved_in_batch", 0))),
         ("tolerance", str((about.get("tolerance") or {}).get("file", "none"))),
         ("created", str(made.get("created", ""))),
         ("seconds", str(made.get("seconds", ""))),
-        ("versions", versions),
         ("SHA-256 of the campaign", str((about.get("campaign") or {}).get("sha256", ""))),
+        ("versions", ends.words(made.get("versions") or {})),
     ]
-    return Section("Provenance", "", [Facts([p for p in pairs if p[1]])])
+    return ends.provenance(pairs)

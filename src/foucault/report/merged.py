@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from foucault.coefficients import format_value
 from foucault.report.page import Column, Section, Table
+from foucault.report.uncertainty import shown
 from foucault.result import Result
-from foucault.units import factor
+from foucault.units import factor, plain
 
 
 def merged(result: Result) -> Section | None:
@@ -25,10 +26,17 @@ def merged(result: Result) -> Section | None:
         cells = []
         for name in names:
             value, sd = said.get((row["name"], name), (None, 0.0))
-            cells.append("" if value is None else
-                         f"{format_value(value / unit, sd / unit)} ± {sd / unit:.2g}")  # fmt: skip
-        rows.append([row["name"], *cells, row["display_unit"]])
-    columns = [Column("coefficient", "name"), *(Column(n, "number") for n in names), Column("unit")]
+            if value is None:
+                cells.append("")
+            else:
+                text = format_value(value / unit, sd / unit).replace("-", "−")
+                cells.append(f"{text} ± {plain(sd / unit, 2)}")
+        rows.append([row["name"], *cells, shown(row["display_unit"])])
+    columns = [
+        Column("coefficient", "name"),
+        *(Column(n, "number") for n in names),
+        Column("unit", "short"),
+    ]
     return Section(
         "Sessions merged", "What each result says, with its standard deviation, and all together.",
         [Table(columns, rows)],

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.files import atomic
-from foucault.report import certificate, navigation_parts, render
+from foucault.report import certificate, ends, navigation_parts, render
 from foucault.report import figures_navigation as figures
 from foucault.report import navigation_detail as detail
+from foucault.report.ends import STATES, WORDS, Heading
 from foucault.report.figures import FIRST, SECOND, THIRD
 from foucault.report.navigation_detail import Seen, metres, minutes
-from foucault.report.north_detail import items
-from foucault.report.page import Block, Column, Facts, Figure, Items, Section, Table
-from foucault.report.sections import STATES, WORDS, Heading
+from foucault.report.north_detail import grouped
+from foucault.report.page import Block, Column, Facts, Figure, Section, Table
 from foucault.result import Level
 
 if TYPE_CHECKING:
@@ -56,7 +55,8 @@ def html(record: NavigationRecord) -> str:
     made = [
         _map(seen), _growth(seen), navigation_parts.terms(seen), navigation_parts.worth(seen),
         navigation_parts.sources(seen), detail.motion(seen), detail.start(seen),
-        _findings(record.about), detail.checks(seen), detail.known(seen), detail.made_from(seen),
+        ends.findings(grouped(record.about["findings"])), detail.checks(seen),
+        detail.known(seen), detail.made_from(seen),
     ]  # fmt: skip
     return render(_heading(seen), [section for section in made if section is not None])
 
@@ -187,10 +187,3 @@ def _cells(seen: Seen, run: int, key: str, size: float = 1.0) -> list[str]:
     known = {row["age"]: row[key] for row in seen.growth(run)}
     values = [known.get(row["age"]) for row in seen.growth(0)]
     return [detail.number(None if v is None else size * v) for v in values]
-
-
-def _findings(about: Mapping[str, Any]) -> Section | None:
-    if not about["findings"]:
-        return None
-    lead = "Noticed in the data; the work went on."
-    return Section("Findings", lead, [Items(items(about["findings"]))])

@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.diagnose.navigation import circular_error
-from foucault.report import certificate
+from foucault.report import certificate, ends
 from foucault.report import figures_navigation as figures
+from foucault.report.ends import check_table, words
 from foucault.report.figures import FIRST, SECOND
 from foucault.report.north_detail import angle_unit, check_of, signed
 from foucault.report.page import Block, Column, Facts, Figure, Section, Table
-from foucault.report.sections import check_table, words
 from foucault.report.uncertainty import shown
 from foucault.units import plain
 
@@ -345,5 +345,4 @@ def made_from(seen: Seen) -> Section:
     settings = {k: v for k, v in seen.about["settings"].items() if v is not None}
     rows.append(["settings [SI]", words(settings)])
     rows.append(["versions", words(made.get("versions") or {})])
-    table = Table([Column("what"), Column("value", "long")], [r for r in rows if r[1]])
-    return Section("Provenance", "", [table])
+    return ends.provenance(rows)

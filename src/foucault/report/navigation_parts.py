@@ -150,7 +150,8 @@ def _worth_table(rows: Any) -> Table:
         w, left = r["worth"], r["left"]
         turn = None if w["heading"] is None else 3600 * float(np.degrees(w["heading"]))
         out.append([
-            r["name"], _to(value, sd) if sd else signed(f"{value:.4g}"), number(sd), shown(unit),
+            r["name"], _to(value, sd) if sd else signed(f"{value:.4g}"),
+            _to(sd, sd) if sd else "", shown(unit),
             number(w["east"]), number(w["north"]), number(w["horizontal"]), number(turn),
             number(left["horizontal"]) if r["sd"] is not None else "",
         ])  # fmt: skip

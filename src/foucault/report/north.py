@@ -11,11 +11,19 @@ import numpy.typing as npt
 
 from foucault.coefficients import format_value
 from foucault.files import atomic
-from foucault.report import certificate, figures, figures_north, north_detail, north_sources, render
+from foucault.report import (
+    certificate,
+    ends,
+    figures,
+    figures_north,
+    north_detail,
+    north_sources,
+    render,
+)
+from foucault.report.ends import STATES, WORDS, Heading
 from foucault.report.figures_north import Needle
-from foucault.report.north_detail import Setup, angle_unit, listed
-from foucault.report.page import Block, Column, Figure, Items, Section, Table, Text
-from foucault.report.sections import STATES, WORDS, Heading
+from foucault.report.north_detail import Setup, angle_unit, grouped, listed
+from foucault.report.page import Block, Column, Figure, Section, Table, Text
 from foucault.report.uncertainty import shown
 from foucault.result import Level
 
@@ -113,7 +121,7 @@ def _one(setup: Setup) -> list[Section | None]:
         north_detail.budget(setup),
         north_detail.checks(setup),
         north_detail.findings(setup),
-        _findings(setup.about),
+        ends.findings(grouped(setup.about["findings"]), "readings"),
         north_sources.measured(setup),
     ]
 
@@ -181,7 +189,7 @@ def _worst_first(setups: Sequence[Setup]) -> list[Setup]:
 def _many(record: NorthRecord, setups: list[Setup]) -> list[Section | None]:
     order = _worst_first(setups)
     made: list[Section | None] = [_table(setups, order), _roses(setups), _budgets(order)]
-    made.append(_findings(record.about))
+    made.append(ends.findings(grouped(record.about["findings"]), "readings"))
     for setup in order[:DETAILED]:
         made += _detail(setup)
     return made
@@ -200,10 +208,10 @@ def _table(setups: list[Setup], order: list[Setup]) -> Section:
     name_look = "short" if max(len(s.name) for s in some) <= SHORT_NAME else "text"
     columns = [
         Column("", "state"), Column("set‑up", name_look), Column("heading [°]", "number"),
-        Column("sd [°]", "number"), Column("sd / bound", "number", aside=True),
+        Column("± sd [°]", "number"), Column("sd / bound", "number", aside=True),
         *([Column("minus reference [°]", "number")] if reference else []),
         Column("pitch [°]", "number", aside=True), Column("roll [°]", "number", aside=True),
-        *([Column("latitude [°]", "number", aside=True), Column("sd [°]", "number", aside=True)]
+        *([Column("latitude [°]", "number", aside=True), Column("± sd [°]", "number", aside=True)]
           if estimated else []),
         Column("what to know", aside=True),
     ]  # fmt: skip
@@ -263,13 +271,3 @@ def _detail(setup: Setup) -> list[Section | None]:
         if part is not None:
             blocks += [Text(part.lead)] * bool(part.lead) + list(part.blocks)
     return [Section(f"Set-up {setup.name}", setup.said["warnings"], blocks)]
-
-
-def _findings(about: Mapping[str, Any]) -> Section | None:
-    """What was noticed of the whole file."""
-    if not about["findings"]:
-        return None
-    return Section(
-        "Findings", "Noticed in the readings; the work went on.",
-        [Items(north_detail.items(about["findings"]))],
-    )  # fmt: skip

@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.coefficients import format_value
-from foucault.report import figures, figures_north
+from foucault.report import ends, figures, figures_north
+from foucault.report.ends import check_table
 from foucault.report.evidence import RESIDUAL_LIMIT
 from foucault.report.figures_north import Needle
-from foucault.report.page import Block, Column, Items, Section, Table, Text
-from foucault.report.sections import check_table
+from foucault.report.page import Block, Column, Section, Table, Text
 from foucault.report.uncertainty import shown
 from foucault.result import Check, Level
 from foucault.units import plain
@@ -367,17 +367,6 @@ def grouped(findings: Sequence[Mapping[str, str]]) -> list[Mapping[str, str]]:
     return out
 
 
-def items(findings: Sequence[Mapping[str, str]]) -> list[tuple[str, str]]:
-    """Return findings as sentences with their states."""
-    looks = {"warning": "warning", "error": "bad"}
-    return [
-        (looks.get(f["severity"], "plain"), f"{f['message']} {f['cure']}")
-        for f in grouped(findings)
-    ]
-
-
 def findings(setup: Setup) -> Section | None:
     """What was noticed of the set-up."""
-    if not setup.said["findings"]:
-        return None
-    return Section("Findings of the set-up", "", [Items(items(setup.said["findings"]))])
+    return ends.findings(grouped(setup.said["findings"]), "readings", "Findings of the set-up")

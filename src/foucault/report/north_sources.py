@@ -10,10 +10,10 @@ import numpy as np
 
 from foucault import units
 from foucault.coefficients import format_value
-from foucault.report import certificate
+from foucault.report import certificate, ends
+from foucault.report.ends import words
 from foucault.report.north_detail import SENSORS, Setup, angle_unit, signed
 from foucault.report.page import Block, Column, Facts, Section, Table
-from foucault.report.sections import words
 from foucault.report.uncertainty import shown
 from foucault.units import plain
 
@@ -176,5 +176,4 @@ def _provenance(about: Mapping[str, Any]) -> Section:
     settings = made.get("settings") or {}
     rows.append(["settings [SI]", words({k: v for k, v in settings.items() if v is not None})])
     rows.append(["versions", words(made.get("versions") or {})])
-    table = Table([Column("what"), Column("value", "long")], [r for r in rows if r[1]])
-    return Section("Provenance", "", [table])
+    return ends.provenance(rows)

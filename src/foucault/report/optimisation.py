@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.files import atomic
-from foucault.report import figures_plan, optimisation_detail, render
+from foucault.report import ends, figures_plan, optimisation_detail, render
+from foucault.report.ends import Heading
 from foucault.report.figures_plan import AS_GOOD, Ratio
 from foucault.report.optimisation_detail import counted
-from foucault.report.page import Column, Facts, Items, Section, Table
-from foucault.report.sections import Heading
+from foucault.report.page import Column, Section, Table
 from foucault.report.uncertainty import shown
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def html(found: Found, folder: Path) -> str:
         optimisation_detail.plan(found),
         optimisation_detail.use(folder),
         optimisation_detail.search(found, folder),
-        _findings(found),
+        ends.findings(found.findings, "search"),
         _about(found),
     ]
     return render(_heading(found), [section for section in made if section is not None])
@@ -317,14 +317,6 @@ def _range(low: float, high: float) -> str:
     return f"{low:.3f} to {high:.3f}"
 
 
-def _findings(found: Found) -> Section | None:
-    if not found.findings:
-        return None
-    looks = {"warning": "warning", "error": "bad"}
-    items = [(looks.get(f.severity, "plain"), f"{f.message} {f.cure}") for f in found.findings]
-    return Section("Findings", "", [Items(items)])
-
-
 def _about(found: Found) -> Section:
     weights = {n: w for n, w in zip(found.names, found.weights, strict=True) if w != 1}
     pairs = [
@@ -335,6 +327,6 @@ def _about(found: Found) -> Section:
         ("restarts", str(len(found.restarts))),
         ("plans judged", str(found.evaluations)),
         ("weights other than 1", _listed([f"{n} {w:g}" for n, w in weights.items()]) or "none"),
-        ("Foucault", found.version),
+        ("versions", f"foucault {found.version}"),
     ]
-    return Section("Provenance", "", [Facts(pairs)])
+    return ends.provenance(pairs)

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from foucault.diagnose.inspection import Inspection
 from foucault.files import atomic
-from foucault.report import figures, render
-from foucault.report.page import Figure, Items, Section
-from foucault.report.sections import Heading
+from foucault.report import ends, figures, render
+from foucault.report.ends import Heading
+from foucault.report.page import Figure, Section
 from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,9 +52,8 @@ def write(inspection: Inspection, path: str | Path) -> None:
     if not means:
         detection = figures.detection(level, rests.threshold, spans)
         sections.append(Section("Rests", shaded, [detection]))
-    words = [("warning", f"{f.message} {f.cure}") for f in inspection.findings]
-    if words:
-        sections.append(Section("Findings", "", [Items(words)]))
+    noticed = ends.findings(inspection.findings)
+    sections += [] if noticed is None else [noticed]
     name = str(log.source.get("file", "log"))
     line = [f"{len(log)} samples", f"{log.duration:.0f} s", f"{log.rate:.6g} Hz"]
     still = f"{len(rests) - int(inspection.turning.sum())} rests found"

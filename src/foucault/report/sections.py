@@ -7,14 +7,11 @@ A procedure gets a section by filling its table; a new kind of section is one fu
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
 from foucault.report import (
+    ends,
     on_table,
     systematic,
     systematic_choice,
@@ -26,27 +23,14 @@ from foucault.report import (
 )
 from foucault.report.application import how_to_apply
 from foucault.report.certificate import certificate
+from foucault.report.ends import STATES, WORDS, Heading, check_table, words
 from foucault.report.evidence import detection, held_out, norms, orientations, residuals
 from foucault.report.headings import headings
 from foucault.report.merged import merged
-from foucault.report.page import Column, Items, Section, Table
+from foucault.report.page import Section
 from foucault.report.rate_table import rate_steps
 from foucault.report.uncertainty import budget, coefficients, correlation, unseen
-from foucault.result import Check, Level, Result
-
-STATES = {Level.PASS: "good", Level.DOUBTFUL: "warning", Level.UNUSABLE: "bad"}
-WORDS = {Level.PASS: "Pass", Level.DOUBTFUL: "Doubtful", Level.UNUSABLE: "Unusable"}
-
-
-@dataclass(frozen=True)
-class Heading:
-    """The top of the page: what was calibrated, and the verdict."""
-
-    title: str
-    line: list[str]
-    state: str
-    word: str
-    reasons: list[str]
+from foucault.result import Result
 
 
 def heading(result: Result) -> Heading:
@@ -59,12 +43,16 @@ def heading(result: Result) -> Heading:
         reasons.append(ADVICE[result.status])
     level = result.verdict.level
     title = f"Calibration of {' '.join(names)}" if names else "Calibration"
+    title += " over temperature" if result.temperature is not None else ""
     return Heading(title, _line(result), STATES[level], WORDS[level], reasons)
 
 
 def _line(result: Result) -> list[str]:
     """Procedure, place and date in a few words."""
-    line = [result.procedure, certificates.place(result.site)]
+    table = result.tables.get("merged")
+    some = 0 if table is None else len(set(table["result"].tolist())) - 1
+    line = [result.procedure, f"{some} results merged" if some else ""]
+    line.append(certificates.place(result.site))
     created = result.provenance.get("created")
     line.append(certificates.date(str(created)) if created else "")
     return [part for part in line if part]
@@ -82,48 +70,9 @@ def checks(result: Result) -> Section | None:
     return Section("Checks", "Every test that the verdict rests on.", [check_table(result.checks)])
 
 
-def check_table(checks: tuple[Check, ...]) -> Table:
-    """Return checks with their limits, one row each."""
-    columns = [
-        Column("", "state"),
-        Column("check"),
-        Column("value", "number", aside=True),
-        Column("limits", "number", aside=True),
-        Column("what it says"),
-    ]
-    rows = [
-        [
-            "good" if c.passed else STATES[c.fails],
-            c.name,
-            "" if np.isnan(c.value) else _number(c.value),
-            _limits(c.low, c.high),
-            c.sentence,
-        ]
-        for c in checks
-    ]
-    return Table(columns, rows)
-
-
-def _limits(low: float | None, high: float | None) -> str:
-    if low is not None and high is not None:
-        return f"{_number(low)} to {_number(high)}"
-    if low is not None:
-        return f"≥ {_number(low)}"
-    return f"≤ {_number(high)}" if high is not None else ""
-
-
-def _number(value: float) -> str:
-    text = f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
-    return text.replace("-", "−")
-
-
 def findings(result: Result) -> Section | None:
     """What was noticed in the data."""
-    if not result.findings:
-        return None
-    looks = {"warning": "warning", "error": "bad"}
-    items = [(looks.get(f.severity, "plain"), f"{f.message} {f.cure}") for f in result.findings]
-    return Section("Findings", "Noticed in the data; the work went on.", [Items(items)])
+    return ends.findings(result.findings)
 
 
 def provenance(result: Result) -> Section | None:
@@ -138,19 +87,7 @@ def provenance(result: Result) -> Section | None:
         ["versions", words(facts["versions"])] if facts.get("versions") else [],
         ["status", result.status.value],
     ]
-    columns = [Column("what"), Column("value", "long")]
-    return Section("Provenance", "", [Table(columns, [row for row in rows if row])])
-
-
-def words(value: Any) -> str:
-    """Write a plain JSON value for people."""
-    if isinstance(value, dict):
-        return "; ".join(f"{k} {words(v)}" for k, v in value.items())
-    if isinstance(value, list):
-        return ", ".join(words(v) for v in value)
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return "unknown" if value is None else str(value)
+    return ends.provenance(row for row in rows if row)
 
 
 SECTIONS: tuple[Callable[[Result], Section | None], ...] = (

@@ -14,9 +14,9 @@ from foucault.diagnose.study import Study
 from foucault.estimate.chi_square import chi_square_density
 from foucault.files import atomic
 from foucault.models.layouts import kind_of
-from foucault.report import figures, render
-from foucault.report.page import Column, Facts, Figure, Section, Table
-from foucault.report.sections import STATES, WORDS, Heading, check_table
+from foucault.report import ends, figures, render
+from foucault.report.ends import STATES, WORDS, Heading, check_table
+from foucault.report.page import Column, Figure, Section, Table
 from foucault.report.uncertainty import shown
 from foucault.result import Check, Level, Verdict
 from foucault.units import display_unit, factor
@@ -302,8 +302,8 @@ def _about(about: Mapping[str, Any]) -> Section:
         "procedure": "procedure",
         "n": "trials",
         "seed": "seed",
-        "version": "Foucault",
+        "version": "foucault",
         "campaign_sha256": "SHA-256 of the campaign",
     }
     pairs = [(what, str(about[key])) for key, what in words.items() if about.get(key) is not None]
-    return Section("Provenance", "", [Facts(pairs)])
+    return ends.provenance(pairs)

@@ -212,7 +212,7 @@ def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
     columns = [
         Column("source"),
         Column("type", "short"),
-        Column("evaluated from"),
+        Column("evaluated from", aside=True),
         Column("mean share", "number"),
         Column("largest share", "number"),
         Column("in"),
