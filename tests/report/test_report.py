@@ -138,7 +138,7 @@ def test_sections_of_the_hand_rotated_procedure(page):
         "Provenance",
     ]
     others = ("on_table", "rate_table", "headings", "tumble", "transfer", "transfer_run")
-    others = (*others, "systematic", "systematic_choice", "temperature", "merged")
+    others = (*others, "transfer_delay", "systematic", "systematic_choice", "temperature", "merged")
     elsewhere = tuple(f"foucault.report.{n}" for n in others)
     own = [section for section in SECTIONS if section.__module__ not in elsewhere]
     assert len(titles) == len(own)

@@ -71,9 +71,12 @@ def started(result: Result) -> float:
 
 
 def table_of(result: Result, name: str) -> Mapping[str, Any] | None:
-    """Return a table of the run, its times counted from the start of the slave's log [s]."""
+    """Return a table of the run, its times counted from the start of the slave's log [s].
+
+    None where there is none, or where it is of another procedure, which has tables of that name.
+    """
     table = result.tables.get(name)
-    if table is None:
+    if table is None or not mine(result):
         return None
     clock = ("time", "start", "end")
     return {k: np.asarray(v, float) - started(result) if k in clock else v
