@@ -136,7 +136,8 @@ def calibrate(
     findings = [*log.findings, *check_input(data)]
     progress(0.5, "calibrating")
     result = _published(data, settings)
-    seen = rest_table(log, rests) | norm_columns(result.model, result.coefficients, data)
+    model = ImuModel.from_coefficients(result.coefficients)
+    seen = rest_table(log, rests) | norm_columns(model, result.coefficients, data)
     result = replace(result, tables={"rests": seen})
     progress(1.0, "done")
     return complete(result, data, rests, findings, instrument or {}, clock.monotonic() - started)
