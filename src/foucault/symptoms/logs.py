@@ -96,8 +96,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "half an interval apart.",
      'Use topic = "vehicle_imu" or "sensor_combined", which are sampled together.'),
     ("log.px4_calibrated", "warning", "Readings that PX4 has calibrated already",
-     "'{file}': {topic} is less the autopilot's own offsets and scale factors, {count} of which are "
-     "not zero or one.",
+     "'{file}': {topic} is less the autopilot's own offsets and scale factors, {count} of which "
+     "are not zero or one.",
      "What is found is what they leave; calibrate sensor_gyro and sensor_accel to replace them."),
     ("log.cannot_guess", "error", "Columns that were left out and cannot be guessed",
      "'{file}' has {have}; none has a usual name of {block}.",
