@@ -76,8 +76,8 @@ def test_with_values_leaves_the_original_alone() -> None:
 def test_prints_as_a_table_with_one_unit_per_family() -> None:
     lines = str(_vector()).splitlines()
     assert lines[0].split() == ["coefficient", "symbol", "value", "sd", "unit"]
-    assert lines[1].split() == ["gyro.bias.x", "b_gx", "10.000", "0.02", "deg/h"]
-    assert lines[2].split() == ["gyro.bias.y", "b_gy", "-0.5", "3", "deg/h"]
+    assert lines[1].split() == ["gyro.bias.x", "b_gx", "10.000", "0.020", "deg/h"]
+    assert lines[2].split() == ["gyro.bias.y", "b_gy", "-0.5", "3.0", "deg/h"]
     assert lines[3].split() == ["accel.scale.z", "s_az", "250", "12", "ppm"]
 
 

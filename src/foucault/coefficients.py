@@ -242,8 +242,9 @@ class CoefficientVector:
         """Print as a table: name, symbol, value, sd, unit."""
         lines = [("coefficient", "symbol", "value", "sd", "unit")]
         for row in self.rows():
-            sd = "" if row["display_sd"] is None else units.plain(row["display_sd"], 2)
-            value = format_value(row["display_value"], row["display_sd"])
+            size = row["display_sd"]
+            sd = "" if size is None else format_value(size, size)
+            value = format_value(row["display_value"], size)
             lines.append((row["name"], row["symbol"], value, sd, row["display_unit"]))
         return _columns(lines, right=(2, 3))
 

@@ -250,3 +250,24 @@ def test_progress_runs_to_one(tmp_path, log):
         read(LogDescription(file=f"log{suffix}"), tmp_path, seen.append)
         assert seen == sorted(seen)
         assert seen[-1] == 1.0
+
+
+def test_titles_as_a_spreadsheet_in_europe_writes_them(tmp_path):
+    file = tmp_path / "messung.csv"
+    triads = ["Drehrate X [°/s]", "Y [°/s]", "Z [°/s]", "Beschl. X [g]", "Beschl. Y [g]", "Z [g]"]
+    rows = [["Messreihe Prüfling A"], ["Zeit [ms]", *triads]]
+    rows += [[f"{10 * i},0", "0,5", "-1,25", "0", "0,01", "0", "1,0"] for i in range(4)]
+    text = "\r\n".join(";".join(row) for row in rows)
+    file.write_bytes(text.encode("cp1252"))
+    log = read(
+        LogDescription.model_validate({
+            "file": file.name, "decimal": ",",
+            "time": {"column": "Zeit [ms]", "unit": "ms"},
+            "gyro": {"columns": triads[:3], "unit": "deg/s"},
+            "accel": {"columns": triads[3:], "unit": "g"},
+        }),
+        tmp_path,
+    )  # fmt: skip
+    np.testing.assert_allclose(log.time, [0.0, 0.01, 0.02, 0.03])
+    np.testing.assert_allclose(np.degrees(log.gyro[0]), [0.5, -1.25, 0.0])
+    np.testing.assert_allclose(log.accel[0], [0.0980665, 0.0, 9.80665])

@@ -34,6 +34,7 @@ LOG_TABLE = """\
 file = "log.csv"                        # relative to this file
 # CSV or spaced text (.gz too), Parquet, .npy, .npz, .mat and binary records can be read.
 # Columns by name, or by number from 0 in a file without a header; "-gy" flips a sign.
+# Numbers such as 9,81: write decimal = "," too; what stands between columns is found.
 # Without a time column write rate = "100 Hz" instead of `time`.
 time = { column = "time", unit = "s" }
 gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }

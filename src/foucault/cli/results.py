@@ -147,7 +147,7 @@ def demo(
 
 def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
     from foucault.coefficients import format_value
-    from foucault.units import convert, plain
+    from foucault.units import convert
 
     rows = []
     for row in result.coefficients.rows():
@@ -159,7 +159,7 @@ def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
                 "truth": format_value(true, sd),
                 "estimate": format_value(value, sd),
                 "error": format_value(value - true, sd),
-                "sd": "" if sd is None else plain(sd, 2),
+                "sd": "" if sd is None else format_value(sd, sd),
                 "unit": row["display_unit"],
                 "error_over_sd": "" if not sd else f"{(value - true) / sd:+.2f}",
             }

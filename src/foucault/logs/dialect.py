@@ -206,6 +206,20 @@ def _any_number(cells: list[str]) -> bool:
 
 
 def text_lines(stream: IO[bytes]) -> Iterator[str]:
-    """Yield the lines of a text; what is no UTF-8 becomes a replacement character."""
+    """Yield the lines of a text."""
     for line in stream:
-        yield line.decode("utf-8", errors="replace").removeprefix("\ufeff")
+        yield decoded(line).removeprefix("\ufeff")
+
+
+def decoded(line: bytes) -> str:
+    """Return a line as text: UTF-8, else Windows-1252, in which spreadsheets write a degree sign.
+
+    Parameters
+    ----------
+    line : bytes
+        The line; a byte that neither knows becomes a replacement character.
+    """
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", errors="replace")

@@ -21,7 +21,7 @@ import numpy as np
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.logs import checks, delimited
 from foucault.logs.declared import complete
-from foucault.logs.dialect import dialect_of
+from foucault.logs.dialect import decoded, dialect_of
 from foucault.logs.raw import RawTable, is_text, of_own, unreadable
 from foucault.logs.reading import converted
 from foucault.tables import FloatArray, Log
@@ -284,7 +284,7 @@ class Follower:
 
     def _good_lines(self, text: bytes, columns: Sequence[int]) -> Iterator[bytes]:
         for number, line in enumerate(BytesIO(text), start=self._line + 1):
-            words = line.decode("utf-8", errors="replace")
+            words = decoded(line)
             if not "".join(self._dialect.cells(words)).strip():
                 continue
             wrong = delimited.fault(self.tail.name, self._dialect, columns, number, words)
