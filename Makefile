@@ -4,11 +4,11 @@ PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 py
   $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
 BIN := .venv/bin
 
-.PHONY: help demo test lint bench docs validation release clean
+.PHONY: help demo test tests lint bench docs validation release clean
 
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
-	@echo "make test   lint, then every test"
+	@echo "make test   lint and every test, side by side"
 	@echo "make lint   style, types and layers"
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"
@@ -18,8 +18,14 @@ help:
 demo: .venv/installed-run
 	$(BIN)/foucault demo -o demo
 
-test: lint
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto  # small matrices: a second BLAS thread only costs
+# The types take as long as a quarter of the tests, and one processor.
+test: .venv/installed-dev
+	@$(MAKE) --no-print-directory -j2 lint tests
+
+# Small matrices: a second BLAS thread only costs. Neighbours stay with one worker, which has their
+# fixtures already. Programs that tests start should find what was compiled of Python.
+tests: .venv/installed-dev
+	OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n auto --dist worksteal
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

@@ -43,11 +43,22 @@ def with_one(name: str, value: float) -> ImuModel:
     return model
 
 
+class Ridden(Motion):
+    """A motion that remembers what was felt: many instruments go the same way."""
+
+    def truth(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        kept, key = self.__dict__.setdefault("_kept", {}), time.tobytes()
+        if key not in kept:
+            kept[key] = super().truth(time)
+        return kept[key]
+
+
 def made(
     plan: Plan, start: Start, rate: float = 100.0, **how: str
 ) -> tuple[Motion, np.ndarray, State]:
     """Return the motion, the times of its samples and the true state at the first."""
     motion, _ = motion_of(plan, start, **how)
+    motion = Ridden(motion.pieces, motion.path, motion.gravity_offset)
     time = np.arange(round(motion.end * rate) + 1) / rate
     return motion, time, motion.trajectory(time[:1]).state(0)
 

@@ -12,11 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import dask
 import numpy as np
 import psutil
 import pyarrow.parquet as pq
 import pytest
 from distributed import Client, LocalCluster
+from distributed.utils import get_mp_context
 from llvmlite import binding
 from typer.testing import CliRunner
 
@@ -61,9 +63,12 @@ def local(workers: int, **more: Any) -> LocalCluster:
 
 @pytest.fixture(scope="module")
 def four() -> Iterator[Any]:
-    """Four processes that other tests compute on."""
-    with local(4, env=ONE_BLAS_THREAD) as made:
-        yield made
+    """Four processes that other tests compute on, forked from one that has imported the package."""
+    imported = ["distributed", "foucault.campaign.study", "foucault.campaign.optimisation"]
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        get_mp_context().set_forkserver_preload([*imported, "foucault.procedures.six_position"])
+        with local(4, env=ONE_BLAS_THREAD) as made:
+            yield made
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import os
 import signal
 import subprocess
 import sys
-import threading
-import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -100,40 +100,54 @@ def test_it_ends_when_there_is_enough(folder: Path, busy: None) -> None:
     assert "enough, on all sides" in result.output
 
 
-def test_a_file_that_grows(folder: Path, text: bytes, tmp_path: Path, busy: None) -> None:
+@dataclass
+class Clock:
+    """Time that passes only between two looks; so much of the recording goes on meanwhile."""
+
+    recording: Iterator[None]
+    now: float = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+        next(self.recording, None)
+
+
+def test_a_file_that_grows(text: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "session.csv"
     lines = text.splitlines(keepends=True)
 
-    def record() -> None:
-        time.sleep(0.5)
+    def record() -> Iterator[None]:
+        yield
         with path.open("wb") as stream:
             for start in range(0, len(lines), 333):
                 stream.write(b"".join(lines[start : start + 333])[:-3])
                 stream.flush()
-                time.sleep(0.01)
+                yield
                 stream.write(b"".join(lines[start : start + 333])[-3:])
 
-    writer = threading.Thread(target=record)
-    writer.start()
+    monkeypatch.setattr(command, "clock", Clock(record()))
     result = run(path, "--timeout", "1.5 s")
-    writer.join()
     assert result.exit_code == 0
     assert result.output.startswith("waiting for session.csv to appear\nfollowing session.csv")
     assert sum(line.startswith("rest ") for line in result.output.splitlines()) == 24
 
 
-def test_a_file_that_shrinks_begins_anew(text: bytes, tmp_path: Path, busy: None) -> None:
+def test_a_file_that_shrinks_begins_anew(
+    text: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "session.csv"
     path.write_bytes(part(text, 8000))
 
-    def restart() -> None:
-        time.sleep(0.5)
+    def restart() -> Iterator[None]:
+        yield
         path.write_bytes(part(text, 3000))
+        yield
 
-    writer = threading.Thread(target=restart)
-    writer.start()
+    monkeypatch.setattr(command, "clock", Clock(restart()))
     result = run(path, "--timeout", "1.5 s")
-    writer.join()
     assert result.exit_code == 3
     assert "note: 'session.csv' was written anew." in result.output
     assert "4 rests in 4 orientations over 30.0 s: not enough" in result.output

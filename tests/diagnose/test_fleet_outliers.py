@@ -37,7 +37,7 @@ def test_outlying_instruments_are_named_with_what_differs():
 @pytest.mark.parametrize("n", [8, 12, 60])
 def test_one_fleet_in_a_hundred_has_a_false_outlier(n):
     rng = np.random.default_rng(n)
-    fleets, p = 1500, 21
+    fleets, p = 500, 21
     names = [str(k) for k in range(p)]
     alarms = sum(bool(fleet.outlying(names, rng.normal(size=(n, p)))) for _ in range(fleets))
     # The tail of a ratio to a MAD is not quite Student's: at most a factor of three.

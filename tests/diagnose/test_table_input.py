@@ -254,9 +254,11 @@ def test_logged_angles_that_nobody_needs_and_that_fit_nothing_are_not_used():
     np.testing.assert_array_equal(got.angles[:, 1:], np.full((12, 2), np.nan))
 
 
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize("degrees", [90, 180])
-@pytest.mark.parametrize("logged", [True, False], ids=["angles", "no angles"])
+@pytest.mark.parametrize(
+    ("axis", "degrees", "logged"),
+    [(0, 90, True), (1, 90, False), (2, 90, True), (0, 180, False), (1, 180, True),
+     (2, 180, False)],
+)  # fmt: skip
 def test_an_instrument_mounted_turned_is_nothing_odd_where_angles_do_not_matter(
     axis, degrees, logged
 ):

@@ -213,4 +213,6 @@ def test_what_is_known_to_rounding_only():
     root = size[:, None] * rng.normal(size=(6, 3))
     P = root @ root.T
     A = rng.normal(size=(6, 6)) / size @ P
-    np.testing.assert_allclose(_divided(A, P) @ P / size, A / size, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        _divided(A, P, np.sqrt(np.diag(P))) @ P / size, A / size, rtol=0, atol=1e-8
+    )

@@ -165,7 +165,7 @@ def test_one_component_of_lever_arm_or_mounting_comes_back_alone(axis):
 
 # -- with noise ---------------------------------------------------------------------------------
 
-DRAWS = 160
+DRAWS = 70
 
 
 @cache
@@ -186,9 +186,9 @@ def test_errors_have_the_size_that_was_promised(kind):
     errors, covs = drawn(kind, 5 * ARCSEC, DRAWS)
     low, high = chi_square_limits(errors.size, tests=2)
     assert low < nees(errors, covs).sum() < high
-    # Ten percent in the covariance are seen.
-    assert nees(errors, 0.9 * covs).sum() > high
-    assert nees(errors, 1.1 * covs).sum() < low
+    # Twenty percent in the covariance are seen.
+    assert nees(errors, covs / 1.2).sum() > high
+    assert nees(errors, 1.2 * covs).sum() < low
 
 
 @pytest.mark.parametrize("sigma", [5 * ARCSEC, 600 * ARCSEC])

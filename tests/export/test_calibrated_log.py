@@ -357,12 +357,12 @@ def memory(folder: Path, suffix: str, rows: int) -> int:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
-@pytest.mark.parametrize(("suffix", "long"), [(".csv", 1_200_000), (".parquet", 1_800_000)])
+@pytest.mark.parametrize(("suffix", "long"), [(".csv", 700_000), (".parquet", 1_000_000)])
 def test_memory_does_not_grow_with_the_log(
     suffix: str, long: int, linear: Result, tmp_path: Path
 ) -> None:
     save(linear, tmp_path)
-    short = 600_000  # by then every buffer has its full size
+    short = 400_000  # by then every buffer has its full size
     table = (long - short) * 8 * 8
     grown = memory(tmp_path, suffix, long) - memory(tmp_path, suffix, short)
     # Held whole, readings and result together are two tables.

@@ -66,7 +66,7 @@ def case(names, samples, every, latitude=48.0, speed=250.0, seed=3, scale=1.0):
      (("accel",), -30.0), (("gyro.bias",), 10.0)],
 )  # fmt: skip
 def test_it_is_the_dense_filter(monkeypatch, form, names, latitude):
-    n, every = (400, 25) if form == "compiled" else (24, 4)
+    n, every = (200, 13) if form == "compiled" else (24, 4)
     log, state, sensors, updates, P0 = case(names, n, every, latitude)
     monkeypatch.setattr(ins_filter, "ins_filter", kernel(form, module, "ins_filter"))
     estimate = 0.3 * np.array([unit(name) for name in sensors.layout.names])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -78,18 +80,25 @@ def test_values_are_those_of_the_twin(form, grade_name, both, lever_arm):
         np.testing.assert_allclose(found[4][i], arm, rtol=0, atol=1e-7)
 
 
-@FORMS
-@pytest.mark.parametrize("lever_arm", [True, False])
-@pytest.mark.parametrize(("grade_name", "both"), [("mems", False), ("navigation", True)])
-def test_covariance_is_that_of_moving_every_reading(form, grade_name, both, lever_arm):
+@cache
+def _moved(grade_name, both, lever_arm):
+    """Readings of unlike noise, and the covariance by moving each of them."""
     made, _ = _simulated(grade_name, 1, both=both)
     rest, va, accel, vf, gyro, vw, h, g, _ = _arguments(made)
     va, vw = va * np.linspace(0.5, 2, len(va)), vw * np.linspace(2, 0.5, len(vw))
-    found = _batch(form)(rest, va, accel, vf, gyro, vw, h, g, lever_arm)
     blocks = [rest[0], accel[0], gyro[0]]
     cov = reference.norm_observation_covariance(
         blocks, [va, vf, vw], [1e-4, 1e-4, 1e-6], h, g, lever_arm
     )
+    return (rest, va, accel, vf, gyro, vw, h, g, lever_arm), cov
+
+
+@FORMS
+@pytest.mark.parametrize("lever_arm", [True, False])
+@pytest.mark.parametrize(("grade_name", "both"), [("mems", False), ("navigation", True)])
+def test_covariance_is_that_of_moving_every_reading(form, grade_name, both, lever_arm):
+    readings, cov = _moved(grade_name, both, lever_arm)
+    found = _batch(form)(*readings)
     sd = np.sqrt(np.diag(cov))
     got = np.zeros((24, 24))
     got[:21, :21] = _unpacked(found[5])[0]

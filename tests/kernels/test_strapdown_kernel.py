@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -61,20 +64,31 @@ def run(form, rows, made, vertical, offset):
     )
 
 
-@FORMS
-@pytest.mark.parametrize("latitude", [0.8, -1.2, np.pi / 2])
-@pytest.mark.parametrize("rows", [(0, N - 1), (N - 1, 0), (7, 31), (31, 7), (5, 5)])
-@pytest.mark.parametrize("vertical", VERTICAL)
-def test_twin(form, latitude, rows, vertical):
+@cache
+def slowly(latitude, rows, vertical):
+    """The motion, and what the reference makes of it."""
     made = motion(speed=300.0, latitude=latitude)
     dtheta, dvel, dt, joined, heights, (C_lb, v, C_el, h) = made
     if vertical == "held":
         v = v * [1.0, 1.0, 0.0]
-    out = run(form, rows, made, vertical, 3e-4)
-    want = reference.strapdown_run(
+    return made, reference.strapdown_run(
         (C_lb, v, C_el, h), dtheta, dvel, dt, joined, *rows, offset=3e-4, vertical=vertical,
         heights=heights, gains=GAINS,
     )  # fmt: skip
+
+
+WHOLE, PARTS = [(0, N - 1), (N - 1, 0)], [(7, 31), (31, 7), (5, 5)]
+
+
+@FORMS
+@pytest.mark.parametrize(
+    ("latitude", "rows"),
+    [*product([0.8, -1.2, np.pi / 2], WHOLE), *product([0.8], PARTS)],
+)
+@pytest.mark.parametrize("vertical", VERTICAL)
+def test_twin(form, latitude, rows, vertical):
+    made, want = slowly(latitude, rows, vertical)
+    out = run(form, rows, made, vertical, 3e-4)
     assert len(out) == len(want) == abs(rows[1] - rows[0]) + 1
     for x, (C_lb, v, C_el, h) in zip(out, want, strict=True):
         np.testing.assert_allclose(matrix_of(x[:4]), C_lb, rtol=0, atol=1e-13)

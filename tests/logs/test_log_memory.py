@@ -40,6 +40,6 @@ def peak(folder, suffix, rows):
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_peak_memory_grows_by_less_than_three_tables(tmp_path, suffix):
     # The difference of two sizes leaves out what pyarrow takes for its buffers once.
-    short, long = 500_000, 1_500_000
+    short, long = 300_000, 900_000
     grown = peak(tmp_path, suffix, long) - peak(tmp_path, suffix, short)
     assert grown <= 3 * (long - short) * 7 * 8

@@ -33,10 +33,12 @@ def test_xsens_in_two_files_of_counts(real):
         },
     )  # fmt: skip
     with gzip.open(folder / "xsens_acc.mat.gz") as a, gzip.open(folder / "xsens_gyro.mat.gz") as g:
-        accel, gyro = np.loadtxt(a), np.loadtxt(g)
-    assert np.array_equal(log.time, accel[:, 0])
-    assert log.accel == pytest.approx((accel[:, 1:] - 33000) / 415, rel=1e-15)
-    assert log.gyro == pytest.approx((gyro[:, 1:] - 32500) / 4778, rel=1e-15)
+        accel, gyro = np.loadtxt(a, max_rows=9000), np.loadtxt(g, max_rows=9000)
+        assert sum(1 for line in a if line.strip()) == len(log) - 9000
+    some = log[:9000]
+    assert np.array_equal(some.time, accel[:, 0])
+    assert some.accel == pytest.approx((accel[:, 1:] - 33000) / 415, rel=1e-15)
+    assert some.gyro == pytest.approx((gyro[:, 1:] - 32500) / 4778, rel=1e-15)
     assert log.rate == pytest.approx(100.0, rel=1e-3)
     assert log.findings == ()
     assert log.source["file"] == "xsens_gyro.mat.gz + xsens_acc.mat.gz"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -235,14 +236,20 @@ def test_coning_drift(frequency, compensated):
         np.testing.assert_allclose(missed, np.sin(angle) ** 2 * x**5 / 60 / dt, rtol=0.1)
 
 
+@cache
+def sculled(frequency, dt, angle, push):
+    """Increments, start and true end of a second of sculling: whole periods."""
+    time = np.arange(101) * dt
+    increments, state, (w, f) = sculling(angle, push, frequency, time)
+    return time, increments, state, true_state(w, f, state, 0.0, time[-1])
+
+
 @FREQUENCIES
 @COMPENSATED
 def test_sculling_drift(frequency, compensated):
     dt, angle, push = 0.01, 0.01 * DEG, 10.0
-    time = np.arange(201) * dt
-    increments, state, (w, f) = sculling(angle, push, frequency, time)
+    time, increments, state, true = sculled(frequency, dt, angle, push)
     run = navigate(joined(increments, compensated), state)
-    true = true_state(w, f, state, 0.0, time[-1])
     np.testing.assert_allclose(true.velocity_n[2] / time[-1], angle * push / 2, rtol=1e-5)
     drift = (run.velocity_n[-1] - true.velocity_n)[2] / time[-1]
     x = 2 * np.pi * frequency * dt

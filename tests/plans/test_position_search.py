@@ -25,11 +25,17 @@ SITE = Site(9.81, np.radians(45.0))
 NOISE = grade("tactical").noise
 
 
+MADE = {}  # nothing changes a space: one for all tests that ask for the same
+
+
 def space_of(plan="icosahedron 12", module=norm_observation, wanted=None, **settings):
-    return module.space(
-        module.Settings(plan=plan, **settings), Wanted(**(wanted or {})),
-        session=module.Session(rest_time=60.0, turns=4), site=SITE, noise=NOISE, prior={},
-    )  # fmt: skip
+    asked = f"{plan} {module.__name__} {wanted} {settings}"
+    if asked not in MADE:
+        MADE[asked] = module.space(
+            module.Settings(plan=plan, **settings), Wanted(**(wanted or {})),
+            session=module.Session(rest_time=60.0, turns=4), site=SITE, noise=NOISE, prior={},
+        )  # fmt: skip
+    return MADE[asked]
 
 
 def found(space, evaluations=500, seed=0):

@@ -19,7 +19,7 @@ from foucault.procedures.hand_rotated import Settings, calibrate
 from foucault.simulate.hand_rotated import draw_errors, simulate
 from make_session import SITE, short_plan
 
-SESSIONS = 60
+SESSIONS = 36  # 756 dof: a covariance that is 25 % off is seen with 96 %
 TESTS = len(GRADES) + 1
 
 
@@ -63,10 +63,10 @@ def test_slow_noise_is_accounted_for():
     gyro = TriadNoise(white=2e-5, bias_instability=2e-5, correlation_time=30.0, random_walk=2e-6)
     accel = TriadNoise(white=3e-4, bias_instability=5e-4, correlation_time=60.0, random_walk=2e-5)
     noise = ImuNoise(accel, gyro)
-    total, (low, high) = _sum("tactical", 30, noise, noise)
+    total, (low, high) = _sum("tactical", 20, noise, noise)
     assert low < total < high
     white = ImuNoise(TriadNoise(white=3e-4), TriadNoise(white=2e-5))
-    total, (low, high) = _sum("tactical", 30, white, noise, repeatability=False)
+    total, (low, high) = _sum("tactical", 12, white, noise, repeatability=False)
     assert total > high
 
 

@@ -99,14 +99,14 @@ def trials(name, count, **_):
 
 @pytest.mark.parametrize("name", ["mems", "tactical"])
 def test_errors_have_the_size_that_was_promised(name):
-    errors, covs = trials(name, 120)
+    errors, covs = trials(name, 70)
     low, high = chi_square_limits(errors.size, tests=2)
     assert low < nees(errors, covs).sum() < high
 
 
 @pytest.mark.parametrize("factor", [1.2, 1 / 1.2])
 def test_the_test_sees_a_wrong_covariance(factor):
-    errors, covs = trials("tactical", 120)
+    errors, covs = trials("tactical", 70)
     low, high = chi_square_limits(errors.size, tests=2)
     assert not low < nees(errors, covs * factor).sum() < high
 

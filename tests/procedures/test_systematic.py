@@ -30,7 +30,7 @@ from make_sequence import ARCSEC, DEG, DPH, NOISE, third_party
 UG = 9.80665e-6
 SITE = Site.at(40 * DEG, 100.0)
 BOTH = ("19 positions", "spins, simple 6")
-SHORT = systematic.Session(rest_time=30.0)
+SHORT = systematic.Session(rest_time=30.0, rate=25.0)
 
 
 def simulated(settings=None, session=SHORT, seed=1, model=None, noise=NOISE, site=SITE):
@@ -377,7 +377,7 @@ def test_an_interval_longer_than_the_rests_is_refused(nineteen):
 
 
 def test_a_first_rest_that_is_too_short(nineteen):
-    late = replace(nineteen, log=nineteen.log[16 * 50 :])
+    late = replace(nineteen, log=nineteen.log[16 * 25 :])
     with pytest.raises(FoucaultError) as caught:
         trial(late)
     assert caught.value.code == "systematic.first_rest"

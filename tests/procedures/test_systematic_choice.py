@@ -32,10 +32,10 @@ SITE = Site.at(40 * DEG, 100.0)
 SIMPLE = ("19 positions", "spins, simple 6")
 BOTH = (*SIMPLE, "spins, icosahedral 6")
 PRIORS = {"deflection": PRIOR["deflection"]}
-SHORT = systematic.Session(rest_time=30.0)
+SHORT = systematic.Session(rest_time=30.0, rate=25.0)
 
 
-def session(truth, theta=None, *, sequence=SIMPLE, seed=1, chirality=-1):
+def session(truth, theta=None, *, sequence=SIMPLE, seed=1, chirality=-1, rate=25.0):
     """Simulate a session of an instrument that bends by `theta` [arcsec/g], or not at all."""
     settings = Settings(sequence=sequence, deflection="choose")
     T = np.full((3, 3, 3), 1e-30)
@@ -43,8 +43,9 @@ def session(truth, theta=None, *, sequence=SIMPLE, seed=1, chirality=-1):
         T = deflection_model(truth, chirality).tensor(np.array(theta) * UNIT)
     model = replace(systematic.draw_errors("navigation", seed), deflection=T)
     made = systematic.simulate(
-        SHORT, settings=settings, model=model, noise=NOISE, site=SITE, seed=seed
-    )
+        systematic.Session(rest_time=30.0, rate=rate), settings=settings, model=model, noise=NOISE,
+        site=SITE, seed=seed,
+    )  # fmt: skip
     return settings, made
 
 
@@ -73,7 +74,8 @@ def rigid():
 @pytest.fixture(scope="module")
 def other_sense():
     """Both sets of spins, and the sense that is not the usual one."""
-    return session("coupled6", [2.0, -1.5, 3.0, 2.5, -2.0, 1.0], sequence=BOTH, chirality=1)
+    return session("coupled6", [2.0, -1.5, 3.0, 2.5, -2.0, 1.0], sequence=BOTH, chirality=1,
+                   rate=50.0)  # fmt: skip
 
 
 # -- the numbers -----------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from make_sequence import DEG, DPH, NOISE
 UG = 9.80665e-6
 SITE = Site.at(40 * DEG, 100.0)
 BOTH = ("19 positions", "spins, simple 6")
-SHORT = systematic.Session(rest_time=30.0)
+SHORT = systematic.Session(rest_time=30.0, rate=25.0)
 QUADRATIC = np.array([20.0, -15.0, 12.0]) * UG / 9.80665**2
 ASYMMETRY = [f"accel.asymmetry.{axis}" for axis in "xyz"]
 
@@ -197,13 +197,13 @@ def test_lever_arms_are_not_taken_for_bending():
 
 
 def test_the_false_alarm_rate_of_bending_is_one_percent_or_less():
-    """Two thousand imagined sessions without bending, of a filter that fits its noise."""
+    """Imagined sessions without bending, of a filter that fits its noise; 3 % is seen with 96 %."""
     rng = np.random.default_rng(5)
     A = rng.normal(size=(12, 18)) / UNIT  # twelve combinations are seen
-    J, dof, runs = A.T @ A, 3000, 2000
+    J, dof, runs = A.T @ A, 3000, 700
     alarms = 0
     for _ in range(runs):
         choice = judged(Told(J, A.T @ rng.standard_normal(12)), {"deflection": PRIOR["deflection"]})
         run = SimpleNamespace(nis=np.array([rng.chisquare(dof)]), measured=np.array([dof]))
         alarms += bending(choice, SimpleNamespace(run=run))[0] < 0.01
-    assert alarms <= 31  # binomial, 1 % of 2000, once in a hundred
+    assert alarms <= 13  # binomial, 1 % of 700, once in a hundred

@@ -13,10 +13,11 @@ from foucault.campaign import optimisation
 from foucault.campaign.preflight import foresee
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
+from foucault.plans import optimise
 from foucault.plans.optimise import descend
 from foucault.plans.systematic import CalibrationSequence
 from foucault.plans.systematic_sequences import action_sequences, nine_positions, quarter_turns
-from foucault.procedures import systematic
+from foucault.procedures import systematic, systematic_plan
 from foucault.procedures.systematic_bound import bound, foreseen
 from foucault.procedures.systematic_foresight import shown
 from foucault.procedures.systematic_plan import HERE
@@ -41,7 +42,7 @@ white = "5 ug/sqrt(Hz)"
 white = "0.0007 deg/sqrt(h)"
 [simulate]
 rest_time = "40 s"
-rate = "50 Hz"
+rate = "20 Hz"
 [optimise]
 {wanted}
 """
@@ -185,9 +186,10 @@ def test_plans_fill_the_time_and_keep_the_limits(space):
     assert space.from_json(json.loads(json.dumps(space.as_json(plan)))) == plan
 
 
-def test_a_descent_beats_the_known_plan_and_is_the_same_again(space):
-    best = descend(space, np.random.default_rng(1), 40)
-    again = descend(space, np.random.default_rng(1), 40)
+def test_a_descent_beats_the_known_plan_and_is_the_same_again(space, monkeypatch):
+    monkeypatch.setattr(optimise, "PROBED", 12)
+    best = descend(space, np.random.default_rng(1), 20)
+    again = descend(space, np.random.default_rng(1), 20)
     assert best == again
     assert best.cost < -0.5 and space.exact_cost(best.plan) == pytest.approx(best.cost, abs=0.03)
     done = space.allowed.sequence(best.plan)
@@ -203,13 +205,11 @@ def test_a_descent_beats_the_known_plan_and_is_the_same_again(space):
     np.testing.assert_allclose(plan.times, done.times, rtol=1e-12)
 
 
-def test_a_search_in_a_folder_for_the_shortest(tmp_path):
+def test_a_search_in_a_folder_for_the_shortest(tmp_path, monkeypatch):
+    monkeypatch.setattr(systematic_plan, "OTHERS", systematic_plan.OTHERS[3:])
     wanted = 'accuracy = { "deflection" = "0.06 arcsec/g" }\nmost_turns = 12'
     asked = planned(FAST, wanted)
-    for folder in ("a", "b"):
-        found = optimisation.run(asked, tmp_path / folder, restarts=1, evaluations=33, size=2)
-    found_a = (tmp_path / "a/campaign.toml").read_bytes()
-    assert (tmp_path / "b/campaign.toml").read_bytes() == found_a
+    found = optimisation.run(asked, tmp_path / "a", restarts=1, evaluations=33, size=2)
     assert found.aim == "time" and found.gained and found.complete
     wanted_of = {n.name: n for n in found.needs}["largest sd of deflection"]
     assert wanted_of.kept and wanted_of.needed < 0.06 * ARCSEC_G
@@ -221,7 +221,8 @@ def test_a_search_in_a_folder_for_the_shortest(tmp_path):
     assert len(more.restarts) == 2 and more.duration <= found.duration
 
 
-def test_a_search_that_can_only_be_longer_says_so(tmp_path):
+def test_a_search_that_can_only_be_longer_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(systematic_plan, "OTHERS", ())
     wanted = 'accuracy = { "gyro.bias" = "0.1 deg/h" }\nfirst = "19 positions"'
     found = optimisation.run(planned(NINE, wanted), tmp_path, restarts=1, evaluations=5, size=2)
     assert "optimise.no_time" in codes(found) and not found.complete

@@ -62,7 +62,7 @@ def test_a_calibration_has_the_uncertainties_that_were_foretold(name, more):
 
 @pytest.mark.parametrize("solution", ["linear", "published"])
 def test_linear_solutions_are_foretold_too(solution):
-    settings = {"plan": "dodecahedron 20", "solution": solution}
+    settings = {"plan": "icosahedron 12", "solution": solution}
     found, best = foreseen(norm_observation, **settings), foreseen(norm_observation)
     result = came(norm_observation, 1, **settings)
     np.testing.assert_allclose(found.sd, result.coefficients.sd, rtol=WITHIN)

@@ -108,7 +108,7 @@ def fit(variance: FloatArray, n: int, m: npt.NDArray[np.int64]) -> Strengths:
     problem, p = _solved(_Problem(variance, expected("overlapping", m), T))
     # What the others would be without noise j: where j is zero anyway, what they are.
     without = [_strengths(problem, np.delete(_ALL, j)) if p[j] > 0 else p for j in _ALL]
-    cov = _covariance(problem, p, p > 0)
+    cov = _covariance(problem.whitened(p)[1], p > 0)
     sd = np.where(p > 0, np.sqrt(np.diag(cov)), np.nan)
     seen = np.array([p[j] > 0 and _significance(problem, without[j], j) > SEEN for j in _ALL])
     low, high = np.zeros(NOISES), np.zeros(NOISES)
@@ -168,9 +168,8 @@ def _solved(problem: _Problem) -> tuple[_Problem, FloatArray]:
     return this, p
 
 
-def _covariance(problem: _Problem, p: FloatArray, free: npt.NDArray[np.bool_]) -> FloatArray:
-    """Return the covariance of the free strengths if the truth is p, shape (5, 5)."""
-    _, J = problem.whitened(p)
+def _covariance(J: FloatArray, free: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return the covariance of the free strengths, shape (5, 5), by whitened columns J (k, 5)."""
     J = J[:, free]
     size = np.linalg.norm(J, axis=0)
     out = np.zeros((NOISES, NOISES))
@@ -184,7 +183,7 @@ def _estimate(problem: _Problem, truth: FloatArray, j: int) -> tuple[float, floa
     free = truth > 0
     free[j] = True
     a, J = problem.whitened(truth)
-    cov = _covariance(problem, truth, free)
+    cov = _covariance(J, free)
     return float((cov @ (J.T @ a))[j]), float(np.sqrt(cov[j, j]))
 
 

@@ -298,16 +298,13 @@ def circular_error(cov: FloatArray) -> FloatArray:
 def _circular_table() -> tuple[FloatArray, FloatArray]:
     """Return axis ratios, and the radius for half of the errors where the larger sd is 1."""
     angle = (np.arange(512) + 0.5) * np.pi / 512
-    ratios = np.linspace(0.0, 1.0, 101)
-    out = np.empty_like(ratios)
-    out[0] = 0.6744897501960817  # the quartile of the normal distribution
-    for k, ratio in enumerate(ratios[1:], 1):
-        # P(r) = 1 - mean over angle of ratio/d exp(-r^2 d / (2 ratio^2)), d = ratio^2 c^2 + s^2
-        d = (ratio * np.cos(angle)) ** 2 + np.sin(angle) ** 2
-        low, high = 0.5, 1.3
-        for _ in range(50):
-            r = (low + high) / 2
-            inside = 1 - np.mean(ratio / d * np.exp(-(r**2) * d / (2 * ratio**2)))
-            low, high = (r, high) if inside < 0.5 else (low, r)
-        out[k] = (low + high) / 2
-    return ratios, out
+    ratio = np.linspace(0.0, 1.0, 101)[1:, None]
+    # P(r) = 1 - mean over angle of ratio/d exp(-r^2 d / (2 ratio^2)), d = ratio^2 c^2 + s^2
+    d = (ratio * np.cos(angle)) ** 2 + np.sin(angle) ** 2
+    low, high = np.full_like(ratio, 0.5), np.full_like(ratio, 1.3)
+    for _ in range(50):
+        r = (low + high) / 2
+        inside = 1 - np.mean(ratio / d * np.exp(-(r**2) * d / (2 * ratio**2)), axis=1)[:, None]
+        low, high = np.where(inside < 0.5, r, low), np.where(inside < 0.5, high, r)
+    least = 0.6744897501960817  # the quartile of the normal distribution
+    return np.append(0.0, ratio), np.append(least, (low + high) / 2)

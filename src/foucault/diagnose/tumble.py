@@ -106,23 +106,21 @@ def _segment(
     from foucault.kernels.cluster import actual_rate, inverse_input_axes, readings
 
     still = np.zeros(3)
-    arms = np.zeros((3, 3))
+    arms, Ti = np.zeros((3, 3)), np.empty((3, 3))
 
-    def at(dphi: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        f = exp(-dphi) @ C_pn[:, 2]
-        Ti = np.empty((3, 3))
+    def at(f: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         inverse_input_axes(theta, Ti)
         w = np.array(actual_rate(theta, Ti, *rate, *f))
         return w, np.array(readings(theta, *f, *w, *still, arms, 1.0))
 
-    n = STATES - 1
+    n, step = STATES - 1, 1e-6
+    d = step * np.eye(n)
+    # Of the states the first three alone, a rotation, change the force that is felt.
+    force = exp(np.stack([-d[:, :3], d[:, :3]])) @ C_pn[:, 2]
     F, H = np.zeros((n, n)), np.zeros((3, n))
     for k in range(n):
-        step = 1e-6
-        d = np.zeros(n)
-        d[k] = step
-        up = at(d[:3], constants + d[3:])
-        down = at(-d[:3], constants - d[3:])
+        up = at(force[0, k], constants + d[k, 3:])
+        down = at(force[1, k], constants - d[k, 3:])
         F[:3, k], H[:, k] = ((a - b) / (2 * step) for a, b in zip(up, down, strict=True))
     F[:3, :3] -= cross_matrix(rate)
     return LinearSegment(F, H, time)

@@ -66,32 +66,34 @@ def smooth(found: FilterRun) -> Smoothed:
         raise ValueError("a run to be smoothed must be made with keep=True")
     c = np.zeros((m, n))
     cov = found.after.copy()
-    steps = np.diff(found.time, prepend=found.time[0])
+    kept = np.exp(-np.diff(found.time)[:, None] * found.decay)
+    size = np.sqrt(np.diagonal(found.before, axis1=1, axis2=2))
+    A = np.empty((n, n))
     for k in range(m - 2, -1, -1):
-        F = np.eye(n)
-        F[:9] = found.transitions[k + 1]
-        F[9:, 9:] = np.diag(np.exp(-steps[k + 1] * found.decay))
         before = found.before[k + 1]
-        G = _divided(found.after[k] @ F.T, before)
+        # P+ F', of whose rows those of the coefficients are diagonal.
+        A[:, :9] = found.after[k] @ found.transitions[k + 1].T
+        A[:, 9:] = found.after[k][:, 9:] * kept[k]
+        G = _divided(A, before, size[k + 1])
         c[k] = G @ (c[k + 1] + found.corrections[k + 1])
         cov[k] += G @ (cov[k + 1] - before) @ G.T
     states = corrected(found.trajectory.history, c)
     return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
 
 
-def _divided(A: FloatArray, P: FloatArray) -> FloatArray:
+def _divided(A: FloatArray, P: FloatArray, size: FloatArray) -> FloatArray:
     """Return A P^-1 for a covariance whose states have units of very different size."""
     from scipy.linalg import pinvh
     from scipy.linalg.lapack import dposv
 
-    size = np.sqrt(np.diag(P))
-    seen = size > 0  # what is known exactly needs no correction
-    out = np.zeros_like(A)
-    unit = size[seen]
-    R, rows = P[np.ix_(seen, seen)] / np.outer(unit, unit), A[:, seen] / unit
+    if not size.all():  # what is known exactly needs no correction
+        seen = size > 0
+        out = np.zeros_like(A)
+        out[:, seen] = _divided(A[:, seen], P[np.ix_(seen, seen)], size[seen])
+        return out
+    R, rows = P / np.outer(size, size), A / size
     # Once for every epoch: LAPACK itself takes half of the time of `scipy.linalg.cho_solve`.
     _, x, info = dposv(R, rows.T, lower=1)
     if info != 0:  # without noise some combination is known to rounding
         x = pinvh(R, rtol=1e-12) @ rows.T
-    out[:, seen] = x.T / unit
-    return out
+    return np.asarray(x.T / size)

@@ -230,8 +230,7 @@ def attitude_at_start(found: FilterRun, C_nb: FloatArray) -> FloatArray:
                              found.coefficients[:-1]])  # fmt: skip
     missing = found.coefficients[-1] - before  # in the epoch that ends at each row
     made = np.einsum("kij,kj->ki", found.transitions[:, :3, 9:], missing)
-    psi = np.zeros(3)
+    psi, back = np.zeros(3), np.linalg.inv(found.transitions[:, :3, :3])
     for k in range(len(made) - 1, -1, -1):
-        psi = psi + found.corrections[k, :3]
-        psi = np.linalg.solve(found.transitions[k, :3, :3], psi - made[k])
+        psi = back[k] @ (psi + found.corrections[k, :3] - made[k])
     return np.asarray(exp(psi) @ C_nb)

@@ -125,13 +125,16 @@ class ClusterModel:
     def from_coefficients(cls, vector: CoefficientVector) -> ClusterModel:
         """Build the matrices from named coefficients; names not in `vector` are zero."""
 
+        values = dict(zip(vector.names, vector.values.tolist(), strict=True))
+
         def triad(word: str) -> FloatArray:
-            return np.array([vector.get(f"{word}.{a}") for a in AXES])
+            return np.array([values.get(f"{word}.{a}", 0.0) for a in AXES])
 
         def square(word: str, names: tuple[str, ...]) -> FloatArray:
             out = np.zeros((3, 3))
             for oi in names:
-                out[AXES.index(oi[0]), AXES.index(oi[1])] = vector.get(f"{word}.misalignment.{oi}")
+                place = AXES.index(oi[0]), AXES.index(oi[1])
+                out[place] = values.get(f"{word}.misalignment.{oi}", 0.0)
             return out
 
         return cls(

@@ -53,7 +53,16 @@ from foucault.models.imu_equations import (
     SIZE_EQUATION,
     SIZE_INVERSE,
 )
-from foucault.models.imu_layout import LAYOUT, LINEAR_LOWER, PRODUCTS, coefficient_slot
+from foucault.models.imu_layout import (
+    LAYOUT,
+    LINEAR_LOWER,
+    PRODUCTS,
+    blocks_of,
+    coefficient_slot,
+    flat,
+    places,
+    subset,
+)
 from foucault.tables import AXES, Log
 
 __all__ = [
@@ -117,11 +126,9 @@ class ImuModel:
     @classmethod
     def from_coefficients(cls, vector: CoefficientVector) -> ImuModel:
         """Build the matrices from named coefficients; names not in `vector` are zero."""
-        model = cls()
-        for name, value in zip(vector.names, vector.values, strict=True):
-            block, where = coefficient_slot(name)
-            getattr(model, block)[where] += value
-        return model
+        entries = flat(cls())
+        entries[places(vector.names)] += vector.values
+        return cls(**blocks_of(entries))
 
     @classmethod
     def of_samples(cls, names: Iterable[str], values: FloatArray) -> ImuModel:
@@ -147,13 +154,8 @@ class ImuModel:
 
     def coefficients(self, names: Iterable[str] | None = None) -> CoefficientVector:
         """Return the named coefficients (all of `LAYOUT` by default) of these matrices."""
-        layout = LAYOUT if names is None else LAYOUT.subset(names)
-        identity = ImuModel()
-        values = np.empty(len(layout))
-        for i, name in enumerate(layout.names):
-            block, where = coefficient_slot(name)
-            values[i] = getattr(self, block)[where] - getattr(identity, block)[where]
-        return CoefficientVector(layout, values)
+        layout = LAYOUT if names is None else subset(tuple(names))
+        return CoefficientVector(layout, (flat(self) - _IDENTITY)[places(layout.names)])
 
     @property
     def straight(self) -> bool:
@@ -313,6 +315,9 @@ class ImuModel:
         signs = np.sign(np.diag(R))
         C_cb = flip @ (Q * signs).T
         return self.rotated(C_cb), C_cb
+
+
+_IDENTITY = flat(ImuModel())
 
 
 def gravity_slope(vector: CoefficientVector) -> FloatArray:

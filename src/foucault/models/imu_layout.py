@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from itertools import accumulate
+from math import prod
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from foucault.coefficients import Coefficient, Layout
 from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
 
 PRODUCTS = (("x", "x"), ("y", "y"), ("z", "z"), ("x", "y"), ("x", "z"), ("y", "z"))
 """The second-order inputs q(f), in the order of the columns of K_a."""
@@ -166,3 +174,49 @@ def coefficient_slot(name: str) -> tuple[str, Any]:
     """Return the attribute of `models.imu.ImuModel` and the index where coefficient `name` is."""
     LAYOUT.index(name)  # raises with a suggestion
     return _SLOTS[name]
+
+
+_SHAPES = {
+    "accel_matrix": (3, 3), "accel_bias": (3,), "accel_quadratic": (3, 6), "gyro_matrix": (3, 3),
+    "gyro_bias": (3,), "g_sensitivity": (3, 3), "gyro_asymmetry": (3,), "gyro_cubic": (3,),
+    "accel_asymmetry": (3,), "deflection": (3, 3, 3),
+}  # fmt: skip
+_ENDS = dict(zip(_SHAPES, accumulate(prod(shape) for shape in _SHAPES.values()), strict=True))
+
+
+def flat(model: Any) -> FloatArray:
+    """Return all entries of the matrices of a `models.imu.ImuModel`, shape (87,) [SI]."""
+    return np.concatenate([getattr(model, block).ravel() for block in _SHAPES])
+
+
+def blocks_of(entries: FloatArray) -> dict[str, FloatArray]:
+    """Return the matrices whose entries `flat` put side by side, by attribute.
+
+    Parameters
+    ----------
+    entries : ndarray, shape (87,)
+        All entries [SI].
+    """
+    return {
+        block: entries[_ENDS[block] - prod(shape) : _ENDS[block]].reshape(shape)
+        for block, shape in _SHAPES.items()
+    }
+
+
+@lru_cache(maxsize=256)
+def places(names: tuple[str, ...]) -> npt.NDArray[np.intp]:
+    """Return where in `flat` the coefficients `names` are, shape (n,)."""
+    out = np.empty(len(names), np.intp)
+    for i, name in enumerate(names):
+        block, where = coefficient_slot(name)
+        shape = _SHAPES[block]
+        at = where if isinstance(where, tuple) else (where,)
+        out[i] = _ENDS[block] - prod(shape) + np.ravel_multi_index(at, shape)
+    out.setflags(write=False)  # the same for everybody who asks
+    return out
+
+
+@lru_cache(maxsize=256)
+def subset(names: tuple[str, ...]) -> Layout:
+    """Return the layout of the coefficients `names`, in the order given."""
+    return LAYOUT.subset(names)

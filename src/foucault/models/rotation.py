@@ -41,11 +41,12 @@ def exp(phi: FloatArray) -> FloatArray:
     phi : ndarray, shape (..., 3)
         Rotation vectors [rad].
     """
-    angle = np.linalg.norm(phi, axis=-1)[..., None, None]
+    square = np.einsum("...i,...i->...", phi, phi)[..., None, None]
+    half = np.maximum(0.5 * np.sqrt(square), 1e-30)  # of no rotation, whose limits are the same
     K = cross_matrix(phi)
-    s = np.sinc(angle / np.pi)
-    c = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2 without cancellation
-    return np.asarray(np.eye(3) + s * K + c * (K @ K))
+    sinc = np.sin(half) / half
+    # sin a / a and (1 - cos a) / a^2, the latter without cancellation.
+    return np.asarray(np.eye(3) + (sinc * np.cos(half)) * K + (0.5 * sinc**2) * (K @ K))
 
 
 def log(C: FloatArray) -> FloatArray:

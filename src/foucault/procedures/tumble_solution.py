@@ -123,9 +123,9 @@ def solved(
 def _relative(tumble: Tumble, prior: Prior, fit: Fit, settings: Settings) -> list[Finding]:
     """Try whether the command is one relative to the ground."""
     C_pn, rows = prior.mean.C_np.T, []
-    for command, dt in zip(tumble.command, tumble.dt, strict=True):
+    for turn in exp(-tumble.command * tumble.dt[:, None]):
         rows.append(C_pn @ tumble.w_ie_n)
-        C_pn = exp(-command * dt) @ C_pn
+        C_pn = turn @ C_pn
     other = estimation.solve(
         replace(tumble, command=tumble.command + np.array(rows)), prior, passes=settings.passes
     )
