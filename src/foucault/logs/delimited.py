@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
@@ -107,25 +108,23 @@ def _batches(
     size: int,
     progress: Progress | None,
 ) -> Iterator[Any]:
-    import pyarrow as pa
     from pyarrow import csv
 
     keys = [f"c{i}" for i in range(len(dialect.names))]  # names in files may repeat
-    return iter(
-        csv.open_csv(
-            pa.PythonFile(_DataLines(stream, dialect, size, progress), mode="r"),
-            read_options=csv.ReadOptions(column_names=keys, block_size=BLOCK_BYTES),
-            parse_options=csv.ParseOptions(delimiter=dialect.delimiter),
-            convert_options=csv.ConvertOptions(
-                include_columns=[keys[c] for c in types],
-                column_types={keys[c]: kind for c, kind in types.items()},
-                timestamp_parsers=[csv.ISO8601],
-                null_values=EMPTY,
-                strings_can_be_null=True,
-                decimal_point=dialect.decimal,
-            ),
-        )
+    parsing = csv.ParseOptions(delimiter=dialect.delimiter)
+    converting = csv.ConvertOptions(
+        include_columns=[keys[c] for c in types],
+        column_types={keys[c]: kind for c, kind in types.items()},
+        timestamp_parsers=[csv.ISO8601],
+        null_values=EMPTY,
+        strings_can_be_null=True,
+        decimal_point=dialect.decimal,
     )
+    # Blocks of our own: csv.open_csv would read ahead in a thread, which crashes the interpreter
+    # when a file written in Python is closed, after a fault, while it reads.
+    for block in _data_blocks(stream, dialect, size, progress):
+        reading = csv.ReadOptions(column_names=keys, block_size=len(block))
+        yield csv.read_csv(BytesIO(block), reading, parsing, converting)
 
 
 def _arrow_type(dialect: Dialect, column: int) -> Any:
@@ -144,48 +143,27 @@ def _floats(column: Any) -> FloatArray:
     return np.where(np.isnat(values), np.nan, seconds)
 
 
-class _DataLines:
-    """The data lines of a text file as bytes, without comments and repeated spaces."""
-
-    closed = False
-
-    def __init__(
-        self, stream: IO[bytes], dialect: Dialect, size: int, progress: Progress | None
-    ) -> None:
-        for _ in islice(stream, dialect.skip):
-            pass
-        self._stream, self._size, self._progress = stream, size, progress
-        self._raw: Any = getattr(stream, "fileobj", stream)  # of gzip: the packed bytes
-        self._squeeze = dialect.delimiter == SPACE
-        self._marks = [mark.encode() for mark in dialect.comment]
-        self._comment = re.compile(
-            rb"[ \t]*(?:" + b"|".join(map(re.escape, self._marks)) + rb")[^\n]*"
-        )
-        self._rest = b""
-
-    def read(self, size: int = -1) -> bytes:
-        """Return up to `size` bytes, empty at the end."""
-        while not self._rest:
-            chunk = self._stream.read(max(size, 1 << 16))
-            if not chunk:
-                return b""
-            self._rest = self._clean(chunk + self._stream.readline())
-            if self._progress:
-                self._progress(min(1.0, self._raw.tell() / self._size))
-        out, self._rest = self._rest[:size], self._rest[size:]
-        return out
-
-    def _clean(self, chunk: bytes) -> bytes:
-        if any(mark in chunk for mark in self._marks):
-            chunk = self._comment.sub(b"", chunk)
-        if self._squeeze:
+def _data_blocks(
+    stream: IO[bytes], dialect: Dialect, size: int, progress: Progress | None
+) -> Iterator[bytes]:
+    """Yield whole lines of data as bytes, without comments and repeated spaces."""
+    for _ in islice(stream, dialect.skip):
+        pass
+    raw: Any = getattr(stream, "fileobj", stream)  # of gzip: the packed bytes
+    marks = [mark.encode() for mark in dialect.comment]
+    comment = re.compile(rb"[ \t]*(?:" + b"|".join(map(re.escape, marks)) + rb")[^\n]*")
+    while chunk := stream.read(BLOCK_BYTES):
+        chunk += stream.readline()
+        if any(mark in chunk for mark in marks):
+            chunk = comment.sub(b"", chunk)
+        if dialect.delimiter == SPACE:
             chunk = b"\n".join([b" ".join(line.split()) for line in chunk.split(b"\n")])
         elif chunk[:1].isspace() or b"\n " in chunk or b"\n\t" in chunk:
             chunk = _BLANK_LINE.sub(b"", chunk)
-        return chunk
-
-    def close(self) -> None:
-        """Do nothing: the stream is closed by the one who opened it."""
+        if progress:
+            progress(min(1.0, raw.tell() / size))
+        if not chunk.isspace():
+            yield chunk
 
 
 def _first_fault(path: Path, dialect: Dialect, columns: Sequence[int]) -> FoucaultError | None:
