@@ -14,8 +14,9 @@ from foucault.estimate.published_tumble import filter_angles
 from foucault.estimate.tumble_pass import look
 from foucault.models.earth import Site
 from foucault.plans import torquing
-from foucault.procedures.tumble_problem import prior_of, tumble_of
-from foucault.procedures.tumble_settings import NOISE, Session, Settings, draw_printed, simulate
+from foucault.procedures.platform_tumble.problem import prior_of, tumble_of
+from foucault.procedures.platform_tumble import settings as tumble
+from foucault.procedures.platform_tumble.settings import Settings, draw_printed, simulate
 site = Site(9.80665, np.radians(40.0))
 settings = Settings(arms=(("5 cm", "0 m", "0 m"), ("0 m", "5 cm", "0 m"), ("0 m", "0 m", "5 cm")))
 def make(seed):

@@ -184,7 +184,7 @@ print(json.dumps([ours, peer]))
 ALLAN = """
 import json, time
 import numpy as np
-from foucault.diagnose.allan import deviations, octaves
+from foucault.diagnose.allan.deviation import deviations, octaves
 rate = np.random.default_rng(1).standard_normal(1_000_000)
 m = octaves(len(rate))
 def best(function, *arguments, **more):

@@ -10,9 +10,9 @@ FLIGHT = """
 import json, time
 import numpy as np
 from foucault.models.earth import Site
-from foucault.procedures.transfer_problem import problem_of
-from foucault.procedures.transfer_session import Session, draw_errors, simulate
-from foucault.procedures.transfer_settings import NOISE, Settings
+from foucault.procedures.transfer_alignment.problem import problem_of
+from foucault.procedures.transfer_alignment.session import Session, draw_errors, simulate
+from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 site, settings = Site.at(np.radians(32.0), 1000.0), Settings(delay="100 ms")
 session = simulate(Session(with_outage=False), model=draw_errors("tactical", 1), noise=NOISE,
                    site=site, seed=1)

@@ -28,7 +28,7 @@ from foucault.navigate.strapdown import navigate
 from foucault.plans.manoeuvres import Accelerate, Rest, Start, Straight, Turn
 from foucault.plans.systematic_sequences import navigation_test
 from foucault.procedures import systematic
-from foucault.procedures.navigation_settings import Settings
+from foucault.procedures.navigation.settings import Settings
 from foucault.report import navigation as page
 from foucault.simulate.motion import simulate_motion
 from foucault.simulate.systematic import simulate_systematic

@@ -25,7 +25,7 @@ from foucault.campaign import alignment, delay, navigation
 from foucault.campaign.alignment import Window
 from foucault.campaign.writing import changed
 from foucault.cli.watch import _open as open_watch
-from foucault.diagnose.allan_log import measure_log
+from foucault.diagnose.allan.log import measure_log
 from foucault.errors import Finding, FoucaultError
 from foucault.export.calibrated_log import calibrate_log
 from foucault.logs.own import columns_of

@@ -19,7 +19,7 @@ from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.state import State
 from foucault.navigate.strapdown import navigate
 from foucault.procedures import transfer_alignment
-from foucault.procedures.transfer_log import SlaveLog
+from foucault.procedures.transfer_alignment.log import SlaveLog
 from make_alignment import REAL
 
 FOLDER = REAL / "fog_mems_transfer"

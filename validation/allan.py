@@ -19,7 +19,8 @@ import numpy as np
 from scipy.stats import binom
 
 from foucault.campaign import parse, read_log
-from foucault.diagnose import allan, allan_log
+from foucault.diagnose.allan import deviation as allan
+from foucault.diagnose.allan import log as allan_log
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()

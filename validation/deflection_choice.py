@@ -17,16 +17,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.stats import binom, kstest
 
-from foucault.diagnose import deflection_choice as choices
 from foucault.diagnose.consistency import chi_square_limits
-from foucault.diagnose.deflection_choice import UNIT, Choice, Told
+from foucault.diagnose.systematic import deflection_choice as choices
+from foucault.diagnose.systematic.deflection_choice import UNIT, Choice, Told
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.procedures import systematic_choice
-from foucault.procedures.systematic_problem import problem_of
-from foucault.procedures.systematic_settings import PRIOR, Session, Settings, draw_errors, simulate
+from foucault.procedures.systematic import choice as systematic_choice
+from foucault.procedures.systematic.problem import problem_of
+from foucault.procedures.systematic.settings import PRIOR, Session, Settings, draw_errors, simulate
 
 ROOT = Path(__file__).parents[1]
 NULLS, FEW, RUNS, DRAWS = 500, 30, 100, 400

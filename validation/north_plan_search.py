@@ -22,8 +22,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from foucault import units
-from foucault.diagnose.dwells import find_dwells
-from foucault.diagnose.north_plan import HEADINGS, Conditions
+from foucault.diagnose.north.dwells import find_dwells
+from foucault.diagnose.north.plan import HEADINGS, Conditions
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.estimate.north_seeking import Known as Told

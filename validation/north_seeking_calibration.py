@@ -29,7 +29,8 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_TILTED, SEEKER, Compensation, earth_rate_b, up_b
 from foucault.models.rotation import turned
-from foucault.procedures import north_seeking, north_solution
+from foucault.procedures import north_seeking
+from foucault.procedures.north_seeking import solution as north_solution
 
 
 def inflation(draws: int) -> tuple[list[str], bool]:

@@ -21,8 +21,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from foucault import units
-from foucault.diagnose.dwells import find_dwells
-from foucault.diagnose.north_plan import Conditions, poses, predict, readings
+from foucault.diagnose.north.dwells import find_dwells
+from foucault.diagnose.north.plan import Conditions, poses, predict, readings
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.estimate.north_seeking import Fixes, Known, solve

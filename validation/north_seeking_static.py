@@ -25,7 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.allan_log import measure_log
+from foucault.diagnose.allan.log import measure_log
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.north_reduction import Pairs
 from foucault.estimate.north_seeking import Fixes, Known, solve

@@ -31,7 +31,7 @@ from foucault.models.cluster import ClusterModel, angles_of, attitude_of
 from foucault.models.rotation import exp
 from foucault.plans import torquing
 from foucault.plans.torquing import PUBLISHED, TorquingPlan, nominal
-from foucault.procedures.tumble_settings import NOISE, draw_printed
+from foucault.procedures.platform_tumble.settings import NOISE, draw_printed
 from foucault.simulate.platform_tumble import Acquisition, simulate_tumble
 
 WORKERS = 2

@@ -33,9 +33,9 @@ from platform_tumble_setting import (
 )
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import tumble as evidence
 from foucault.diagnose.observability import Observability
-from foucault.diagnose.tumble import STATE
+from foucault.diagnose.tumble import shown as evidence
+from foucault.diagnose.tumble.shown import STATE
 from foucault.estimate import tumble as estimation
 from foucault.estimate.tumble import State
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel, angles_of, normalised

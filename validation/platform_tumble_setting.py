@@ -25,8 +25,14 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log
 from foucault.plans.torquing import TorquingPlan
-from foucault.procedures.tumble_settings import NOISE, PRIOR, Session, Settings, draw_printed
-from foucault.procedures.tumble_settings import simulate as simulated
+from foucault.procedures.platform_tumble.settings import (
+    NOISE,
+    PRIOR,
+    Session,
+    Settings,
+    draw_printed,
+)
+from foucault.procedures.platform_tumble.settings import simulate as simulated
 from foucault.simulate.platform_tumble import Acquisition, TumbleSimulation, simulate_tumble
 
 G = 9.80665

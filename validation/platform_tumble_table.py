@@ -50,7 +50,7 @@ from foucault.estimate import published_tumble as published
 from foucault.estimate import tumble as estimation
 from foucault.models.cluster import SOURCE_SYMBOLS, angles_of, normalised
 from foucault.procedures import platform_tumble
-from foucault.procedures.tumble_settings import NOISE
+from foucault.procedures.platform_tumble.settings import NOISE
 
 WORKERS = 2
 FILTERED = 100

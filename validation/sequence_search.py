@@ -30,7 +30,7 @@ from foucault.plans.systematic import CalibrationSequence
 from foucault.plans.systematic_sequences import action_sequences, nineteen_positions
 from foucault.plans.systematic_steps import turns_of
 from foucault.procedures import systematic
-from foucault.procedures.systematic_plan import HERE
+from foucault.procedures.systematic.plan import HERE
 from foucault.simulate.systematic import simulate_systematic
 
 ROOT = Path(__file__).parents[1]

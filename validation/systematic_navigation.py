@@ -44,7 +44,7 @@ from foucault.navigate.strapdown import navigate
 from foucault.plans.systematic import CalibrationSequence
 from foucault.plans.systematic_sequences import navigation_test
 from foucault.procedures import systematic
-from foucault.procedures.systematic_settings import Settings
+from foucault.procedures.systematic.settings import Settings
 from foucault.simulate.systematic import SystematicSimulation, simulate_systematic
 
 DRAWS = 24

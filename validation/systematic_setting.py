@@ -26,7 +26,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.increments import Increments, increments_of
 from foucault.plans.systematic import CalibrationSequence
 from foucault.plans.systematic_sequences import action_sequences, nineteen_positions
-from foucault.procedures.systematic_settings import NAMES as INSTRUMENT
+from foucault.procedures.systematic.settings import NAMES as INSTRUMENT
 from foucault.simulate.systematic import SystematicSimulation
 
 FloatArray = npt.NDArray[np.float64]

@@ -22,8 +22,8 @@ from foucault.estimate.systematic import solve
 from foucault.logs import LogDescription, read
 from foucault.models.earth import Site
 from foucault.procedures import systematic
-from foucault.procedures.systematic_problem import SystematicProblem, problem_of
-from foucault.procedures.systematic_settings import Settings
+from foucault.procedures.systematic.problem import SystematicProblem, problem_of
+from foucault.procedures.systematic.settings import Settings
 from foucault.result import Result
 from foucault.tables import Log
 

@@ -22,8 +22,8 @@ from transfer_setting import (
 
 from foucault.estimate.h_infinity import h_infinity, least_gamma
 from foucault.models.noise import ImuNoise
-from foucault.procedures.transfer_session import Session
-from foucault.procedures.transfer_settings import NOISE, PRIOR, Settings
+from foucault.procedures.transfer_alignment.session import Session
+from foucault.procedures.transfer_alignment.settings import NOISE, PRIOR, Settings
 
 RUNS = 14
 FACTORS = (1.05, 1.2, 1.5)

@@ -9,9 +9,9 @@ from transfer_setting import DEG, SITE, unit_of, write
 
 from foucault.plans.manoeuvres import Accelerate, Start, Straight, STurn
 from foucault.plans.transfer_profiles import TransferProfile, transfer_profile
-from foucault.procedures.transfer_foresight import shown
-from foucault.procedures.transfer_session import Session
-from foucault.procedures.transfer_settings import NOISE, Settings
+from foucault.procedures.transfer_alignment.foresight import shown
+from foucault.procedures.transfer_alignment.session import Session
+from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 
 START = Start(32 * DEG, 118 * DEG, 1000.0, heading=40 * DEG, speed=45.0)
 PLANS = {

@@ -26,8 +26,8 @@ from transfer_setting import (
 from foucault.estimate.h_infinity import h_infinity, least_gamma
 from foucault.plans.manoeuvres import Accelerate, Climb, Straight, STurn, Turn
 from foucault.plans.transfer_profiles import transfer_profile
-from foucault.procedures.transfer_session import Session, draw_errors, simulate_motion
-from foucault.procedures.transfer_settings import NOISE, Settings
+from foucault.procedures.transfer_alignment.session import Session, draw_errors, simulate_motion
+from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 
 RUNS, FIRST, FEW, FACTOR = 28, 7, 14, 1.2
 NONE, WHOLE, GUESS = {"delay": "none"}, {"delay": "100 ms", "shift": "sample"}, {"delay": "80 ms"}

@@ -30,10 +30,15 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State, state_of
 from foucault.navigate.strapdown import navigate
-from foucault.procedures.transfer_problem import place_of, problem_of
-from foucault.procedures.transfer_session import Session, TransferSession, draw_errors, simulate
-from foucault.procedures.transfer_settings import NOISE, Settings
-from foucault.procedures.transfer_solution import Solution, solved
+from foucault.procedures.transfer_alignment.problem import place_of, problem_of
+from foucault.procedures.transfer_alignment.session import (
+    Session,
+    TransferSession,
+    draw_errors,
+    simulate,
+)
+from foucault.procedures.transfer_alignment.settings import NOISE, Settings
+from foucault.procedures.transfer_alignment.solution import Solution, solved
 
 ROOT = Path(__file__).parents[1]
 SITE = Site.at(np.radians(32.0), 1000.0)

@@ -20,7 +20,7 @@ from foucault.export.receivers import RECEIVERS
 from foucault.logs import read
 from foucault.logs import write as write_log
 from foucault.models.cluster import LAYOUT, ClusterModel
-from foucault.procedures.tumble_settings import NOISE
+from foucault.procedures.platform_tumble.settings import NOISE
 from foucault.report.application import how_to_apply
 from foucault.report.study import write as write_study
 from foucault.tables import Log

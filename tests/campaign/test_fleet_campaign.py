@@ -15,7 +15,8 @@ from foucault.campaign import fleet, fleet_simulation, tolerance
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.errors import FoucaultError
 from foucault.logs.serials import by_serial
-from foucault.procedures import norm_observation, on_table, on_table_batch
+from foucault.procedures import norm_observation, on_table
+from foucault.procedures.on_table import batch as on_table_batch
 
 LINEAR = '[procedure]\nname = "norm_observation"\nsolution = "linear"\n'
 

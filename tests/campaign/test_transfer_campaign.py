@@ -14,7 +14,7 @@ from foucault.errors import FoucaultError
 from foucault.export import request
 from foucault.models.layouts import kind_of
 from foucault.procedures import transfer_alignment
-from foucault.procedures.navigation_settings import Settings as Navigation
+from foucault.procedures.navigation.settings import Settings as Navigation
 from foucault.report import html
 from foucault.result import Level
 from make_transfer_campaign import described, missed, written

@@ -21,8 +21,8 @@ from foucault.models.cluster import CONSTANTS, LAYOUT
 from foucault.models.noise import ImuNoise
 from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble import NOISE
-from foucault.procedures.tumble_foresight import planned
-from foucault.procedures.tumble_settings import draw_printed
+from foucault.procedures.platform_tumble.foresight import planned
+from foucault.procedures.platform_tumble.settings import draw_printed
 from foucault.result import Level
 from make_cluster import DEG_H, UG
 from make_tumble import SLOW, calibrate, campaign_of, tumble

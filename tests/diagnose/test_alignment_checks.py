@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose import alignment_checks
-from foucault.diagnose.alignment_checks import (
+from foucault.diagnose.alignment import checks as alignment_checks
+from foucault.diagnose.alignment.checks import (
     azimuth,
     check_turns,
     checked,

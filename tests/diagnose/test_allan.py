@@ -7,7 +7,9 @@ import pytest
 from scipy.stats import binom
 
 from foucault import campaign
-from foucault.diagnose import allan, allan_covariance, allan_log
+from foucault.diagnose.allan import covariance as allan_covariance
+from foucault.diagnose.allan import deviation as allan
+from foucault.diagnose.allan import log as allan_log
 from foucault.errors import FoucaultError
 from foucault.tables import Log
 from make_noise import draw

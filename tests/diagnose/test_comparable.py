@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.comparable import comparable
+from foucault.diagnose.compare.comparable import comparable
 from foucault.errors import FoucaultError
 from foucault.models.imu import LAYOUT, Gauge, ImuModel, gravity_slope
 from foucault.result import Level

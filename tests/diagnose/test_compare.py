@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from foucault.diagnose.compare import YEAR, history, pair
-from foucault.diagnose.compare_fit import constant, line, step
-from foucault.diagnose.compare_instruments import between
+from foucault.diagnose.compare.changes import YEAR, history, pair
+from foucault.diagnose.compare.fit import constant, line, step
+from foucault.diagnose.compare.instruments import between
 from foucault.estimate.chi_square import chi_square_limits
 from make_compare import make_series
 

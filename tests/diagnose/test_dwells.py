@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from foucault.diagnose.dwells import find_dwells, measured_noise
+from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel

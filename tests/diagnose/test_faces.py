@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.faces import find_faces
-from foucault.diagnose.whole_turns import find_turns
+from foucault.diagnose.faces.rests import find_faces
+from foucault.diagnose.faces.whole_turns import find_turns
 from foucault.errors import FoucaultError
 from foucault.models.faces import face_name, turn_name
 from foucault.models.imu import ImuModel

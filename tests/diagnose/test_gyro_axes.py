@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.gyro_axes import check_gyro_axes, explain_spins, plainly
+from foucault.diagnose.table.gyro_axes import check_gyro_axes, explain_spins, plainly
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.readings import Readings

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foucault.diagnose.live import checklist
-from foucault.diagnose.live_checks import Watchman
-from foucault.diagnose.live_rests import LiveRests, Rows
+from foucault.diagnose.live.checklist import checklist
+from foucault.diagnose.live.checks import Watchman
+from foucault.diagnose.live.rests import LiveRests, Rows
 from foucault.diagnose.rests import find_rests
 from foucault.errors import FoucaultError
 from foucault.logs import read

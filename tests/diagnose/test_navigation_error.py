@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.navigation import (
+from foucault.diagnose.navigation.budget import budget, normalised_square
+from foucault.diagnose.navigation.errors import (
     MOST,
     NavigationError,
     circular_error,
@@ -14,7 +15,6 @@ from foucault.diagnose.navigation import (
     growth,
     radial_rate,
 )
-from foucault.diagnose.navigation_budget import budget, normalised_square
 from foucault.errors import FoucaultError
 from foucault.logs.reference import Reference
 from foucault.models.geodesy import displaced

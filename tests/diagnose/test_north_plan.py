@@ -9,7 +9,7 @@ import pytest
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north_plan import LINEAR_DRIFT, Conditions, poses, predict, readings
+from foucault.diagnose.north.plan import LINEAR_DRIFT, Conditions, poses, predict, readings
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.estimate.north_seeking import Known, solve

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from foucault.diagnose.position_moving import moving
+from foucault.diagnose.positions.moving import moving
 from foucault.models.readings import Readings
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_gyro_axes import ICO
 
-from foucault.diagnose.position_noise import THINNED, Glimpses, lattice
-from foucault.diagnose.position_turns import Window
-from foucault.diagnose.positions import find_readings
+from foucault.diagnose.positions.noise import THINNED, Glimpses, lattice
+from foucault.diagnose.positions.readings import find_readings
+from foucault.diagnose.positions.turns import Window
 from foucault.models.earth import Site
 from foucault.procedures import norm_observation, turntable
 from foucault.tables import Log

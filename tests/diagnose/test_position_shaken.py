@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.positions import find_readings
+from foucault.diagnose.positions.readings import find_readings
 from foucault.errors import FoucaultError
 from foucault.tables import Log
 from make_table_log import DEG, FACES, GRAVITY, Session, plain_up, plan_of

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose import positions
-from foucault.diagnose.position_means import means
-from foucault.diagnose.positions import find_readings, stream_readings
+from foucault.diagnose.positions import readings as positions
+from foucault.diagnose.positions.means import means
+from foucault.diagnose.positions.readings import find_readings, stream_readings
 from foucault.errors import FoucaultError
 from foucault.logs import LogDescription, write
 from foucault.logs.own import write_blocks

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.inspection import inspect
-from foucault.diagnose.published_rests import find_published_rests
 from foucault.diagnose.rests import (
     Rests,
     detection_table,
@@ -17,6 +16,7 @@ from foucault.diagnose.rests import (
     quiet_runs,
     rest_table,
 )
+from foucault.diagnose.session.published_rests import find_published_rests
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose import schuler
-from foucault.diagnose.free_inertial import (
+from foucault.diagnose.navigation import schuler
+from foucault.diagnose.navigation.errors import error_of
+from foucault.diagnose.navigation.free_inertial import (
     STATES,
     TERMS,
     Place,
@@ -14,7 +15,6 @@ from foucault.diagnose.free_inertial import (
     noise_covariance,
     responses,
 )
-from foucault.diagnose.navigation import error_of
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.logs.reference import Reference
 from foucault.models.attitude import matrix_of

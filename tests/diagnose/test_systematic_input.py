@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.systematic import find_sequence
-from foucault.diagnose.systematic_checks import match_sequence
-from foucault.diagnose.systematic_input import check_readings
+from foucault.diagnose.systematic.checks import match_sequence
+from foucault.diagnose.systematic.input import check_readings
+from foucault.diagnose.systematic.rests import find_sequence
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.rotation import exp

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.systematic import find_sequence, net_rotation
-from foucault.diagnose.systematic_checks import match_sequence, recognised
+from foucault.diagnose.systematic.checks import match_sequence, recognised
+from foucault.diagnose.systematic.rests import find_sequence, net_rotation
 from foucault.errors import FoucaultError
 from foucault.models.earth import earth_rate_n
 from foucault.models.imu import ImuModel

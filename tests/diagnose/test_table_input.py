@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.positions import find_readings
-from foucault.diagnose.table_input import check_readings, enough_readings
+from foucault.diagnose.positions.readings import find_readings
+from foucault.diagnose.table.input import check_readings, enough_readings
 from foucault.errors import FoucaultError
 from foucault.models.turntable import TablePlan
 from foucault.tables import TableColumns

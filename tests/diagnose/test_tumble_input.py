@@ -12,7 +12,7 @@ from scipy import stats
 
 import foucault
 from foucault.campaign import read_log, save_session
-from foucault.diagnose import tumble_input
+from foucault.diagnose.tumble import input as tumble_input
 from foucault.errors import FoucaultError, Status
 from foucault.models.cluster import CONSTANTS
 from foucault.models.earth import Site

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.consistency import nees
-from foucault.diagnose.dwells import find_dwells
+from foucault.diagnose.north.dwells import find_dwells
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import (
     GYRO_DRIFT,

@@ -9,8 +9,8 @@ from foucault.estimate.transfer_outage import after_outage
 from foucault.models.earth import Site
 from foucault.navigate.state import states_of
 from foucault.procedures.transfer_alignment import Session, Settings
-from foucault.procedures.transfer_foresight import free_of
-from foucault.procedures.transfer_session import moved
+from foucault.procedures.transfer_alignment.foresight import free_of
+from foucault.procedures.transfer_alignment.session import moved
 
 SECONDS = 60.0
 

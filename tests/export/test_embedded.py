@@ -20,7 +20,7 @@ from foucault.models.cluster import ClusterModel
 from foucault.models.cluster_layout import CONSTANTS
 from foucault.models.layouts import BESIDE
 from foucault.models.north_seeker import SEEKER, Compensation, earth_rate_b, up_b
-from foucault.procedures.tumble_usual import PRIOR
+from foucault.procedures.platform_tumble.usual import PRIOR
 from foucault.result import Level, Result, Verdict
 from make_result import make_result
 from make_terms import Same, with_terms

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from foucault import units
-from foucault.diagnose.north_plan import Conditions
+from foucault.diagnose.north.plan import Conditions
 from foucault.errors import FoucaultError
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise

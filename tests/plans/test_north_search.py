@@ -12,8 +12,8 @@ import pytest
 from foucault import units
 from foucault.campaign import north as north_campaign
 from foucault.campaign import reading, running
-from foucault.diagnose.dwells import find_dwells
-from foucault.diagnose.north_plan import Conditions
+from foucault.diagnose.north.dwells import find_dwells
+from foucault.diagnose.north.plan import Conditions
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north_reduction import Nuisance, reduce

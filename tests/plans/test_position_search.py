@@ -19,7 +19,7 @@ from foucault.plans.position_search import Wanted
 from foucault.plans.table_reach import NEARLY
 from foucault.procedures import multi_position, norm_observation, turntable
 from foucault.procedures.norm_observation import Session, Settings
-from foucault.procedures.turntable_session import plan_of
+from foucault.procedures.on_table.session import plan_of
 
 SITE = Site(9.81, np.radians(45.0))
 NOISE = grade("tactical").noise

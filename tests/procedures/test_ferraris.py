@@ -14,7 +14,7 @@ import pytest
 from foucault.campaign import parse
 from foucault.campaign.running import simulate as simulate_campaign
 from foucault.campaign.writing import template
-from foucault.diagnose.faces import _creeping, find_faces
+from foucault.diagnose.faces.rests import _creeping, find_faces
 from foucault.errors import FoucaultError, finding
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site

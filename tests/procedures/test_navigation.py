@@ -16,7 +16,7 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.procedures.navigation import navigate_log
-from foucault.procedures.navigation_settings import Settings
+from foucault.procedures.navigation.settings import Settings
 from foucault.result import Level
 from make_alignment import LN100_SITE, RING_SITE, ln100_log, ring_log
 from make_navigation import (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import north_calibration as evidence
 from foucault.diagnose.consistency import nees
+from foucault.diagnose.north import calibration as evidence
 from foucault.errors import FoucaultError, Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site

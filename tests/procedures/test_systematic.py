@@ -20,8 +20,8 @@ from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET
 from foucault.plans.systematic_sequences import quarter_turns
 from foucault.procedures import systematic
-from foucault.procedures.systematic_settings import NAMES, PRIOR, Settings
-from foucault.procedures.systematic_solution import exchanged
+from foucault.procedures.systematic.settings import NAMES, PRIOR, Settings
+from foucault.procedures.systematic.solution import exchanged
 from foucault.report import html
 from foucault.result import Level
 from foucault.simulate.systematic import TableErrors, simulate_systematic

@@ -11,18 +11,18 @@ import pytest
 from foucault import campaign
 from foucault.campaign import study
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import deflection_choice as choices
-from foucault.diagnose import deflection_verdict as verdicts
 from foucault.diagnose.consistency import chi_square_limits
-from foucault.diagnose.deflection_choice import GENERAL18, UNIT, Told
+from foucault.diagnose.systematic import deflection_choice as choices
+from foucault.diagnose.systematic import deflection_verdict as verdicts
+from foucault.diagnose.systematic.deflection_choice import GENERAL18, UNIT, Told
 from foucault.errors import FoucaultError
 from foucault.estimate.systematic import solve
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.procedures import systematic
-from foucault.procedures import systematic_choice as procedure
-from foucault.procedures.systematic_problem import problem_of
-from foucault.procedures.systematic_settings import PRIOR, Settings
+from foucault.procedures.systematic import choice as procedure
+from foucault.procedures.systematic.problem import problem_of
+from foucault.procedures.systematic.settings import PRIOR, Settings
 from foucault.report import html
 from foucault.report import systematic_choice as report
 from foucault.result import Level

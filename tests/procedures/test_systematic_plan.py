@@ -17,12 +17,13 @@ from foucault.plans import optimise
 from foucault.plans.optimise import descend
 from foucault.plans.systematic import CalibrationSequence
 from foucault.plans.systematic_sequences import action_sequences, nine_positions, quarter_turns
-from foucault.procedures import systematic, systematic_plan
-from foucault.procedures.systematic_bound import bound, foreseen
-from foucault.procedures.systematic_foresight import shown
-from foucault.procedures.systematic_plan import HERE
-from foucault.procedures.systematic_quick import Quick
-from foucault.procedures.systematic_settings import Settings
+from foucault.procedures import systematic
+from foucault.procedures.systematic import plan as systematic_plan
+from foucault.procedures.systematic.bound import bound, foreseen
+from foucault.procedures.systematic.foresight import shown
+from foucault.procedures.systematic.plan import HERE
+from foucault.procedures.systematic.quick import Quick
+from foucault.procedures.systematic.settings import Settings
 from make_sequence import ARCSEC, DEG, NOISE
 
 SITE = Site.at(40 * DEG, 100.0)

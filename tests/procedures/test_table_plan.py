@@ -11,7 +11,7 @@ from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, grade
 from foucault.procedures import multi_position, norm_observation, turntable
-from foucault.procedures.turntable_session import TableSettings
+from foucault.procedures.on_table.session import TableSettings
 from foucault.simulate.hand_rotated import draw_errors
 
 SITE = Site(9.81, np.radians(45.0), gravity_sd=2e-4)

@@ -14,9 +14,9 @@ from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.earth import Site
 from foucault.models.rotation import log as rotation_vector
 from foucault.procedures import transfer_alignment
-from foucault.procedures.transfer_foresight import per_manoeuvre
-from foucault.procedures.transfer_log import SlaveLog
-from foucault.procedures.transfer_settings import Settings
+from foucault.procedures.transfer_alignment.foresight import per_manoeuvre
+from foucault.procedures.transfer_alignment.log import SlaveLog
+from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.result import Level
 from make_transfer_campaign import calibrated, codes, described, failed, made, missed, trial
 

@@ -14,9 +14,9 @@ from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.plans.transfer_profiles import transfer_profile
-from foucault.procedures.transfer_log import SlaveLog
-from foucault.procedures.transfer_problem import problem_of
-from foucault.procedures.transfer_session import moved, simulate, simulate_motion
+from foucault.procedures.transfer_alignment.log import SlaveLog
+from foucault.procedures.transfer_alignment.problem import problem_of
+from foucault.procedures.transfer_alignment.session import moved, simulate, simulate_motion
 from foucault.result import Level
 from make_transfer_campaign import codes, described, failed, made, missed, trial
 

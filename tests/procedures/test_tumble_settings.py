@@ -12,7 +12,7 @@ from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, angles_of
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.plans.torquing import PUBLISHED, RATE
-from foucault.procedures.tumble_settings import (
+from foucault.procedures.platform_tumble.settings import (
     NOISE,
     PRIOR,
     Session,

@@ -12,7 +12,7 @@ import pytest
 from foucault.campaign import navigation_folder
 from foucault.plans.manoeuvres import Rest
 from foucault.procedures.navigation import navigate_log
-from foucault.procedures.navigation_settings import Settings
+from foucault.procedures.navigation.settings import Settings
 from foucault.report import figures_navigation as figures
 from foucault.report import navigation as page_of
 from foucault.report.navigation_detail import metres, minutes, number

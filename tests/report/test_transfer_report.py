@@ -12,7 +12,7 @@ from foucault import run_folder
 from foucault.models.earth import Site
 from foucault.models.rotation import exp
 from foucault.procedures import transfer_alignment as procedure
-from foucault.procedures.transfer_settings import NOISE
+from foucault.procedures.transfer_alignment.settings import NOISE
 from foucault.report import html, transfer, transfer_delay, transfer_run
 from foucault.report.figures_transfer import chosen
 from foucault.report.page import Code, Facts, Figure, Table

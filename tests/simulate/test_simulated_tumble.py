@@ -16,7 +16,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import log as rotation_of
 from foucault.plans.torquing import PUBLISHED, RATE, nominal, sequence, starting
-from foucault.procedures.tumble_settings import draw_printed
+from foucault.procedures.platform_tumble.settings import draw_printed
 from foucault.simulate.platform_tumble import Acquisition, simulate_tumble
 from make_cluster import DEG_H, UG, G, make_cluster
 

@@ -1,7 +1,7 @@
 """Results compared: one instrument over time, or several instruments, and whether they keep limits.
 
 Results of one instrument are compared with one another; of several instruments the latest result of
-each. See `diagnose.compare` for the tests and `campaign.tolerance` for the limits.
+each. See `diagnose.compare.changes` for the tests and `campaign.tolerance` for the limits.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from foucault.campaign import comparison_verdict as verdicts
 from foucault.campaign.comparison_entries import ONE, entries
 from foucault.campaign.comparison_verdict import Decision, Judged, Verdict
 from foucault.campaign.tolerance import Tolerance
-from foucault.diagnose.comparable import (
+from foucault.diagnose.compare.changes import History, history
+from foucault.diagnose.compare.comparable import (
     Comparable,
     Entry,
     comparable,
     listed,
     refuse_dependent,
 )
-from foucault.diagnose.compare import History, history
-from foucault.diagnose.compare_instruments import Between, between
-from foucault.diagnose.compare_temperature import at_one_temperature
+from foucault.diagnose.compare.instruments import Between, between
+from foucault.diagnose.compare.temperature import at_one_temperature
 from foucault.errors import Finding, finding
 from foucault.models.layouts import EVERY
 from foucault.units import plain

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.comparable import Entry
+from foucault.diagnose.compare.comparable import Entry
 from foucault.errors import FoucaultError, error, suggestion
 from foucault.files import sha256
 from foucault.result import Result

@@ -18,9 +18,9 @@ from typing import Any
 from foucault.campaign.comparison import Comparison
 from foucault.campaign.comparison_verdict import Judged
 from foucault.campaign.tolerance import Tolerance
-from foucault.diagnose.comparable import Comparable, Entry
-from foucault.diagnose.compare import History
-from foucault.diagnose.compare_instruments import Between
+from foucault.diagnose.compare.changes import History
+from foucault.diagnose.compare.comparable import Comparable, Entry
+from foucault.diagnose.compare.instruments import Between
 from foucault.errors import error
 from foucault.files import atomic, plain_json, read_document, unwritable
 from foucault.result import provenance

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from foucault import units
 from foucault.campaign.tolerance import DECISIONS, FAIL, PASS, UNDECIDED, Tolerance, decided
 from foucault.coefficients import format_value
-from foucault.diagnose.comparable import Comparable, Entry
-from foucault.diagnose.compare import Course, History
-from foucault.diagnose.compare_instruments import Between
+from foucault.diagnose.compare.changes import Course, History
+from foucault.diagnose.compare.comparable import Comparable, Entry
+from foucault.diagnose.compare.instruments import Between
 from foucault.diagnose.fleet import FEWEST
 from foucault.errors import Finding
 

@@ -35,13 +35,14 @@ from foucault.campaign.reading import Campaign
 from foucault.campaign.study import names_of
 from foucault.campaign.tolerance import Tolerance
 from foucault.campaign.writing import resolved
-from foucault.diagnose import table_report
+from foucault.diagnose.table import report as table_report
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import atomic, unwritable
 from foucault.logs.serials import by_serial
 from foucault.models.readings import Readings
-from foucault.procedures import on_table, on_table_batch
+from foucault.procedures import on_table
 from foucault.procedures.norm_observation import task_of
+from foucault.procedures.on_table import batch as on_table_batch
 from foucault.result import Result, provenance
 from foucault.tables import Log
 

@@ -18,7 +18,7 @@ from foucault.campaign.writing import log_table
 from foucault.errors import error
 from foucault.files import atomic, unwritable
 from foucault.models.imu import LAYOUT
-from foucault.procedures.turntable_session import TableSession, TableSettings, draw_rig, plan_of
+from foucault.procedures.on_table.session import TableSession, TableSettings, draw_rig, plan_of
 from foucault.simulate.fleet import table_of_means, truth_of
 from foucault.simulate.turntable import Fleet, SimulatedReadings, simulate_readings
 

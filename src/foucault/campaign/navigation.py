@@ -20,7 +20,7 @@ from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.procedures.hand_rotated import Progress, silent
 from foucault.procedures.navigation import NavigationTest, navigate_log
-from foucault.procedures.navigation_settings import Settings
+from foucault.procedures.navigation.settings import Settings
 from foucault.result import Result
 from foucault.tables import Log
 

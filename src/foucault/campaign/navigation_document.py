@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.navigation import NAUTICAL_MILE, circular_error, radial_rate
+from foucault.diagnose.navigation.errors import NAUTICAL_MILE, circular_error, radial_rate
 from foucault.files import plain_json
 from foucault.models.layouts import kind_of
 
 FloatArray = npt.NDArray[np.float64]
 
 if TYPE_CHECKING:
-    from foucault.diagnose.navigation_budget import Budget
+    from foucault.diagnose.navigation.budget import Budget
     from foucault.procedures.navigation import NavigationTest, Run
 
 

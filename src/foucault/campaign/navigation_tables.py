@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.free_inertial import TERMS
+from foucault.diagnose.navigation.free_inertial import TERMS
 from foucault.models import geodesy
 from foucault.tables import TRAJECTORY
 

@@ -13,7 +13,7 @@ from foucault.cli.screen import Screen
 from foucault.cli.sessions import from_start, read_any
 
 if TYPE_CHECKING:
-    from foucault.diagnose.allan_log import LogAllan
+    from foucault.diagnose.allan.log import LogAllan
 
 REPORT_FILE, NOISE_FILE, TABLE_FILE = "report.html", "noise.toml", "allan.csv"
 
@@ -53,7 +53,7 @@ def allan(
 
     Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use.
     """
-    from foucault.diagnose.allan_log import measure_log
+    from foucault.diagnose.allan.log import measure_log
 
     screen: Screen = ctx.obj
     still = None if rest is None else span("--rest", rest)
@@ -73,14 +73,14 @@ def allan(
 
 
 def _kind(given: str) -> Any:
-    from foucault.diagnose.allan import check_kind
+    from foucault.diagnose.allan.deviation import check_kind
 
     return check_kind(given)
 
 
 def _rows(seen: LogAllan) -> list[tuple[str, ...]]:
-    from foucault.diagnose.allan import WORDS
-    from foucault.diagnose.allan_log import described
+    from foucault.diagnose.allan.deviation import WORDS
+    from foucault.diagnose.allan.log import described
 
     rows: list[tuple[str, ...]] = []
     for name, channel in seen.channels.items():
@@ -93,7 +93,7 @@ def _rows(seen: LogAllan) -> list[tuple[str, ...]]:
 
 def _write(seen: LogAllan, name: str, folder: Path) -> None:
     """Write the plot, the table of deviations and, where there is one, the noise block."""
-    from foucault.diagnose.allan_log import deviation_table, noise_block
+    from foucault.diagnose.allan.log import deviation_table, noise_block
     from foucault.errors import FoucaultError
     from foucault.files import atomic, unwritable
     from foucault.report import allan as report

@@ -103,7 +103,7 @@ def navigate(
     """
     from foucault.campaign import navigation
     from foucault.campaign.navigation import Said
-    from foucault.procedures.navigation_settings import Settings
+    from foucault.procedures.navigation.settings import Settings
 
     screen: Screen = ctx.obj
     site = parsed({"latitude": latitude, "longitude": longitude, "height": height,

@@ -12,7 +12,7 @@ from foucault.cli import words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from foucault.diagnose.north_plan import Prediction
+    from foucault.diagnose.north.plan import Prediction
     from foucault.errors import Finding
     from foucault.models.noise import ImuNoise
     from foucault.models.north_seeker import Compensation
@@ -101,7 +101,7 @@ def plan(
     output: words.TableIfWanted = None,
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""
-    from foucault.diagnose.north_plan import Conditions
+    from foucault.diagnose.north.plan import Conditions
     from foucault.errors import error
     from foucault.plans.north_choice import Task, compare
     from foucault.plans.north_seeking import NAMES, write_stops
@@ -171,7 +171,7 @@ def _refuse(option: str, given: object, fine: bool, allowed: str) -> None:
 
 def _latitude(text: str) -> float:
     from foucault import units
-    from foucault.procedures.north_solution import require_latitude
+    from foucault.procedures.north_seeking.solution import require_latitude
 
     value = units.parse(text, "angle", "--latitude")
     require_latitude(value)

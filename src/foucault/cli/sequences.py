@@ -11,7 +11,7 @@ from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
     from foucault.plans.systematic import CalibrationSequence
-    from foucault.procedures.systematic_quick import Stills
+    from foucault.procedures.systematic.quick import Stills
 
 MODEL = "systematic"
 """What the command calls them."""
@@ -54,7 +54,7 @@ def sequence_of(name: str) -> CalibrationSequence:
     from foucault.plans.systematic import CalibrationSequence
     from foucault.plans.systematic_file import read_sequence
     from foucault.plans.systematic_sequences import built_in
-    from foucault.procedures.systematic_settings import planned
+    from foucault.procedures.systematic.settings import planned
 
     path = Path(name)
     if path.suffix.lower() != ".toml":
@@ -83,7 +83,7 @@ def _all(screen: Screen) -> None:
     from foucault.models.earth import Site
     from foucault.models.noise import grade
     from foucault.plans.systematic_sequences import BUILT_IN
-    from foucault.procedures.systematic_foresight import shown
+    from foucault.procedures.systematic.foresight import shown
 
     site, noise = Site.at(radians(LATITUDE)), grade(CLASS).noise
     rows, ranks, documents = [], [], []

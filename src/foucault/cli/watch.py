@@ -20,7 +20,7 @@ from foucault.cli.screen import INTERRUPTED, Screen
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
-    from foucault.diagnose.live import Checklist
+    from foucault.diagnose.live.checklist import Checklist
     from foucault.logs.description import LogDescription
     from foucault.logs.follow import Follower
 
@@ -129,8 +129,8 @@ class Session:
         return True
 
     def _begin(self) -> None:
-        from foucault.diagnose.live_checks import Watchman
-        from foucault.diagnose.live_rests import LiveRests
+        from foucault.diagnose.live.checks import Watchman
+        from foucault.diagnose.live.rests import LiveRests
 
         used: LogDescription | None = self.follower.used
         assert used is not None
@@ -144,7 +144,7 @@ class Session:
         self._checks = Watchman(self._found, used)
 
     def _look(self) -> None:
-        from foucault.diagnose.live import checklist
+        from foucault.diagnose.live.checklist import checklist
 
         if self._found.samples:
             findings = (*self.follower.findings, *self._checks.findings())

@@ -17,7 +17,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.layouts import is_cluster
 from foucault.models.size_effect import AFTER, BEFORE
 from foucault.models.temperature import TemperatureModel
-from foucault.procedures.tumble_log import of_a_command
+from foucault.procedures.platform_tumble.log import of_a_command
 from foucault.result import Level, Result
 from foucault.tables import Log
 from foucault.units import ZERO_CELSIUS

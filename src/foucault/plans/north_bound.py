@@ -8,7 +8,7 @@ the covariance S of white and slow noise over the stops, and all but the two rat
 is what they say of the rates; accelerometers likewise of the tilt, which turns the vertical rate
 into a horizontal one. With latitude known the rates move with the heading alone, along
 ``w_ie cos L (cos psi, sin psi)``, and ``var = 1 / (e' F e)`` over the square of that rate. An
-error by drift that the solution does not estimate is added, squared. `diagnose.north_plan.predict`
+error by drift that the solution does not estimate is added, squared. `diagnose.north.plan.predict`
 solves readings instead, tilted ones too; this is for a search that judges many plans.
 """
 
@@ -22,8 +22,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.north_noise import NEARLY_FREE
-from foucault.diagnose.north_plan import HEADINGS, Conditions
+from foucault.diagnose.north.noise import NEARLY_FREE
+from foucault.diagnose.north.plan import HEADINGS, Conditions
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import TriadNoise
 from foucault.models.session_noise import window_covariance

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.north_plan import Conditions, Prediction, poses, predict
+from foucault.diagnose.north.plan import Conditions, Prediction, poses, predict
 from foucault.errors import error
 from foucault.estimate.north_reduction import GYRO_NOISE, TILT_NOISE
 from foucault.plans.north_seeking import (

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.foresight import Limit
-from foucault.diagnose.north_input import spans
-from foucault.diagnose.north_plan import poses, predict
+from foucault.diagnose.north.input import spans
+from foucault.diagnose.north.plan import poses, predict
 from foucault.errors import Finding, error
 from foucault.models.dwells import Dwells
 from foucault.plans.north_bound import Known, root_mean_square, seen

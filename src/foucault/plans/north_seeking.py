@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.dwells import PIECE, PIECES
+from foucault.diagnose.north.dwells import PIECE, PIECES
 from foucault.errors import error, suggestion
 from foucault.files import atomic
 from foucault.models.dwells import Dwells

@@ -1,7 +1,7 @@
 """Search for positions on a table: which to take, and in what order.
 
 A plan is a set of positions. What a session in them tells of the coefficients is a sum over the
-positions (see `procedures.table_bound`), so that a changed position costs one evaluation of a
+positions (see `procedures.on_table.bound`), so that a changed position costs one evaluation of a
 tabled function and one small inverse.
 """
 

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.diagnose.foresight import Limit
-from foucault.diagnose.systematic import LEAST_TURN
+from foucault.diagnose.systematic.rests import LEAST_TURN
 from foucault.errors import Finding, FoucaultError
 from foucault.plans.manoeuvres import Rotate
 from foucault.plans.optimise import DRAWS

@@ -2,8 +2,8 @@
 
 A plan is a list of manoeuvres, the last of which goes straight on for what is left of the time.
 What it shows is the covariance of a filter beside a master without noise, see
-`procedures.transfer_foresight`; either the coefficients count, or what all errors together make of
-the position after an outage.
+`procedures.transfer_alignment.foresight`; either the coefficients count, or what all errors
+together make of the position after an outage.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Named methods, one file each: a procedure glues the stages and does nothing else.
+"""Named methods, one file or folder each: a procedure glues the stages and does nothing else.
 
 A procedure module has `Settings` and `Session` (pydantic models of its part of a campaign),
 `calibrate` and `simulate`; one that plans a motion may have `foresee`, which says beforehand what

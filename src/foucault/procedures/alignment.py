@@ -14,7 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from foucault.diagnose import alignment_agreement, alignment_checks
+from foucault.diagnose.alignment import agreement as alignment_agreement
+from foucault.diagnose.alignment import checks as alignment_checks
 from foucault.diagnose.rest_noise import noise_of
 from foucault.errors import Finding
 from foucault.models.earth import Site
@@ -32,9 +33,9 @@ from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.inertial_frame import known_latitude
 from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
-from foucault.procedures.navigation_run import bias_sds
-from foucault.procedures.navigation_settings import Settings
-from foucault.procedures.navigation_start import LEAST, opening
+from foucault.procedures.navigation.run import bias_sds
+from foucault.procedures.navigation.settings import Settings
+from foucault.procedures.navigation.start import LEAST, opening
 from foucault.result import Result
 from foucault.tables import Log
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose import delay_checks
-from foucault.diagnose.delay_checks import signed_axes
+from foucault.diagnose.transfer import delay as delay_checks
+from foucault.diagnose.transfer.delay import signed_axes
 from foucault.errors import Finding, error, finding
 from foucault.estimate.delay import BRACKET, FEWEST, Delay, delay_of
 from foucault.estimate.turned import SlaveAttitude

@@ -23,8 +23,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
-from foucault.diagnose.face_moves import check_moves
-from foucault.diagnose.whole_turns import find_turns
+from foucault.diagnose.faces.moves import check_moves
+from foucault.diagnose.faces.whole_turns import find_turns
 from foucault.errors import error
 from foucault.estimate.ferraris import published, scale_and_rotation
 from foucault.estimate.six_position import Scene, State

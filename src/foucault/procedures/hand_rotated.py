@@ -29,12 +29,8 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import session as judge
-from foucault.diagnose import session_report
 from foucault.diagnose.budget import session_budget
-from foucault.diagnose.coverage import coverage
 from foucault.diagnose.earth import vertical_check
-from foucault.diagnose.held_out import hold_out
 from foucault.diagnose.rests import (
     Rests,
     detection_table,
@@ -43,7 +39,11 @@ from foucault.diagnose.rests import (
     rest_levels,
     rest_table,
 )
-from foucault.diagnose.session_input import check_input, enough_rests
+from foucault.diagnose.session import checks as judge
+from foucault.diagnose.session import report as session_report
+from foucault.diagnose.session.coverage import coverage
+from foucault.diagnose.session.held_out import hold_out
+from foucault.diagnose.session.input import check_input, enough_rests
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate import session_likelihood as likelihood

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.comparable import gravity_site
+from foucault.diagnose.compare.comparable import gravity_site
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.fusion import Fused, Known, fused

@@ -21,13 +21,14 @@ from foucault.models.noise import ImuNoise
 from foucault.models.table_geometry import Trust
 from foucault.plans.position_search import PositionSpace
 from foucault.plans.position_search import Wanted as Wanted
-from foucault.procedures import on_table, table_plan
+from foucault.procedures import on_table
 from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent
-from foucault.procedures.table_plan import UNDECLARED as UNDECLARED
-from foucault.procedures.turntable_session import LOG_LINES as LOG_LINES
-from foucault.procedures.turntable_session import TableSession, TableSettings
-from foucault.procedures.turntable_session import simulate as simulate
+from foucault.procedures.on_table import plan as table_plan
+from foucault.procedures.on_table.plan import UNDECLARED as UNDECLARED
+from foucault.procedures.on_table.session import LOG_LINES as LOG_LINES
+from foucault.procedures.on_table.session import TableSession, TableSettings
+from foucault.procedures.on_table.session import simulate as simulate
 from foucault.result import Result
 from foucault.tables import Log
 from foucault.units import Quantity

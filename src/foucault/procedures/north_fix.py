@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import north_fix as evidence
-from foucault.diagnose.dwells import find_dwells, measured_noise
-from foucault.diagnose.north_causes import causes
-from foucault.diagnose.north_input import late_index, require_plausible, stops, units_first
-from foucault.diagnose.north_noise import GUESS, drift_sd, from_residuals, noise_of
-from foucault.diagnose.north_stops import without
-from foucault.diagnose.north_validity import contradicted, other_conditions
+from foucault.diagnose.north import fix as evidence
+from foucault.diagnose.north.causes import causes
+from foucault.diagnose.north.dwells import find_dwells, measured_noise
+from foucault.diagnose.north.input import late_index, require_plausible, stops, units_first
+from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals, noise_of
+from foucault.diagnose.north.stops import without
+from foucault.diagnose.north.validity import contradicted, other_conditions
 from foucault.errors import Finding, error, finding
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.estimate.north_seeking import Fixes, Known, level_square, solve
@@ -31,8 +31,8 @@ from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.procedures.hand_rotated import Progress, silent
-from foucault.procedures.north_settings import Settings
-from foucault.procedures.north_solution import accelerometers_before, require_latitude
+from foucault.procedures.north_seeking.settings import Settings
+from foucault.procedures.north_seeking.solution import accelerometers_before, require_latitude
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
 

@@ -10,12 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import face_checks, face_tables, session_report
-from foucault.diagnose.face_checks import FaceEvidence
-from foucault.diagnose.faces import Faces, find_faces
+from foucault.diagnose.faces import checks as face_checks
+from foucault.diagnose.faces import tables as face_tables
+from foucault.diagnose.faces.checks import FaceEvidence
+from foucault.diagnose.faces.rests import Faces, find_faces
 from foucault.diagnose.information import information
 from foucault.diagnose.rests import Rests, detection_table, measure_noise
-from foucault.diagnose.session_input import first_rest_orientation
+from foucault.diagnose.session import report as session_report
+from foucault.diagnose.session.input import first_rest_orientation
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.face_covariance import FaceNoise, covariance_parts, noise_parts

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.face_moves import check_moves
+from foucault.diagnose.faces.moves import check_moves
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise

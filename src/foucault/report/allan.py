@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from foucault.diagnose.allan import NOISES, WORDS, Channel, Noise
-from foucault.diagnose.allan_log import LogAllan, described
+from foucault.diagnose.allan.deviation import NOISES, WORDS, Channel, Noise
+from foucault.diagnose.allan.log import LogAllan, described
 from foucault.files import atomic
 from foucault.report import ends, figures, render
 from foucault.report.ends import Heading

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import units
-from foucault.diagnose.navigation import circular_error
+from foucault.diagnose.navigation.errors import circular_error
 from foucault.report import certificate, ends
 from foucault.report import figures_navigation as figures
 from foucault.report.ends import check_table, words

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from foucault import units
-from foucault.diagnose.free_inertial import TERMS
+from foucault.diagnose.navigation.free_inertial import TERMS
 from foucault.report import figures_navigation as figures
 from foucault.report.navigation_detail import Seen, metres, minutes, number
 from foucault.report.north_detail import signed

@@ -1,0 +1,1 @@
+"""Allan deviations, and the noise that explains them."""

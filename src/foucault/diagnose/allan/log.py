@@ -1,0 +1,329 @@
+"""Allan variance of a log: its part at rest, every axis, and the noise block of a campaign.
+
+A campaign describes a slowly changing bias as a first-order Markov process, an Allan variance
+finds flicker. They are matched where flicker shows most: the Allan deviation of the Markov
+process peaks at 1.89 correlation times with 0.617 times its standard deviation, and both are
+chosen so that this peak lies on the flat part of the fitted curve, sqrt(2 ln 2/pi) B = 0.664 B.
+On either side of its peak the Markov process is quieter than flicker.
+
+References
+----------
+.. [1] IEEE Std 952-1997, annex C: flicker, eq. (C.9) ff.; Markov noise, eq. (C.17) ff. (peak
+   0.437 q_c sqrt(T_c), with sd = q_c sqrt(T_c/2)).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.allan.covariance import Kind
+from foucault.diagnose.allan.deviation import (
+    LEAST,
+    NOISES,
+    UNIT_KINDS,
+    WORDS,
+    Channel,
+    Noise,
+    measure,
+)
+from foucault.diagnose.rests import find_rests
+from foucault.errors import Finding, FoucaultError, error, finding, suggestion
+from foucault.tables import AXES, Log
+from foucault.units import convert, display_unit, plain
+
+FloatArray = npt.NDArray[np.float64]
+
+MARKOV_PEAK = (0.6174, 1.8926)
+"""Peak of the Allan deviation over the sd of the Markov noise; its tau over T_c [1]."""
+
+FLAT = float(np.sqrt(2 * np.log(2) / np.pi))
+"""Allan deviation of flicker over B [1]."""
+
+_WHOLE = 0.95  # a rest that covers this part of the log: the log does not move
+
+
+@dataclass(frozen=True)
+class LogAllan:
+    """The Allan deviations of a log.
+
+    Attributes
+    ----------
+    channels : dict of str to Channel
+        By axis: ``gyro.x`` [rad/s], ``accel.x`` [m/s^2].
+    start, end : float
+        First and last time used [s].
+    findings : tuple of Finding
+        What was noticed.
+    """
+
+    channels: dict[str, Channel]
+    start: float
+    end: float
+    findings: tuple[Finding, ...]
+
+
+def measure_log(
+    log: Log,
+    *,
+    axes: tuple[str, ...] = (),
+    kind: Kind = "overlapping",
+    rest: tuple[float, float] | None = None,
+) -> LogAllan:
+    """Find the noises of every axis of a log at rest.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    axes : tuple of str
+        Axes such as ``gyro.x``, ``gyro`` or ``x``; empty for all.
+    kind : {"overlapping", "modified", "hadamard"}
+        Which deviation to show.
+    rest : (float, float) or None
+        Start and end of the part at rest; None takes the whole log, or the longest rest of one
+        that moves [s].
+    """
+    names = _chosen(log, axes)
+    part, told = _part_at_rest(log, rest)
+    findings = list(told)
+    channels, stuck = {}, None
+    for name in names:
+        triad, axis = name.split(".")
+        x = np.ascontiguousarray(getattr(part, triad)[:, AXES.index(axis)])
+        try:
+            channel = measure(x, part.interval, kind, name)
+        except FoucaultError as problem:
+            if problem.code != "allan.constant":
+                raise
+            stuck = problem
+            findings.append(finding("allan.stuck", axis=name, value=f"{x[0]:.6g}"))
+            continue
+        channels[name] = channel
+        findings += _quantised(name, x)
+    if stuck is not None and not channels:
+        raise stuck
+    misfits = [f"{n} ({100 * c.excess:.2g} %)" for n, c in channels.items() if c.excess > 0]
+    if misfits:
+        findings.append(finding("allan.misfit", axes=", ".join(misfits)))
+    findings += _hidden(channels)
+    return LogAllan(channels, float(part.time[0]), float(part.time[-1]), tuple(findings))
+
+
+def _chosen(log: Log, wanted: tuple[str, ...]) -> list[str]:
+    triads = [t for t in ("gyro", "accel") if getattr(log, t) is not None]
+    names = [f"{triad}.{axis}" for triad in triads for axis in AXES]
+    for word in wanted:
+        if not any(_means(word, name) for name in names):
+            hint = suggestion(word, names)
+            raise error("allan.axis", given=word, allowed=", ".join(names), hint=hint)
+    return [n for n in names if not wanted or any(_means(word, n) for word in wanted)]
+
+
+def _means(word: str, name: str) -> bool:
+    return word == name or word in name.split(".")
+
+
+def _part_at_rest(log: Log, rest: tuple[float, float] | None) -> tuple[Log, list[Finding]]:
+    """Return the evenly sampled part of the log that does not move."""
+    part = log if rest is None else _between(log, *rest)
+    part, findings = _even(part)
+    if len(part) < LEAST:
+        duration = f"{part.duration:.4g}" if len(part) else "0"
+        raise error("allan.too_short", samples=len(part), duration=duration, least=LEAST)
+    gyro, accel = (None if _coarse(x) else x for x in (part.gyro, part.accel))
+    fine = replace(part, gyro=gyro, accel=accel)
+    if fine.gyro is None and fine.accel is None:
+        return part, findings
+    # Windows of fewer samples scatter so much that a log at rest seems to move now and then.
+    rests = find_rests(fine, window=max(0.5, 51 * part.interval))
+    lengths = rests.last - rests.first
+    longest = int(lengths.argmax()) if len(lengths) else -1
+    covered = int(lengths[longest]) if len(lengths) else 0
+    if covered + rests.window >= _WHOLE * len(part):
+        return part, findings
+    if rest is not None:
+        span = {"start": f"{rest[0]:g}", "end": f"{rest[1]:g}"}
+        return part, [*findings, finding("allan.moves", **span)]
+    if covered < LEAST:
+        raise error("allan.no_rest", samples=covered, least=LEAST)
+    part = part[int(rests.first[longest]) : int(rests.last[longest])]
+    span = {"start": f"{part.time[0]:.2f}", "end": f"{part.time[-1]:.2f}"}
+    return part, [*findings, finding("allan.longest_rest", **span)]
+
+
+def _coarse(x: FloatArray | None) -> bool:
+    """Return whether all axes move within a few steps of their output: that is no motion."""
+    if x is None:
+        return True
+    for column in x.T:
+        step = np.abs(np.diff(column))
+        if np.ptp(column) > 4 * np.min(step[step > 0], initial=np.inf):
+            return False
+    return True
+
+
+def _between(log: Log, start: float, end: float) -> Log:
+    part = log[int(np.searchsorted(log.time, start)) : int(np.searchsorted(log.time, end, "right"))]
+    if len(part) == 0:
+        edges = {"first": f"{log.time[0]:.9g}", "last": f"{log.time[-1]:.9g}"}
+        raise error("allan.span", start=f"{start:g}", end=f"{end:g}", **edges)
+    return part
+
+
+def _even(log: Log) -> tuple[Log, list[Finding]]:
+    """Return the longest part without a gap; refuse intervals that are not even."""
+    if len(log) < 3:
+        return log, []
+    ratio = np.diff(log.time) / log.interval
+    gaps = np.flatnonzero(ratio > 1.5)
+    off = (np.abs(ratio - 1) > 0.1) & (ratio <= 1.5)
+    if off.mean() > 0.01:
+        share, nominal = f"{100 * off.mean():.3g}", f"{log.interval:.6g}"
+        raise error("allan.uneven", share=share, nominal=nominal)
+    if len(gaps) == 0:
+        return log, []
+    edges = np.concatenate([[0], gaps + 1, [len(log)]])
+    k = int(np.diff(edges).argmax())
+    part = log[int(edges[k]) : int(edges[k + 1])]
+    span = {"start": f"{part.time[0]:.9g}", "end": f"{part.time[-1]:.9g}"}
+    return part, [finding("allan.gap", count=len(gaps), **span)]
+
+
+def _quantised(name: str, x: FloatArray) -> list[Finding]:
+    step = np.abs(np.diff(x))
+    repeated = float(np.mean(step == 0))
+    if repeated <= 0.5:
+        return []
+    values = {"share": f"{100 * repeated:.3g}", "step": f"{step[step > 0].min():.3g}"}
+    return [finding("allan.quantised", axis=name, **values)]
+
+
+def _hidden(channels: dict[str, Channel]) -> list[Finding]:
+    """Say which noises of long averaging times the record is too short for, alike axes together."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, channel in channels.items():
+        words = WORDS[name.split(".")[0]]
+        pairs = zip(words[2:], channel.noises[2:], strict=True)
+        unseen = tuple(word for word, noise in pairs if not noise.seen)
+        groups.setdefault(unseen, []).append(name)
+    return [
+        finding(
+            "allan.hidden",
+            axis=", ".join(names),
+            terms=", ".join(words),
+            longest=f"{min(channels[name].longest for name in names):.3g}",
+        )
+        for words, names in groups.items()
+        if words
+    ]
+
+
+def described(noise: Noise, triad: str, longest: float) -> tuple[str, str, str]:
+    """Write value, standard deviation and interval of a noise for people.
+
+    Parameters
+    ----------
+    noise : Noise
+        The noise [SI].
+    triad : str
+        ``gyro`` or ``accel``.
+    longest : float
+        Longest useful averaging time [s].
+    """
+    kind = UNIT_KINDS[triad][NOISES.index(noise.name)]
+    if noise.seen:
+        unit = display_unit(kind, noise.value)
+        value, sd, low, high = (
+            convert(x, kind, unit) for x in (noise.value, noise.sd, noise.low, noise.high)
+        )
+        digits = max(0, 1 - math.floor(math.log10(sd)))
+        shown = [f"{x:.{digits}f}" for x in (value, sd, low, high)]
+        return f"{shown[0]} {unit}", shown[1], f"{shown[2]} to {shown[3]}"
+    if not math.isfinite(noise.high):
+        return "not seen", "", "no limit: the record is too short"
+    unit = display_unit(kind, noise.high)
+    short = "" if noise.name in NOISES[:2] else f" (tau up to {longest:.3g} s)"
+    return (
+        "not seen",
+        "",
+        f"below {plain(convert(noise.high, kind, unit), 2)} {unit}{short}",
+    )
+
+
+def deviation_table(measured: LogAllan) -> str:
+    """Write the deviations of every axis as CSV text: one row per axis and averaging time, SI."""
+    lines = ["axis,kind,tau,deviation,low,high,degrees_of_freedom,curve"]
+    for name, c in measured.channels.items():
+        columns = (c.tau, c.deviation, c.low, c.high, c.dof, c.curve)
+        rows = zip(*columns, strict=True)
+        lines += [",".join([name, c.kind, *(f"{v:.10g}" for v in row)]) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def noise_block(measured: LogAllan) -> str:
+    """Write the ``[noise]`` block of a campaign file.
+
+    Parameters
+    ----------
+    measured : LogAllan
+        The noises of every axis [SI].
+
+    Returns
+    -------
+    str
+        TOML with units. A campaign has one value for the three axes of a triad: the root mean
+        square over the axes on which the noise was seen.
+    """
+    lines = [
+        f"# Measured at rest, {measured.start:.6g} s to {measured.end:.6g} s: root mean square of",
+        "# the axes on which a noise was seen.",
+    ]
+    for triad in ("accel", "gyro"):
+        channels = [c for name, c in measured.channels.items() if name.startswith(triad)]
+        keys = _triad_lines(triad, channels)
+        lines += [f"[noise.{triad}]", *keys] if any(not k.startswith("#") for k in keys) else keys
+    if not any(line.startswith("[") for line in lines):
+        raise error("allan.nothing_seen")
+    return "\n".join(lines) + "\n"
+
+
+def _triad_lines(triad: str, channels: list[Channel]) -> list[str]:
+    lines = []
+    for i, name in enumerate(NOISES):
+        values = [c.noises[i].value for c in channels if c.noises[i].seen]
+        if not values:
+            continue
+        value = float(np.sqrt(np.mean(np.square(values))))
+        said = f"{WORDS[triad][i]}, on {len(values)} of {len(channels)} axes"
+        if name in ("white", "random_walk"):
+            lines.append(_line(name, _text(value, triad, i), said))
+        elif name == "bias_instability":
+            time = float(np.exp(np.mean([np.log(_flattest(c)) for c in channels])))
+            markov = _text(value * FLAT / MARKOV_PEAK[0], triad, i)
+            said += f": flicker B = {_text(value, triad, i)},"
+            lines.append(_line(name, markov, said))
+            said = f"as Markov noise with its Allan peak on the flat part, at {time:.3g} s"
+            lines.append(_line("correlation_time", f"{time / MARKOV_PEAK[1]:.3g} s", said))
+        else:  # the key `quantisation` rounds each reading; this noise is lost between readings
+            lines.append(f"# {said}, not a key of a campaign: {_text(value, triad, i)}")
+    return lines
+
+
+def _line(key: str, value: str, said: str) -> str:
+    return f'{key} = "{value}"'.ljust(44) + f"# {said}"
+
+
+def _flattest(channel: Channel) -> float:
+    """Return the averaging time at which flicker is the largest share of the curve [s]."""
+    others = np.square(np.delete(channel.parts, 2, axis=0)).sum(axis=0)
+    return float(channel.tau[np.argmin(others)])
+
+
+def _text(value: float, triad: str, i: int) -> str:
+    kind = UNIT_KINDS[triad][i]
+    unit = display_unit(kind, value)
+    return f"{convert(value, kind, unit):.4g} {unit}"

@@ -1,0 +1,1 @@
+"""Results of one instrument over time, or of several, against their joint uncertainty."""

@@ -1,0 +1,370 @@
+"""What of several results can be compared: the same coefficients in the same axes, and what they
+share.
+
+Body axes are a choice (see `models.imu.Gauge`). Where results chose differently, those that know
+the whole accelerometer matrix are turned into one gauge with their covariance; where one does not,
+only what no choice of axes moves is compared: biases, asymmetries and cubic terms act on what is
+read or sensed, not on axes.
+
+Two results of one log have the same noise, and a result that took another as its prior repeats it:
+neither is a second measurement, and both are refused. Local gravity that two results were given for
+the same site is wrong by the same amount in both; that error is shared, not independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.diagnose.compare.fit import Series
+from foucault.errors import Finding, error, finding
+from foucault.models import cluster, imu
+from foucault.models.imu import Gauge, ImuModel, coefficient_slot, gravity_slope
+from foucault.models.layouts import is_cluster, is_imu, of_one_sample, of_sensors
+from foucault.result import Level, Result
+from foucault.units import ZERO_CELSIUS
+
+FloatArray = npt.NDArray[np.float64]
+
+UNMOVED = ("accel_bias", "gyro_bias", "accel_asymmetry", "gyro_asymmetry", "gyro_cubic")
+"""Blocks of `ImuModel` that no choice of body axes changes."""
+
+DEPENDENT = 1e-8
+"""A coefficient of which the others leave a smaller share of the variance follows from them [1]."""
+
+LEANS = 0.1
+"""A prior with a larger share of the information than this pulls results together [1]."""
+
+WARMER = 2.0
+"""Mean temperatures farther apart than this are worth a word [K]."""
+
+NUDGE = 1e-5
+"""Step of a numerical derivative, beside angles of up to some degrees [SI]."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A result that is to be compared.
+
+    Attributes
+    ----------
+    label : str
+        What it is called.
+    result : Result
+        The result [SI].
+    instrument : str
+        Which instrument it is of.
+    time : float
+        When it holds, since 1970; NaN where unknown [s].
+    dated : str
+        Where that is from: "given", "log", "computed", or nothing.
+    sha256 : str
+        Of its result.json.
+    """
+
+    label: str
+    result: Result
+    instrument: str
+    time: float = float("nan")
+    dated: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Comparable:
+    """Results brought to the same coefficients.
+
+    Attributes
+    ----------
+    layout : Layout
+        The coefficients that all of them have, p of them.
+    series : Series
+        Their values [SI].
+    findings : tuple of Finding
+        What the user should know.
+    """
+
+    layout: Layout
+    series: Series
+    findings: tuple[Finding, ...]
+
+
+def comparable(entries: Sequence[Entry]) -> Comparable:
+    """Bring results to the same coefficients in the same axes.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        Two results or more, of one instrument or of several [SI].
+
+    Returns
+    -------
+    Comparable
+        What they have in common [SI].
+
+    Raises
+    ------
+    FoucaultError
+        ``compare.*``: results that are not independent, not of one kind, or with nothing in common.
+    """
+    refuse_dependent(entries)
+    _refuse_kinds(entries)
+    vectors, found = _in_one_gauge(entries, [_of_instrument(e) for e in entries])
+    layout, told = _common(entries, vectors)
+    found += told
+    chosen = [v.chosen(layout.names) for v in vectors]
+    cov = np.stack([v.cov for v in chosen if v.cov is not None])
+    keep = _independent(cov)
+    layout = layout.subset(layout.names[k] for k in keep)
+    values = np.stack([v.values for v in chosen])
+    shared, told = _gravity(entries, vectors, chosen, cov)
+    found += told + _warnings(entries, layout)
+    time = np.array([e.time for e in entries])
+    whole = Series(chosen[0].names, time, values, cov, shared)
+    return Comparable(layout, whole.only(keep), tuple(found))
+
+
+# -- what cannot be compared -----------------------------------------------------------------
+
+
+def refuse_dependent(entries: Sequence[Entry]) -> None:
+    """Refuse results that share a log, or of which one was the prior of another.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        The results [SI].
+    """
+    logs = [_hashes(e.result.provenance, ("input", "inputs")) for e in entries]
+    priors = [_hashes(e.result.provenance, ("prior",)) for e in entries]
+    for i, j in combinations(range(len(entries)), 2):
+        one, other = entries[i], entries[j]
+        if logs[i] & logs[j] or (one.sha256 and one.sha256 == other.sha256):
+            raise error("compare.same_log", one=one.label, other=other.label)
+        for late, early in ((i, j), (j, i)):
+            if priors[late] & (logs[early] | {entries[early].sha256}):
+                names = {"late": entries[late].label, "early": entries[early].label}
+                raise error("compare.took_prior", **names)
+        if priors[i] & priors[j]:
+            raise error("compare.same_prior", one=one.label, other=other.label)
+
+
+def _hashes(value: Any, below: tuple[str, ...] | None = None) -> set[str]:
+    """Return every SHA-256 that a part of a provenance names."""
+    if isinstance(value, Mapping):
+        parts = [v for k, v in value.items() if below is None or k in below]
+        own = value.get("sha256") if below is None else None
+        said = set(own.split(" + ")) if isinstance(own, str) else set[str]()
+        return said.union(*(_hashes(part) for part in parts))
+    if isinstance(value, list):
+        return set[str]().union(*(_hashes(item) for item in value))
+    return set()
+
+
+def _refuse_kinds(entries: Sequence[Entry]) -> None:
+    kinds = [_kind(e.result) for e in entries]
+    for entry, kind in zip(entries, kinds, strict=True):
+        if kind != kinds[0]:
+            raise error(
+                "compare.models", one=entries[0].label, kind=kinds[0], other=entry.label,
+                unlike=kind,
+            )  # fmt: skip
+        if not np.isfinite(entry.result.coefficients.values).all():
+            raise error("compare.not_finite", name=entry.label, status=entry.result.status.value)
+
+
+def _kind(result: Result) -> str:
+    return "a torqued cluster" if is_cluster(result.coefficients) else "an IMU"
+
+
+# -- the same axes ---------------------------------------------------------------------------
+
+
+def _of_instrument(entry: Entry) -> CoefficientVector:
+    """Return what belongs to the instrument, not to how it was mounted or stood in the end."""
+    vector = of_sensors(entry.result.coefficients)
+    return vector.chosen(n for n in vector.names if n not in cluster.ATTITUDE)
+
+
+def _in_one_gauge(
+    entries: Sequence[Entry], vectors: list[CoefficientVector]
+) -> tuple[list[CoefficientVector], list[Finding]]:
+    gauges = [e.result.gauge for e in entries]
+    if len(set(gauges)) == 1:
+        return vectors, []
+    turned = [_turned(v, g) for v, g in zip(vectors, gauges, strict=True)]
+    if all(v is not None for v in turned):
+        which = ", ".join(
+            e.label for e, g in zip(entries, gauges, strict=True) if g != Gauge.LOWER.value
+        )
+        told = finding("compare.turned", names=which, gauge=Gauge.LOWER.value)
+        return [v for v in turned if v is not None], [told]
+    kept = [v.chosen(n for n in v.names if _unmoved(n)) for v in vectors]
+    said = "; ".join(dict.fromkeys(f"{e.label}: {e.result.gauge}" for e in entries))
+    return kept, [finding("compare.gauge", gauges=said)]
+
+
+def _unmoved(name: str) -> bool:
+    return name in imu.LAYOUT and coefficient_slot(name)[0] in UNMOVED
+
+
+def _turned(vector: CoefficientVector, gauge: str) -> CoefficientVector | None:
+    """Return coefficients with their covariance in `Gauge.LOWER`; None where it cannot be told."""
+    if gauge == Gauge.LOWER.value:
+        return vector
+    vector = of_one_sample(vector)
+    if not is_imu(vector) or not _whole(vector, gauge):
+        return None
+    names = _lower_names(vector)
+
+    def turned(x: FloatArray) -> FloatArray:
+        model = ImuModel.from_coefficients(CoefficientVector(vector.layout, x))
+        return model.in_gauge(Gauge.LOWER)[0].coefficients(names).values
+
+    x = vector.values
+    slope = np.stack(
+        [(turned(x + d) - turned(x - d)) / (2 * NUDGE) for d in NUDGE * np.eye(len(x))], axis=1
+    )
+    free = np.array([bool(vector.free[np.abs(row) > DEPENDENT].any()) for row in slope])
+    cov = None if vector.cov is None else slope @ vector.cov @ slope.T
+    return CoefficientVector(imu.LAYOUT.subset(names), turned(x), cov, free)
+
+
+def _whole(vector: CoefficientVector, gauge: str) -> bool:
+    """Whether all of the accelerometer matrix is known: six numbers, or nine in axes of a rig."""
+    places = [coefficient_slot(n) for n in vector.names]
+    known = {where for block, where in places if block == "accel_matrix"}
+    upper = {(i, j) for i in range(3) for j in range(3) if gauge != Gauge.UPPER.value or i <= j}
+    return upper <= known
+
+
+def _lower_names(vector: CoefficientVector) -> tuple[str, ...]:
+    """Return the names in the new gauge: those of the old, with the other half of the angles."""
+    below = ("accel.misalignment.yx", "accel.misalignment.zx", "accel.misalignment.zy")
+    angles = [n for n in imu.LAYOUT.names if n.startswith("accel.misalignment.")]
+    return tuple(
+        n for n in imu.LAYOUT.names if n in below or (n in vector.layout and n not in angles)
+    )
+
+
+# -- the same coefficients -------------------------------------------------------------------
+
+
+def _common(
+    entries: Sequence[Entry], vectors: Sequence[CoefficientVector]
+) -> tuple[Layout, list[Finding]]:
+    """Return the coefficients that all results have measured."""
+    every: dict[str, Coefficient] = {c.name: c for v in vectors for c in v.layout.coefficients}
+    order = [*vectors[0].names, *(n for n in every if n not in vectors[0].layout)]
+    missing = [n for n in order if any(n not in v.layout for v in vectors)]
+    both = [n for n in order if n not in missing]
+    held = [n for n in both if any(not v.free[v.layout.index(n)] for v in vectors)]
+    sd = {n: [float(v.sd[v.layout.index(n)]) for v in vectors] for n in both}
+    unknown = [n for n in both if n not in held and not all(0 < s < np.inf for s in sd[n])]
+    found = []
+    if missing:
+        found.append(finding("compare.only_some", names=listed(missing)))
+    if held:
+        found.append(finding("compare.held", names=listed(held)))
+    if unknown:
+        found.append(finding("compare.no_sd", names=listed(unknown)))
+    kept = [n for n in both if n not in held and n not in unknown]
+    if not kept:
+        raise error("compare.nothing", names=", ".join(e.label for e in entries))
+    return Layout(tuple(every[n] for n in kept)), found
+
+
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """Join names for a sentence, the first of them if there are more than `most`, shape () [1]."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _independent(cov: FloatArray) -> list[int]:
+    """Return the coefficients that do not follow from others in any of the covariances.
+
+    A model with fewer parameters than coefficients makes a covariance without an inverse; what
+    follows from the others tells nothing of its own.
+    """
+    keep = list(range(cov.shape[1]))
+    for P in cov:
+        sd = np.sqrt(np.diag(P))
+        rest = P / np.outer(sd, sd)
+        kept: list[int] = []
+        for k in keep:
+            if rest[k, k] > DEPENDENT:
+                kept.append(k)
+                rest = rest - np.outer(rest[:, k], rest[k]) / rest[k, k]
+        keep = kept
+    return keep
+
+
+# -- what they share -------------------------------------------------------------------------
+
+
+def _gravity(
+    entries: Sequence[Entry], vectors: Sequence[CoefficientVector],
+    chosen: Sequence[CoefficientVector], cov: FloatArray,
+) -> tuple[FloatArray, list[Finding]]:  # fmt: skip
+    """Return the errors that a common local gravity makes, shape (n, p, sites) [SI]."""
+    sites: dict[tuple[Any, ...], list[int]] = {}
+    for i, entry in enumerate(entries):
+        site = gravity_site(entry.result)
+        if site is not None:
+            sites.setdefault(site, []).append(i)
+    together = {site: rows for site, rows in sites.items() if len(rows) > 1}
+    none = np.zeros((*cov.shape[:2], 0))
+    shared = np.zeros((*cov.shape[:2], len(together)))
+    for s, (site, rows) in enumerate(together.items()):
+        for i in rows:
+            slope = gravity_slope(vectors[i]) * site[1] / site[0]
+            where = [vectors[i].layout.index(n) for n in chosen[i].names]
+            shared[i, :, s] = slope[where]
+    own = cov - shared @ shared.swapaxes(1, 2)
+    if not together or (np.linalg.eigvalsh(_scaled(own, cov))[:, 0] < DEPENDENT).any():
+        return none, []
+    return shared, [finding("compare.gravity", count=sum(map(len, together.values())))]
+
+
+def _scaled(own: FloatArray, cov: FloatArray) -> FloatArray:
+    sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    return np.asarray(own / (sd[:, :, None] * sd[:, None, :]))
+
+
+def gravity_site(result: Result) -> tuple[Any, ...] | None:
+    """Return gravity, its sd and the place, where its error is part of the uncertainty."""
+    part = (result.diagnostics.get("budget") or {}).get("local gravity")
+    gravity, sd = result.site.get("gravity"), result.site.get("gravity_sd")
+    if not (part and gravity and sd) or is_cluster(result.coefficients):
+        return None
+    return gravity, sd, result.site.get("latitude"), result.site.get("height")
+
+
+def _warnings(entries: Sequence[Entry], layout: Layout) -> list[Finding]:
+    found = []
+    bad = [e.label for e in entries if e.result.verdict.level is Level.UNUSABLE]
+    if bad:
+        found.append(finding("compare.unusable", names=listed(bad)))
+    leaning = [n for n in layout.names if all(_leans(e.result, n) for e in entries)]
+    if leaning:
+        found.append(finding("compare.prior", names=listed(leaning), share=100 * LEANS))
+    warm = {e.label: e.result.validity.get("temperature_mean") for e in entries}
+    known = {label: float(t) for label, t in warm.items() if t is not None}
+    if known and max(known.values()) - min(known.values()) > WARMER:
+        said = ", ".join(f"{label} {t - ZERO_CELSIUS:.1f} °C" for label, t in known.items())
+        found.append(finding("compare.temperature", temperatures=said))
+    return found
+
+
+def _leans(result: Result, name: str) -> bool:
+    vector = result.coefficients
+    if name not in vector.layout:
+        return False
+    one = vector.chosen([name])
+    return bool((one.sd[0] / one.prior_sd[0]) ** 2 > LEANS)

@@ -1,0 +1,1 @@
+"""What a north seeker's stops show, whether they agree, and what made them disagree."""

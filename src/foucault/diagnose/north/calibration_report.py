@@ -1,0 +1,234 @@
+"""What the report of a north seeker's calibration shows beside its checks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.information import information
+from foucault.diagnose.north.calibration import leftovers
+from foucault.estimate.north_calibration import Rig, covariance_parts, tilts
+from foucault.estimate.north_reduction import Pairs
+from foucault.estimate.north_seeking import Known, solve
+from foucault.models.dwells import Dwells
+from foucault.models.north_seeker import Compensation
+from foucault.models.rotation import turned
+from foucault.result import Estimate, Problem
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def _gain(problem: Problem, estimate: Estimate, scene_root: FloatArray) -> FloatArray:
+    """How the coefficients answer to each number, shape (n, m, k)."""
+    n = len(problem.layout)
+    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
+    used = at.blocks >= 0
+    m, k = scene_root.shape[:2]
+    J = at.jacobian[used].reshape(m, k, -1)
+    back = np.linalg.solve(np.swapaxes(scene_root, 1, 2), J)
+    return np.asarray(np.einsum("nj,mkj->nmk", estimate.state_cov[:n], back))
+
+
+def _table(estimate: Estimate, rig: Rig) -> FloatArray | None:
+    """The tilt of the table that the weights were made with."""
+    return np.asarray(estimate.state.table[:4]) if rig.tilt == "one axis" else None
+
+
+def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict[str, list[float]]:
+    """Split the variance of every coefficient by source.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was solved.
+    estimate : Estimate
+        Its solution.
+    pairs : Pairs
+        Set-ups, their covariance by source [SI].
+    rig : Rig
+        The turntable.
+    """
+    parts = covariance_parts(pairs, rig, _table(estimate, rig))
+    gain = _gain(problem, estimate, np.linalg.cholesky(np.asarray(sum(parts.values()))))
+    out = {name: np.einsum("nmi,mij,nmj->n", gain, S, gain) for name, S in parts.items()}
+    left = np.diag(estimate.state_cov)[: len(problem.layout)] - np.sum(list(out.values()), axis=0)
+    out["table, latitude and what was known before"] = np.maximum(left, 0.0)
+    total = np.sum(list(out.values()), axis=0)
+    return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-9 * total)}
+
+
+def bound(problem: Problem, estimate: Estimate) -> dict[str, Any]:
+    """Return the bound and the weakest combinations, for result.json.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the noise alone.
+    estimate : Estimate
+        The calibration.
+    """
+    table = estimate.state.table[: len(problem.start.table)]
+    state = replace(estimate.state, table=table)
+    info = information(problem.linearise(state, np.ones(problem.n_blocks)), problem.layout)
+    return {
+        "bound": [float(v) for v in info.sd],
+        "weakest": [c.words for c in info.weakest()],
+    }
+
+
+def table_json(estimate: Estimate, rig: Rig) -> dict[str, Any]:
+    """Return what was found of the turntable, for result.json.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The calibration.
+    rig : Rig
+        The turntable.
+    """
+    east, north, heading = estimate.state.table[:3]
+    return {
+        "used": rig.tilt,
+        "tilt_about_east": float(east),
+        "tilt_about_north": float(north),
+        "common_heading": float(heading),
+        "heading_sd": rig.heading_sd,
+        "heading_offset_sd": rig.heading_offset_sd,
+    }
+
+
+def unseen(rig: Rig, names: tuple[str, ...]) -> list[str]:
+    """Say what the session cannot show in principle.
+
+    Parameters
+    ----------
+    rig : Rig
+        The turntable.
+    names : tuple of str
+        The coefficients found.
+    """
+    common = "it was taken as exact"
+    if rig.heading_offset_sd:
+        sd = np.degrees(rig.heading_offset_sd) * 60
+        common = f"its standard uncertainty, {sd:.3g} arcmin, is part of every coupling"
+    out = [
+        f"An error that all reference headings share goes straight into every later heading; "
+        f"{common}.",
+        "A wrong latitude: 1 arcmin is "
+        f"{np.tan(abs(rig.site.latitude or 0.0)) * np.radians(1 / 60) * 1e6:.0f} ppm in both "
+        "scale factors.",
+        "The gyro's constant offset, which every fix finds anew.",
+        "Other index angles than those used, and other temperatures.",
+    ]
+    if "gyro.misalignment.xz" not in names:
+        out.append(
+            "Coupling of the rate along the axis of the base: 0.001 of it moves the heading by "
+            "about 0.06 deg times the tangent of latitude, different at other tilts."
+        )
+    if rig.tilt == "each" and not rig.level_sd:
+        out.append(
+            "A table whose axis leans: tilted by 10 deg, 1 arcmin of it turns the headings by 11 "
+            "arcsec. `level_sd` puts it into the uncertainty."
+        )
+    if rig.tilt == "one axis":
+        out.append("Scale factor of the accelerometers: 200 ppm are 7 arcsec of tilt at 10 deg.")
+    return out
+
+
+def circle_accuracy(errors: FloatArray) -> dict[str, float]:
+    """Return the usual figures of heading errors around the circle, for result.json.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (m,)
+        Heading as found minus reference [rad].
+
+    Returns
+    -------
+    dict of str to float
+        "std" about the mean, "max" departure from the mean, "peak_to_peak", and "rms" and
+        "max_absolute" with the mean in [rad].
+    """
+    off = errors - errors.mean()
+    return {
+        "std": float(np.std(errors, ddof=1)) if len(errors) > 1 else 0.0,
+        "max": float(np.abs(off).max()),
+        "peak_to_peak": float(np.ptp(errors)),
+        "mean": float(errors.mean()),
+        "rms": float(np.sqrt(np.mean(errors**2))),
+        "max_absolute": float(np.abs(errors).max()),
+    }
+
+
+def heading_errors(
+    pairs: Pairs, rig: Rig, coefficients: CoefficientVector | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return heading minus reference and its sd, as a fix in each set-up would have them.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Set-ups [SI].
+    rig : Rig
+        The turntable.
+    coefficients : CoefficientVector or None
+        The calibration; None for the instrument as it is.
+
+    Returns
+    -------
+    errors, sd : ndarray, shape (m,)
+        [rad].
+    """
+    level = None if rig.accelerometers else max(rig.level_sd, 1e-9)
+    known = Known(rig.site.gravity, rig.site.latitude, rig.latitude_sd, level_sd=level)
+    found = solve(pairs, known, Compensation() if coefficients is None else Compensation(
+        coefficients))  # fmt: skip
+    return turned(found.angles[:, 0] - rig.heading), found.sd[:, 0]
+
+
+def heading_table(
+    estimate: Estimate, pairs: Pairs, rig: Rig, dwells: Dwells
+) -> dict[str, npt.NDArray[Any]]:
+    """Return a row per set-up: readings, what is left of them, and tilt.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The calibration.
+    pairs : Pairs
+        Set-ups [SI].
+    rig : Rig
+        The turntable.
+    dwells : Dwells
+        For the names of the set-ups.
+    """
+    left, share = leftovers(estimate, pairs)
+    standard = np.where(share > 1e-6, left / np.sqrt(np.maximum(share, 1e-6)), np.nan)
+    root = np.linalg.cholesky(
+        np.asarray(sum(covariance_parts(pairs, rig, _table(estimate, rig)).values()))
+    )
+    raw = np.einsum("mij,mj->mi", root, left)
+    lean = tilts(pairs, rig.site.gravity, Compensation()) if rig.accelerometers else None
+    nothing = np.full(len(pairs), np.nan)
+    before, _ = heading_errors(pairs, rig, None)
+    after, sd = heading_errors(pairs, rig, estimate.coefficients)
+    return {
+        "setup": np.array(dwells.names),
+        "heading": rig.heading,
+        "gyro_x": pairs.values[:, 0],
+        "gyro_y": pairs.values[:, 1],
+        "left_x": raw[:, 0],
+        "left_y": raw[:, 1],
+        "residual_x": standard[:, 0],
+        "residual_y": standard[:, 1],
+        "offset": pairs.offset,
+        "heading_before": before,
+        "heading_after": after,
+        "heading_sd": sd,
+        "pitch": nothing if lean is None else lean[:, 0],
+        "roll": nothing if lean is None else lean[:, 1],
+    }

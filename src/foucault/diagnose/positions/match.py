@@ -1,0 +1,319 @@
+"""Which position of the plan each reading was taken in, told by the direction of up.
+
+Readings are aligned with the plan in the order in which they were taken, as one aligns two texts:
+a position that is left out, repeated or added costs as much as two directions 25 deg apart. Where
+that leaves positions and readings without a partner, the instrument may be mounted turned: any
+attitude that keeps the order explains the readings better than another order does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.positions.attitude import attitudes
+from foucault.models import turntable
+from foucault.models.readings import Readings
+from foucault.tables import IntArray
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+FAR = float(np.radians(25.0))
+"""Directions further apart than this are different positions [rad]."""
+
+SMALL = np.radians(30.0)
+"""An instrument is mounted as the plan says when it is turned by less [rad]."""
+
+SMALLER = np.radians(10.0)
+"""The same where the order is given up: regular plans fit themselves in many attitudes [rad]."""
+
+OTHER_SENSE = 0.02
+"""What a spin in the other sense than planned costs: less than any other difference [1]."""
+
+MOST_OF_ALL = 0.7
+"""A match of so many of all readings, or of all positions, needs no other explanation [1]."""
+
+SET = np.radians(10.0)
+"""Where neither order nor attitude is known, directions in one position differ by less [rad]."""
+
+LATE = 1e-4
+"""What a place further on in the plan costs where the order is given up [1]."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """Readings and positions that belong together.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (n,)
+        Position of the plan for each reading, -1 for none [1].
+    ordered : bool
+        Whether they follow each other as in the plan.
+    rotation : ndarray, shape (3, 3)
+        From case to body axes, as the directions tell [1].
+    """
+
+    row: IntArray
+    ordered: bool
+    rotation: FloatArray
+
+    def unused(self, positions: int) -> IntArray:
+        """Return the positions of a plan that no reading was taken in.
+
+        Parameters
+        ----------
+        positions : int, shape ()
+            Length of the plan [1].
+        """
+        return np.setdiff1d(np.arange(positions), self.row)
+
+
+def directions(readings: Readings) -> FloatArray:
+    """Return the direction of up in each reading, shape (n, 3) [1]; NaN where it is unknown.
+
+    Parameters
+    ----------
+    readings : Readings
+        Means of accelerometers, or of gyros in spins [SI].
+    """
+    if readings.accel is not None:
+        return _unit(readings.accel)
+    out = np.full((len(readings), 3), np.nan)
+    if readings.gyro is not None:
+        spin = readings.spin
+        out[spin] = _unit(readings.gyro[spin]) * np.sign(readings.rate[spin])[:, None]
+    return out
+
+
+def _unit(x: FloatArray) -> FloatArray:
+    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None])
+
+
+def rotation(up: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Return the rotation that takes `nominal` nearest to `up`, shape (3, 3) [1].
+
+    Parameters
+    ----------
+    up, nominal : ndarray, shape (n, 3)
+        Directions that belong together; with fewer than two it is the identity [1].
+    """
+    if len(up) == 0:
+        return np.eye(3)
+    U, s, Vt = np.linalg.svd(up.T @ nominal)
+    if s[1] < 0.05 * len(up):
+        return np.eye(3)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt)
+
+
+def turned(C: FloatArray) -> float:
+    """Return the angle of a rotation [rad].
+
+    Parameters
+    ----------
+    C : ndarray, shape (3, 3)
+        Rotation matrix [1].
+    """
+    return float(np.arccos(np.clip((np.trace(C) - 1) / 2, -1.0, 1.0)))
+
+
+def match(
+    up: FloatArray,
+    spin: BoolArray | None,
+    nominal: FloatArray,
+    nominal_spin: BoolArray,
+    in_order: bool = False,
+    other_sense: BoolArray | None = None,
+    start: FloatArray | None = None,
+) -> Match:
+    """Find the position of each reading.
+
+    Parameters
+    ----------
+    up : ndarray, shape (n, 3)
+        Direction of up in each reading, body axes [1].
+    spin : ndarray of bool, shape (n,), or None
+        Which are spins, where the log can tell.
+    nominal : ndarray, shape (m, 3)
+        Direction of up in each position of the plan, case axes [1].
+    nominal_spin : ndarray of bool, shape (m,)
+        Which of them are spins.
+    in_order : bool
+        Whether the order must be that of the plan.
+    other_sense : ndarray of bool, shape (n, m), or None
+        Which readings are spins in the other sense than which positions, where the log can tell.
+    start : ndarray, shape (3, 3), or None
+        Attitude to start from, from case to body axes; None for that of the plan [1].
+    """
+    first = C = np.eye(3) if start is None else start
+    found = Match(np.full(len(up), -1), True, C)
+    for _ in range(3):
+        cost = _cost(up, spin, nominal @ C.T, nominal_spin)
+        if other_sense is not None:
+            cost = cost + OTHER_SENSE * other_sense
+        row, ordered = _aligned(cost), True
+        if not in_order and (row < 0).any() and len(np.unique(row[row >= 0])) < len(nominal):
+            free = _assigned(cost)
+            if (free >= 0).sum() > (row >= 0).sum():
+                row, ordered = free, False
+        found = Match(row, ordered, C)
+        some = (row >= 0) & np.isfinite(up).all(axis=1)
+        again = rotation(up[some], nominal[row[some]])
+        if turned(again @ first.T) > (SMALL if ordered else SMALLER):
+            break
+        C = again
+    return found
+
+
+def _cost(
+    up: FloatArray,
+    spin: BoolArray | None,
+    nominal: FloatArray,
+    nominal_spin: BoolArray,
+    far: float = FAR,
+) -> FloatArray:
+    angle = np.arccos(np.clip(np.nan_to_num(up @ nominal.T, nan=1.0), -1.0, 1.0))
+    cost = np.where(angle < far, (angle / far) ** 2, np.inf)
+    if spin is not None:
+        cost[spin[:, None] != nominal_spin[None, :]] = np.inf
+    return np.asarray(cost)
+
+
+def _aligned(cost: FloatArray) -> IntArray:
+    """Align in order; a reading or a position without partner costs 1."""
+    n, m = cost.shape
+    if n == m and np.trace(cost) <= 2.0:  # any other way has two without partner at least
+        return np.arange(n)
+    best = np.zeros((n + 1, m + 1))
+    best[:, 0], best[0, :] = np.arange(n + 1), np.arange(m + 1)
+    for i in range(n):
+        for j in range(m):
+            apart = min(best[i, j + 1], best[i + 1, j]) + 1.0
+            best[i + 1, j + 1] = min(best[i, j] + cost[i, j], apart)
+    row = np.full(n, -1)
+    i, j = n, m
+    while i and j:
+        if best[i, j] == best[i - 1, j - 1] + cost[i - 1, j - 1]:
+            i, j = i - 1, j - 1
+            row[i] = j
+        elif best[i, j] == best[i - 1, j] + 1.0:
+            i -= 1
+        else:
+            j -= 1
+    return row
+
+
+def _assigned(cost: FloatArray) -> IntArray:
+    from scipy.optimize import linear_sum_assignment
+
+    n, m = cost.shape
+    late = LATE * np.abs(np.arange(n)[:, None] - np.arange(m)[None, :])
+    finite = np.where(np.isfinite(cost), cost + late, 1e3)
+    i, j = linear_sum_assignment(finite)
+    row = np.full(n, -1)
+    good = np.isfinite(cost[i, j])
+    row[i[good]] = j[good]
+    return row
+
+
+def with_plan(
+    readings: Readings, plan: turntable.TablePlan, spins_known: bool, free: bool = False
+) -> Match:
+    """Match readings with a plan.
+
+    Parameters
+    ----------
+    readings : Readings
+        What was read [SI].
+    plan : TablePlan
+        What was planned [SI].
+    spins_known : bool
+        Whether the readings tell spins from rests.
+    free : bool
+        Whether another order in another attitude may be told too: that is not certain, for regular
+        plans fit themselves in many attitudes.
+    """
+    up, nominal = directions(readings), turntable.up_k(plan.angles)
+    spin, planned = readings.spin if spins_known else None, plan.rate != 0
+    other = None
+    if readings.accel is not None:
+        other = np.sign(readings.rate)[:, None] * np.sign(plan.rate)[None, :] < 0
+    found = match(up, spin, nominal, planned, other_sense=other)
+    if not found.ordered and _off(found, up, nominal) > SET:  # by chance only
+        found = Match(np.full(len(up), -1), True, np.eye(3))
+    if (found.ordered and fits(found, len(plan))) or readings.accel is None:
+        return found
+    tried = attitudes(up, spin, nominal, planned)
+    turned_in_order = [
+        match(up, spin, nominal, planned, True, other, C)
+        for C in [_as_planned(up, nominal), *tried]
+    ]
+    best = _best(turned_in_order, up, nominal, len(plan))
+    # Another order of all positions is likelier than another attitude of some.
+    if best is not None and fits(found, len(plan)) and _count(found) > _count(best):
+        return found
+    if best is not None or (not free and fits(found, len(plan))):
+        return best or found
+    if not free or fits(found, len(plan)):
+        return found
+    sets = []
+    for C in tried[:40]:
+        cost = _cost(up, spin, nominal @ C.T, planned, SET)
+        sets.append(Match(_assigned(cost), False, C))
+    return _best(sets, up, nominal, len(plan)) or found
+
+
+def fits(found: Match, positions: int) -> bool:
+    """Tell whether most readings, or readings in most positions, have found their place.
+
+    Parameters
+    ----------
+    found : Match
+        What belongs together.
+    positions : int, shape ()
+        Length of the plan [1].
+    """
+    return bool((found.row >= 0).sum() >= MOST_OF_ALL * min(len(found.row), positions))
+
+
+def off(found: Match, up: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Return how far each reading is from its position, shape (n,) [rad]; NaN where it has none.
+
+    Parameters
+    ----------
+    found : Match
+        What belongs together.
+    up : ndarray, shape (n, 3)
+        Direction of up in each reading, body axes [1].
+    nominal : ndarray, shape (m, 3)
+        Direction of up in each position of the plan, case axes [1].
+    """
+    cosine = (up * (nominal[found.row] @ found.rotation.T)).sum(axis=1)
+    return np.where(found.row >= 0, np.arccos(np.clip(cosine, -1.0, 1.0)), np.nan)
+
+
+def _off(found: Match, up: FloatArray, nominal: FloatArray) -> float:
+    each = off(found, up, nominal)
+    each = each[np.isfinite(each)]
+    return float(np.median(each)) if len(each) else np.inf
+
+
+def _count(found: Match) -> int:
+    return int((found.row >= 0).sum())
+
+
+def _as_planned(up: FloatArray, nominal: FloatArray) -> FloatArray:
+    """Return the attitude that fits if every position was read once and in order."""
+    if len(up) != len(nominal) or not np.isfinite(up).all():
+        return np.eye(3)
+    return rotation(up, nominal)
+
+
+def _best(found: list[Match], up: FloatArray, nominal: FloatArray, positions: int) -> Match | None:
+    """Return the match of most readings, and of the smallest misses, if it is one."""
+    good = [m for m in found if fits(m, positions) and (m.row >= 0).sum() > 3]
+    good = [m for m in good if _off(m, up, nominal) < SET]
+    return max(good, key=lambda m: (int((m.row >= 0).sum()), -_off(m, up, nominal)), default=None)

@@ -1,0 +1,1 @@
+"""Constant rates of a table: steps, norms, and the report of both."""

@@ -1,0 +1,1 @@
+"""Rests, turns and spins of a systematic calibration: found, judged and reported."""

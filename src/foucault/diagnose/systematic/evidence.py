@@ -1,0 +1,351 @@
+"""Judge a systematic calibration: do noise, model and sequence explain what was seen at rest?
+
+Innovations of a filter are independent, with the variance it says. Where the instrument stands
+stiller than `velocity_sd` and `position_sd` allow they are smaller, and that is no fault: only
+their upper limit is tested. The same holds of the velocity at the end of every rest. What a session
+tells of some coefficients by itself, whatever was known of them, is the difference of information
+after it and before it, ``P^-1 - P_0^-1`` of their part of the covariances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.consistency import chi_square_limits
+from foucault.diagnose.information import largest_shares, terms
+from foucault.diagnose.session.checks import prior_check, status_check
+from foucault.diagnose.systematic.legs import Legs
+from foucault.errors import Finding, Status, error, finding
+from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.estimate.ins_filter import FilterRun
+from foucault.models.deflection import DeflectionModel
+from foucault.navigate.increments import Increments
+from foucault.result import Check
+from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
+
+EACH = FALSE_ALARM / 5
+"""False-alarm rate of each of five tests, so that all together keep 1 % [1]."""
+
+HARDLY = 0.7
+"""A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
+
+LIKE = ("accel.asymmetry", "accel.quadratic")
+"""What looks the same where every axis is up, down or level: ``g |f|`` and ``f^2`` are equal."""
+
+WORTH = np.radians(3.0 / 3600.0) / 9.80665
+"""A combination of deflections counts as seen if the session alone tells it better than this, the
+usual size of one [rad/(m/s^2)]."""
+
+WANTED = {
+    "gyro.bias": "rests of two minutes or more with each axis of the body up, level east and north",
+    "gyro.scale": "quarter turns about each axis of the body, both ways, with rests between them",
+    "gyro.misalignment": "quarter turns about each axis of the body, with either of the others up",
+    "gyro.asymmetry": "turns about each axis of the body both ways, unlike in number",
+    "accel.bias": "rests with each axis of the body up and down",
+    "accel.scale": "rests with each axis of the body up and down",
+    "accel.misalignment": "rests with each axis of the body up and down",
+    "accel.asymmetry": "rests with each axis of the body up, down and level",
+    "accel.quadratic": "rests with each axis of the body up, down and slanting, such as at 45 deg",
+    "accel.lever": "turns about each axis of the body at 10 deg/s or more",
+    "accel.delay": "turns about level axes at 10 deg/s or more",
+    "deflection": "spins of ten turns about a level axis in six poses, three of them slanting",
+}
+"""Group of coefficients -> what shows them."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Everything the checks look at.
+
+    Attributes
+    ----------
+    increments : Increments
+        The session as measured.
+    rests : tuple of (int, int)
+        First and last row of each rest that was used [1].
+    run : FilterRun
+        The last pass of the filter.
+    coefficients : CoefficientVector
+        The states that are coefficients, with covariance and prior [SI].
+    mean : ndarray, shape (p,)
+        Mean of their prior [SI].
+    usual : ndarray, shape (p,)
+        Standard deviation of each where the user says nothing [SI].
+    legs : Legs
+        Velocities at the end of every rest.
+    status : Status
+        How the passes ended.
+    """
+
+    increments: Increments
+    rests: tuple[tuple[int, int], ...]
+    run: FilterRun
+    coefficients: CoefficientVector
+    mean: FloatArray
+    usual: FloatArray
+    legs: Legs
+    status: Status
+
+
+def checks(e: Evidence) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason.
+
+    Parameters
+    ----------
+    e : Evidence
+        Session, filter and coefficients.
+    """
+    miss = (e.coefficients.values - e.mean) / e.coefficients.prior_sd
+    return (
+        status_check(e.status, ()), _innovations(e), _rests(e), _velocities(e),
+        prior_check(e.coefficients, miss), _seen(e),
+    )  # fmt: skip
+
+
+def _innovations(e: Evidence) -> Check:
+    total, dof = float(e.run.nis.sum()), int(e.run.measured.sum())
+    limit = chi_square_limits(dof, 2 * EACH)[1]
+    fine = total <= limit
+    words = f"What is seen at rest scatters {np.sqrt(total / dof):.3f} times as much as allowed for"
+    if total < dof / 2:
+        words += "; it stands stiller than velocity_sd and position_sd say, which does no harm"
+    if not fine:
+        words += (
+            ": the instrument stands less still than velocity_sd and position_sd say, is noisier, "
+            "or has errors that are not estimated, so that the uncertainties are too small"
+        )
+    return Check("innovations", total / dof, None, limit / dof, fine, words + ".")
+
+
+def squares(e: Evidence) -> tuple[FloatArray, FloatArray]:
+    """Return the sum of squared normalised innovations of each rest, and their number.
+
+    Parameters
+    ----------
+    e : Evidence
+        Session, filter and coefficients.
+    """
+    time = e.increments.time
+    total, count = np.zeros((2, len(e.rests)))
+    for k, (a, b) in enumerate(e.rests):
+        rows = (e.run.time >= time[a] - 1e-9) & (e.run.time <= time[b] + 1e-9)
+        total[k], count[k] = e.run.nis[rows].sum(), e.run.measured[rows].sum()
+    return total, count
+
+
+def _rests(e: Evidence) -> Check:
+    total, count = squares(e)
+    used = np.flatnonzero(count)
+    limit = np.array([chi_square_limits(count[k], 2 * EACH, len(used))[1] for k in used])
+    share = total[used] / limit
+    worst = int(used[np.argmax(share)])
+    out = int(np.count_nonzero(share > 1.0))
+    a, b = (float(e.increments.time[row]) for row in e.rests[worst])
+    words = "No rest scatters more than allowed for."
+    if out:
+        words = (
+            f"{out} of {len(used)} rests scatter more than allowed for; the farthest is rest "
+            f"{worst + 1}, {a:.0f} to {b:.0f} s: it moved, or the turn before it shows an error "
+            "that is not estimated."
+        )
+    return Check("rests", float(share.max()), None, 1.0, out == 0, words)
+
+
+def _velocities(e: Evidence) -> Check:
+    from scipy.special import ndtri
+
+    z = np.abs(e.legs.after) / e.legs.sd
+    limit = float(ndtri((1 - EACH) ** (1 / z.size) / 2 + 0.5))
+    worst, axis = (int(k) for k in np.unravel_index(np.argmax(z), z.shape))
+    fine = bool(z.max() <= limit)
+    run = "through each rest" if e.legs.anew else "from rest to rest"
+    words = (
+        f"Navigated {run} with the calibration, the velocity is at most {z.max():.1f} times what "
+        "is promised from zero"
+    )
+    if not fine:
+        words += (
+            f": {('east', 'north', 'up')[axis]} in rest {int(e.legs.rest[worst]) + 1}, at "
+            f"{e.legs.end[worst]:.0f} s"
+        )
+    return Check("velocities", float(z.max()), None, limit, fine, words + ".")
+
+
+def hardly(coefficients: CoefficientVector) -> list[str]:
+    """Return the names of `coefficients` that are hardly better known than before."""
+    c = coefficients
+    return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
+
+
+def only_sums(coefficients: CoefficientVector) -> list[str]:
+    """Return the axes of which asymmetry and quadratic term are seen as a sum alone.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance, and prior standard deviations that were not correlated [SI].
+    """
+    assert coefficients.cov is not None
+    out = []
+    for axis in AXES:
+        names = [f"{group}.{axis}" for group in LIKE]
+        if all(name in coefficients.layout for name in names):
+            at = [coefficients.layout.index(name) for name in names]
+            unit = coefficients.prior_sd[at]
+            some, none = np.linalg.eigvalsh(coefficients.cov[np.ix_(at, at)] / np.outer(unit, unit))
+            if some < HARDLY**2 < none:
+                out.append(axis)
+    return out
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """What the session does not show.
+
+    Attributes
+    ----------
+    names : list of str
+        Coefficients that are hardly better known than is usual.
+    sums : list of str
+        Axes of which asymmetry and quadratic term are seen as a sum alone.
+    known : list of str
+        Coefficients hardly better known than before, which the user knows better than is usual.
+    """
+
+    names: list[str]
+    sums: list[str]
+    known: list[str]
+
+    @classmethod
+    def of(cls, c: CoefficientVector, usual: FloatArray) -> Unseen:
+        """Sort what is hardly seen.
+
+        Parameters
+        ----------
+        c : CoefficientVector
+            With covariance and prior [SI].
+        usual : ndarray, shape (p,)
+            Standard deviation of each where the user says nothing [SI].
+        """
+        told = c.prior_sd < usual * (1.0 - 1e-9)
+        better = {name for name, yes in zip(c.names, told, strict=True) if yes}
+        names = hardly(c)
+        pairs = {axis: [f"{group}.{axis}" for group in LIKE] for axis in only_sums(c)}
+        # What is known of the one tells the other.
+        sums = [a for a, pair in pairs.items() if not better & {*pair} and {*names} & {*pair}]
+        summed = {name for axis in sums for name in pairs[axis]}
+        return cls(
+            [n for n in names if n not in better | summed], sums, [n for n in names if n in better]
+        )
+
+
+def _seen(e: Evidence) -> Check:
+    unseen = Unseen.of(e.coefficients, e.usual)
+    words = []
+    if unseen.names:
+        words.append(
+            f"The session tells hardly anything of {', '.join(unseen.names)}: what is said of them "
+            "is what was known before."
+        )
+    if unseen.sums:
+        words.append(_summed(unseen.sums))
+    count = len(unseen.names) + len(unseen.sums)
+    said = " ".join(words) or "The session tells something of every coefficient."
+    return Check("seen", float(count), None, 0.0, not count, said)
+
+
+def _summed(axes: Sequence[str]) -> str:
+    return (
+        f"Of asymmetry and quadratic term of the accelerometers {', '.join(axes)} the session "
+        "tells only the sum, accel.asymmetry + g accel.quadratic: in its rests the two look alike."
+    )
+
+
+def findings(e: Evidence) -> list[Finding]:
+    """Return what the user should know: coefficients that the sequence does not show.
+
+    Parameters
+    ----------
+    e : Evidence
+        Session, filter and coefficients.
+    """
+    return unseen_of(e.coefficients, e.usual)
+
+
+def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Finding]:
+    """Say which coefficients are hardly better known than before, and what would show them.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance and prior [SI].
+    usual : ndarray, shape (p,)
+        Standard deviation of each where the user says nothing [SI].
+    """
+    unseen, out = Unseen.of(coefficients, usual), []
+    if unseen.names:
+        groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in unseen.names)]
+        wanted = "; ".join(dict.fromkeys(WANTED[g] for g in groups))
+        out.append(finding("systematic.unseen", names=", ".join(unseen.names), wanted=wanted))
+    if unseen.sums:
+        out.append(finding("systematic.only_sum", sentence=_summed(unseen.sums),
+                           wanted=WANTED["accel.quadratic"]))  # fmt: skip
+    if unseen.known:
+        out.append(finding("systematic.only_prior", names=", ".join(unseen.known)))
+    return out
+
+
+def told_of(coefficients: CoefficientVector, names: Sequence[str]) -> tuple[int, list[str]]:
+    """Return how many combinations of deflections a session tells, and the others in words.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance, and prior standard deviations that were not correlated [SI].
+    names : sequence of str
+        The deflections among them.
+    """
+    part = [coefficients.layout.index(name) for name in names]
+    assert coefficients.cov is not None
+    unit = coefficients.prior_sd[part]
+    after = coefficients.cov[np.ix_(part, part)] / np.outer(unit, unit)
+    # Of the session alone, in units of WORTH.
+    information = (np.linalg.inv(after) - np.eye(len(part))) * WORTH**2 / np.outer(unit, unit)
+    values, vectors = np.linalg.eigh((information + information.T) / 2)
+    layout = coefficients.layout.subset(names)
+    blind = [terms(largest_shares(layout, v), dots=True) for v in vectors[:, values < 1.0].T]
+    return int(np.count_nonzero(values >= 1.0)), blind
+
+
+def require_deflection(
+    coefficients: CoefficientVector, model: DeflectionModel, *, known: bool
+) -> list[Finding]:
+    """Refuse a model of deflection that the session cannot see.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The result [SI].
+    model : DeflectionModel
+        The model.
+    known : bool
+        Whether the user has said what is known of its parameters beforehand: then it is only said.
+    """
+    rank, blind = told_of(coefficients, model.layout.names)
+    if not blind:
+        return []
+    words = {
+        "model": model.name, "rank": rank, "count": len(model),
+        "blind": "; ".join(blind[:6]) + ("; ..." if len(blind) > 6 else ""),
+        "wanted": WANTED["deflection"],
+    }  # fmt: skip
+    if not known:
+        raise error("systematic.deflection_unseen", **words)
+    return [finding("systematic.deflection_prior", **words)]

@@ -1,0 +1,406 @@
+"""Judge a calibration on a table: every check, with its limits and its sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.session.checks import CONDITION, plausible_scales, prior_check, status_check
+from foucault.diagnose.session.coverage import Coverage
+from foucault.estimate import norm_observation
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.table_fit import ENOUGH, GROUPS, KINDS, TableFit
+from foucault.models.earth import Site
+from foucault.models.readings import Readings
+from foucault.models.table_geometry import Angles
+from foucault.result import Check, Level
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+
+UNITS = {
+    "accel": (1 / 9.80665e-6, "ug"),
+    "gyro": (180 / np.pi * 3600, "deg/h"),
+    "rate": (1e6, "ppm"),
+}
+"""How people read scatter."""
+
+SIGNIFICANT = 5.0
+"""A dependence on orientation of this many sd is no chance, largest of nine as it is [1]."""
+
+TOO_MUCH = 5.0
+"""Residuals this many times the noise are no scatter of a good table: a term is missing [1]."""
+
+UNKNOWN_NOISE = "readings.noise_unknown"
+"""Finding of a log of means for which no noise was declared."""
+
+LARGE = {"accel": 0.05, "gyro": np.radians(0.1), "rate": 1e-2}
+"""Scatter beyond the noise that is no longer a calibration: 5 mg [m/s^2], 0.1 deg/s [rad/s], 1 %
+of the rate [1]."""
+
+
+@dataclass(frozen=True)
+class TableEvidence:
+    """Everything the checks look at.
+
+    Attributes
+    ----------
+    readings : Readings
+        What was observed [SI].
+    site : Site
+        Gravity and latitude.
+    fit : TableFit
+        The solution.
+    coverage : Coverage
+        Directions of up at the rests.
+    """
+
+    readings: Readings
+    site: Site
+    fit: TableFit
+    coverage: Coverage
+
+
+def checks(e: TableEvidence) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason.
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings, solution and diagnostics.
+    """
+    estimate = e.fit.estimate
+    out = [
+        status_check(estimate.status, estimate.weakest),
+        *plausible_scales(estimate.coefficients),
+    ]
+    out += [_explained(e, kind) for kind in KINDS if kind in e.fit.before]
+    out += _scatter(e) + _g_sensitivity(e)
+    out += [_outliers(e), _controlled(e)]
+    if isinstance(estimate.state.geometry, Angles):
+        out += _table(e)
+    if np.isfinite(estimate.coefficients.prior_sd).any():
+        known = np.isfinite(estimate.coefficients.prior_sd)
+        # The coefficients' prior rows follow those of the table.
+        out.append(prior_check(estimate.coefficients, estimate.residuals[-int(known.sum()) :]))
+    return tuple(out)
+
+
+def _condition(e: TableEvidence) -> list[Check]:
+    """Judge the directions, however well noise and errors of the table hide that they are few."""
+    r, estimate = e.readings, e.fit.estimate
+    o = estimate.state.geometry.directions()
+    kept = e.fit.estimate.weights[: len(r)] > 0.5
+    rests = kept & ~r.spin
+    if rests.sum() < 4:
+        rests = kept
+    sets = {"accelerometer": rests, "gyro": r.spin} if r.gyro is not None else {}
+    out = []
+    for what, mine in (sets or {"accelerometer": rests}).items():
+        if isinstance(estimate.state.geometry, Angles):
+            rows = np.column_stack([o[mine], np.ones(mine.sum())])
+        else:
+            rows = norm_observation.design(o[mine], 1.0)
+        value = float(np.linalg.cond(rows / np.linalg.norm(rows, axis=0)))
+        doubtful, unusable = CONDITION
+        fine = value <= doubtful
+        level = Level.UNUSABLE if value > unusable else Level.DOUBTFUL
+        words = f"The positions determine the {what} coefficients " + (
+            f"well (condition {value:.1f})."
+            if fine
+            else f"poorly (condition {value:.0f}, even coverage has 1.6): take another plan, such "
+            f"as dodecahedron 20; `foucault plans` says what each can separate."
+        )
+        out.append(Check(f"{what} positions", value, None, doubtful, fine, words, level))
+    return out
+
+
+def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:
+    """Compare another solution with the likelihood's: a bias of its own shows in no residual.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The solution, with covariance [SI].
+    likelihood : CoefficientVector
+        That of the likelihood [SI].
+    """
+    own = np.array([likelihood.value(name) for name in coefficients.names])
+    off = np.abs(coefficients.values - own) / coefficients.sd
+    worst, limit = int(np.argmax(off)), 4.0
+    fine = bool(off[worst] <= limit)
+    words = f"{coefficients.names[worst]} is {off[worst]:.1f} sd from the likelihood's" + (
+        "."
+        if fine
+        else ": this solution neglects terms that are not small here, and its uncertainties do not "
+        "know it."
+    )
+    return Check("agreement with the likelihood", float(off[worst]), None, limit, fine, words)
+
+
+_WHAT = {
+    "accel at rest": "specific force at rest",
+    "accel in spins": "specific force in spins",
+    "gyro at rest": "angular rate at rest",
+    "gyro in spins": "angular rate in spins, across the axis",
+    "rate of spins": "angular rate in spins, along the axis",
+}
+
+
+def _explained(e: TableEvidence, kind: str) -> Check:
+    added = e.fit.scatter.get(GROUPS[kind], 0.0) > 0
+    # Scatter of one kind shows in the others too until it is known.
+    c = e.fit.after[kind] if e.fit.scatter and not added else e.fit.before[kind]
+    what, name = _WHAT[kind], f"noise of {_WHAT[kind]}"
+    if c.redundancy < 0.5:
+        words = f"Nothing tests the noise of the {what}: no reading is redundant."
+        return Check(name, float("nan"), None, None, True, words)
+    ratio, inside = np.sqrt(c.ratio), c.low <= c.chi_square <= c.high
+    dof = f"{plain(c.redundancy, 2)} redundant"
+    declared = e.readings.declared
+    if UNKNOWN_NOISE in (f.code for f in e.readings.findings):
+        words = f"The noise of the {what} is unknown and was taken from its residuals ({dof})."
+        return Check(name, c.redundancy, 1.0, None, True, words)
+    if inside:
+        words = f"The residuals of {what} are {ratio:.2f} times what the noise says ({dof})."
+    elif c.chi_square < c.low:
+        words = (
+            f"The residuals of {what} are only {ratio:.2f} times what the noise says ({dof}): the "
+            f"noise is overstated and so are the uncertainties."
+        )
+    elif added:
+        words = f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof})"
+        if declared:
+            words += ": the declared noise is too small. The uncertainties include the scatter."
+        elif c.redundancy < ENOUGH:
+            words += (
+                "; so few readings are redundant that one wrong reading would look like this too. "
+                "The scatter is part of the uncertainties; measure more positions to tell."
+            )
+        elif ratio > TOO_MUCH:
+            words += (
+                ": the model lacks something, such as errors of the table, a drifting bias, "
+                "g-sensitivity of the gyros, or quadratic terms. The scatter is part of the "
+                "uncertainties, but such errors do not average out."
+            )
+        else:
+            words += "; the scatter was estimated and is part of the uncertainties."
+    else:
+        words = (
+            f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof}), and "
+            f"the uncertainties do not know it."
+        )
+    told = added and c.redundancy >= ENOUGH and ratio <= TOO_MUCH
+    fine = inside or (not declared and (told or c.chi_square < c.low))
+    return Check(name, c.chi_square, c.low, c.high, fine, words)
+
+
+def _scatter(e: TableEvidence) -> list[Check]:
+    out = []
+    names = {
+        "accel": "specific force",
+        "gyro at rest": "rate at rest",
+        "gyro in spins": "rate in spins",
+        "rate of spins": "rate of the spins",
+    }
+    for group, sd in e.fit.scatter.items():
+        triad = group.split()[0]
+        scale, unit = UNITS[triad]
+        limit, size = LARGE[triad], f"{plain(sd * scale, 2)} {unit}"
+        what = names[group]
+        fine = sd <= limit
+        words = f"The {what} scatters by {size} from one reading to the next beyond the noise" + (
+            "."
+            if fine
+            else f", more than {plain(limit * scale, 2)} {unit}: the table moved, or the readings "
+            f"do not belong together."
+        )
+        name = f"scatter of {what} [{unit}]"
+        out.append(Check(name, sd * scale, None, limit * scale, fine, words, Level.UNUSABLE))
+    return out
+
+
+@dataclass(frozen=True)
+class Slope:
+    """How the rates at rest depend on orientation: g-sensitivity where it is not the Earth's rate.
+
+    Attributes
+    ----------
+    slope : float
+        Largest change of an axis per g [rad/s].
+    sd : float
+        Its standard deviation [rad/s].
+    shift : float
+        What it does to gyro scale factors, 0 where spins in both senses tell the two apart [1].
+    """
+
+    slope: float
+    sd: float
+    shift: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance."""
+        return self.slope > SIGNIFICANT * self.sd
+
+
+def rest_slope(e: TableEvidence) -> Slope | None:
+    """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated.
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings and solution.
+    """
+    r, state = e.readings, e.fit.estimate.state
+    rest = ~r.spin
+    if r.gyro is None or rest.sum() < 9 or "gyro.g_sensitivity.xx" in e.fit.options.names:
+        return None
+    up = state.geometry.directions()[rest]
+    # Of the Earth's rotation what is known is taken away; the rest is scatter here.
+    earth = state.geometry.earth()[0][rest]
+    rows = np.column_stack([up, np.ones(len(up))])
+    rate = r.gyro[rest] - earth @ state.model.gyro_matrix.T
+    fit = np.linalg.lstsq(rows, rate)[0]
+    scatter = np.sqrt(np.sum((rate - rows @ fit) ** 2) / (3 * len(up) - 12))
+    # Rounding that is alike in many rests shows in no scatter, but in their covariance.
+    noise = np.sqrt(np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2).mean(axis=0).max())
+    scatter = max(float(scatter), float(noise))
+    slope, spins = float(np.abs(fit[:3]).max()), r.rate[r.spin]
+    one_sense = bool(np.all(spins > 0) or np.all(spins < 0))
+    shift = slope / float(np.median(np.abs(spins))) if one_sense else 0.0
+    return Slope(slope, float(scatter * np.sqrt(3 / len(up))), shift)
+
+
+def _g_sensitivity(e: TableEvidence) -> list[Check]:
+    found = rest_slope(e)
+    c = e.fit.estimate.coefficients
+    if found is None or "gyro.scale.x" not in c.layout:
+        return []
+    # It fails where it is more than chance and moves a scale factor by more than two sd.
+    high = None
+    if found.shift > 0:
+        rate = found.slope / found.shift
+        high = max(SIGNIFICANT * found.sd, 2 * float(c["gyro.scale"].sd.max()) * rate)
+    fine = high is None or found.slope <= high
+    size = f"{plain(np.degrees(found.slope) * 3600, 2)} deg/h per g"
+    sd = plain(np.degrees(found.sd) * 3600, 2)
+    words = f"The rates at rest change with orientation by {size} (sd {sd})"
+    words += (
+        "."
+        if fine
+        else f": g-sensitivity. With spins in one sense it shifts gyro scale factors by up to "
+        f"{found.shift * 1e6:.0f} ppm, which the uncertainties do not know. Set g_sensitivity = "
+        f"true, or spin both ways."
+    )
+    scale = UNITS["gyro"][0]
+    top = None if high is None else high * scale
+    name = "g-sensitivity [deg/h per g]"
+    return [Check(name, found.slope * scale, None, top, fine, words)]
+
+
+def name_of(readings: Readings, block: int) -> str:
+    """Return what reading a number of an observation means, in words.
+
+    Parameters
+    ----------
+    readings : Readings
+        The readings.
+    block : int, shape ()
+        Number of the observation, see `estimate.turntable_likelihood.build` [1].
+    """
+    n = len(readings)
+    j = block % n
+    kind = "spin" if readings.spin[j] else "rest"
+    number = int(np.sum(readings.spin[: j + 1] == readings.spin[j]))
+    what = "specific force" if block < n else "rate"
+    return f"{what} of {kind} {number} ({readings.start[j]:.0f} s)"
+
+
+def _outliers(e: TableEvidence) -> Check:
+    f = e.fit
+    suspects = [name_of(e.readings, b) for b in f.suspects]
+    fine = not suspects
+    left = ", ".join(name_of(e.readings, b) for b in f.outliers)
+    if suspects:
+        words = (
+            f"One of these readings is wrong, and with this plan they look alike: "
+            f"{', '.join(suspects)}. None was left out: measure them again, or use a plan in "
+            f"which a bad position can be named, such as dodecahedron 20 or 26."
+        )
+    elif left:
+        words = f"Left out as wrong: {left}."
+    else:
+        words = "No reading differs from the others by more than chance."
+    return Check("outliers", float(len(suspects)), None, 0.0, fine, words)
+
+
+def _controlled(e: TableEvidence) -> Check:
+    """Say whether one wrong reading could have been seen and named; it never fails a result."""
+    s, n = e.fit.snooping, len(e.readings)
+    rests = np.flatnonzero((s.blocks < n) & ~e.readings.spin[s.blocks % n])
+    name = "control of the rests"
+    if not len(rests):
+        return Check(name, float("nan"), None, None, True, "There are no rests.")
+    share = float(np.mean(s.redundancy[rests]))
+    blind = rests[s.dof[rests] == 0]
+    # A table that is believed makes every position redundant, but names it just as well.
+    alike = [j for j in rests if len(s.alike(int(j)))]
+    worst = float(np.max(detectable(e)[rests])) * UNITS["accel"][0]
+    size = f"{plain(worst, 2)} ug" if worst < 1000 else f"{plain(worst / 1000, 2)} mg"
+    if len(blind):
+        words = (
+            f"A wrong rest could not have been seen in {len(blind)} of {len(rests)} positions: "
+            f"no other reading controls them."
+        )
+    elif alike:
+        words = (
+            f"One rest that is wrong along up would have been noticed from {size} on, but could "
+            f"not have been named: {len(alike)} of {len(rests)} positions look like another."
+        )
+    else:
+        words = (
+            f"One rest that is wrong along up would have been noticed and named from {size} on; "
+            f"smaller errors might have stayed unseen."
+        )
+    return Check(name, share, None, None, True, words)
+
+
+def detectable(e: TableEvidence) -> FloatArray:
+    """Return the smallest error of each observation that would be noticed, shape (k,) [SI].
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings and solution.
+    """
+    s, o = e.fit.snooping, e.fit.observed
+    roots = np.concatenate([o.accel_root, o.gyro_root])[s.blocks]
+    size = np.linalg.norm(np.linalg.solve(roots, s.direction[:, :, None])[:, :, 0], axis=1)
+    return np.asarray(s.detectable * size)
+
+
+def _table(e: TableEvidence) -> list[Check]:
+    """Compare the errors of the table that were found with what was believed of it."""
+    estimate = e.fit.estimate
+    prior = estimate.blocks < 0
+    known = int(np.isfinite(estimate.coefficients.prior_sd).sum())
+    rows = np.flatnonzero(prior)[: int(prior.sum()) - known]
+    if not len(rows):
+        return []
+    value = float(np.sum(estimate.residuals[rows] ** 2))
+    dof = float(np.sum(1 - estimate.leverage[rows]))
+    high = chi_square_limits(max(dof, 1e-3))[1]
+    if dof < 0.5:
+        return []
+    ratio, fine = np.sqrt(value / dof), value <= high
+    words = f"The errors of the table are {ratio:.2f} times what was declared" + (
+        "."
+        if fine
+        else ": the table is worse than it was said to be. Declare larger errors of the table, or "
+        "use norm_observation, which believes nothing of it."
+    )
+    return [Check("errors of the table", value, None, high, fine, words)]

@@ -1,0 +1,69 @@
+"""Findings about a session on a table: outliers, a wrong reference, terms that the model lacks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from foucault.diagnose.table.checks import TableEvidence, name_of, rest_slope
+from foucault.errors import Finding, finding
+from foucault.estimate.table_fit import fit as fit_readings
+from foucault.tables import AXES
+
+
+def hints(e: TableEvidence) -> list[Finding]:
+    """Return findings about the session: outliers, scatter, a wrong g.
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings, solution and diagnostics.
+    """
+    norms = e.fit.snooping
+    out = []
+    for block in e.fit.outliers:
+        row = int(np.flatnonzero(norms.blocks == block)[0])
+        what = name_of(e.readings, block)
+        size = np.sqrt(norms.test[row] / max(e.fit.estimate.weights[block], 1e-12))
+        out.append(finding("readings.outlier", what=what, size=f"{size:.0f}"))
+    c = e.fit.estimate.coefficients
+    for code, triad in (("session.common_scale", "accel"), ("readings.common_rate", "gyro")):
+        if f"{triad}.scale.x" not in c.layout:
+            continue
+        values = c[f"{triad}.scale"].values
+        mean = float(values.mean())
+        if abs(mean) > COMMON and float(np.ptp(values)) < abs(mean) / 3:
+            words = {"ppm": f"{mean * 1e6:.0f}", "gravity": f"{e.site.gravity:.5f}"}
+            out.append(finding(code, **words))
+    return out + _g_sensitivity(e) + _quadratic(e)
+
+
+COMMON = 1500e-6
+"""All three scale factor errors alike and larger than this look like a wrong reference [1]."""
+
+
+def _g_sensitivity(e: TableEvidence) -> list[Finding]:
+    """Tell of rates at rest that depend on orientation."""
+    found = rest_slope(e)
+    if found is None or not found.significant:
+        return []
+    size, shift = f"{np.degrees(found.slope) * 3600:.0f}", f"{found.shift * 1e6:.0f}"
+    return [finding("readings.g_sensitivity", size=size, shift=shift)]
+
+
+def _quadratic(e: TableEvidence) -> list[Finding]:
+    """Try whether quadratic terms explain what the noise does not."""
+    o, names = e.fit.options, tuple(f"accel.quadratic.{a}" for a in AXES)
+    before = [c for k, c in e.fit.before.items() if k.startswith("accel")]
+    square = sum(c.chi_square for c in before)
+    left = sum(c.redundancy for c in before) - len(names)
+    if "accel" not in e.fit.scatter or names[0] in o.names or left < 5 or o.prior is not None:
+        return []
+    more = replace(o, names=(*o.names, *names), repeatability=False, robust=False)
+    state = e.fit.estimate.state
+    after = fit_readings(e.readings, e.site, state, more).after
+    remains = sum(c.chi_square for k, c in after.items() if k.startswith("accel"))
+    if remains / left > 0.2 * square / (left + len(names)):
+        return []
+    return [finding("readings.quadratic", share=f"{100 * (1 - remains / square):.0f}")]

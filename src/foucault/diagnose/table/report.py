@@ -1,0 +1,376 @@
+"""Tables and diagnostics of a calibration on a table: what the report shows beside the checks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.information import information
+from foucault.diagnose.rate_table.norm import rate_norm_sd
+from foucault.diagnose.session.held_out import norm_with_cov
+from foucault.diagnose.table.checks import TableEvidence, detectable
+from foucault.estimate.table_fit import Options, TableFit, inflated
+from foucault.estimate.turntable_likelihood import Observed, build
+from foucault.models import turntable
+from foucault.models.earth import Site
+from foucault.models.imu import coefficient_slot, gravity_slope
+from foucault.models.readings import Readings
+from foucault.models.table_geometry import Angles, Trust
+from foucault.models.table_state import State
+from foucault.models.turntable import RIG
+from foucault.tables import AXES, Log
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def with_references(
+    coefficients: CoefficientVector, site: Site, table_rate_sd: float
+) -> CoefficientVector:
+    """Add the uncertainty of gravity and of the table's rate, each common to a whole triad.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, as if both were known [SI].
+    site : Site
+        Gravity and its uncertainty.
+    table_rate_sd : float
+        Relative sd of an error that all spin rates share [1].
+    """
+    assert coefficients.cov is not None
+    gravity = gravity_slope(coefficients) * site.gravity_sd / site.gravity
+    rate = rate_slope(coefficients) * table_rate_sd
+    cov = coefficients.cov + np.outer(gravity, gravity) + np.outer(rate, rate)
+    return replace(coefficients, cov=cov)
+
+
+def rate_slope(vector: CoefficientVector) -> FloatArray:
+    """Return how coefficients change with the logarithm of the rate that was assumed, (n,).
+
+    Parameters
+    ----------
+    vector : CoefficientVector
+        The coefficients [SI].
+    """
+    from foucault.models.imu import ImuModel
+
+    model, out = ImuModel.from_coefficients(vector), np.zeros(len(vector))
+    for i, name in enumerate(vector.names):
+        block, where = coefficient_slot(name)
+        if block == "gyro_matrix":
+            out[i] = -model.gyro_matrix[where]
+    return out
+
+
+def noise_source(readings: Readings) -> str:
+    """Say where the noise of readings is from: rows of a log that are means do not tell it.
+
+    Parameters
+    ----------
+    readings : Readings
+        Means with the covariance of their noise [SI].
+    """
+    if readings.declared:
+        return "declared"
+    return "measured in the readings" if readings.interval > 0 else "unknown: from the residuals"
+
+
+def bound(readings: Readings, site: Site, state: State, options: Options) -> dict[str, Any]:
+    """Return the Cramer-Rao bound of a known noise, and what is seen worst, for result.json.
+
+    Parameters
+    ----------
+    readings : Readings
+        Means with the covariance of their noise [SI].
+    site : Site
+        Gravity and latitude.
+    state : State
+        Where to evaluate it: the solution.
+    options : Options
+        How it was fitted; a prior on the coefficients is left out.
+    """
+    if noise_source(readings).startswith("unknown"):
+        return {}  # made-up weights of accelerometers against gyros say nothing
+    observed = Observed.of(
+        readings, site, state, rate_sd=options.rate_sd, gyro_at_rest=options.gyro_at_rest
+    )
+    problem = build(
+        observed, options.names, state, lever_arm=options.lever_arm, level=options.level,
+        offset=options.offset,
+    )  # fmt: skip
+    at = problem.linearise(state, np.ones(problem.n_blocks))
+    info = information(at, problem.layout)
+    return {
+        "bound": [float(v) for v in info.sd],
+        "weakest": [c.words for c in info.weakest()],
+    }
+
+
+def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[float]]:
+    """Split the variance of the coefficients by source.
+
+    The estimate is linear in the readings near the solution, with the gain ``P J'``.
+
+    Parameters
+    ----------
+    fit : TableFit
+        The solution.
+    site : Site
+        Gravity and its uncertainty.
+    table_rate_sd : float
+        Relative sd of an error that all spin rates share [1].
+
+    Returns
+    -------
+    dict of str to list of float
+        Source -> variance of each coefficient [unit^2].
+    """
+    estimate, observed, r = fit.estimate, fit.observed, fit.observed.readings
+    count = len(estimate.coefficients)
+    used = fit.at.blocks >= 0
+    blocks = fit.at.blocks[used].reshape(-1, 3)[:, 0]
+    gain = (estimate.state_cov[:count] @ fit.at.jacobian[used].T).reshape(count, -1, 3)
+    weights = np.sqrt(estimate.weights[blocks])
+    root = np.concatenate([observed.accel_root, observed.gyro_root])[blocks]
+    gain = np.einsum("ckj,kji->cki", gain, root * weights[:, None, None])
+    parts = {
+        "accelerometer noise": np.concatenate([r.accel_cov, 0 * r.gyro_cov]),
+        "gyro noise": np.concatenate([0 * r.accel_cov, r.gyro_cov]),
+        "scatter between readings": _scatter_cov(fit),
+    }
+    total = np.concatenate([observed.accel_cov, observed.gyro_cov])
+    parts["jitter of the spin rate and unknown Earth rate"] = total - sum(parts.values())
+    out = {k: np.einsum("cki,kij,ckj->c", gain, v[blocks], gain) for k, v in parts.items()}
+    left = np.diag(estimate.state_cov)[:count] - sum(out.values())
+    prior = bool(np.isfinite(estimate.coefficients.prior_sd).any())
+    out["errors of the table" + " and prior" * prior] = np.maximum(left, 0.0)
+    c = estimate.coefficients
+    out["local gravity"] = (gravity_slope(c) * site.gravity_sd / site.gravity) ** 2
+    out["rate of the table"] = (rate_slope(c) * table_rate_sd) ** 2
+    whole = np.sum(list(out.values()), axis=0)
+    return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-6 * whole)}
+
+
+def _scatter_cov(fit: TableFit) -> FloatArray:
+    """Covariance that the scatter adds to each observation, shape (2 n, 3, 3)."""
+    observed = fit.observed
+    without = inflated(observed, fit.scatter, sign=-1.0)
+    accel = observed.accel_cov - without.accel_cov
+    return np.concatenate([accel, observed.gyro_cov - without.gyro_cov])
+
+
+def readings_table(e: TableEvidence) -> dict[str, Any]:
+    """Return the table "readings" of the report, see `tables.READINGS`.
+
+    Parameters
+    ----------
+    e : TableEvidence
+        Readings, solution and diagnostics.
+    """
+    r, fit, n = e.readings, e.fit, len(e.readings)
+    state: State = fit.estimate.state
+    out: dict[str, Any] = {
+        "start": r.start,
+        "end": r.start + r.time,
+        "time": r.time,
+        "rate": r.rate,
+        "turns": r.turns,
+        **{name: r.angles[:, i] for i, name in enumerate(("outer", "middle", "inner"))},
+    }
+    up = state.geometry.directions()
+    out |= {f"up_{a}": up[:, i] for i, a in enumerate(AXES)}
+    h = turntable.mean_rate(r.rate, e.site.latitude or 0.0)
+    if r.accel is not None:
+        out |= {f"accel_{a}": r.accel[:, i] for i, a in enumerate(AXES)}
+        # In spins the centripetal part is taken away, so that every norm must be local gravity.
+        pushed = turntable.mean_force(up, np.where(r.spin, h, 0.0), 0.0, state.lever_arm)
+        still = r.accel - pushed @ state.model.accel_matrix.T
+        norm, cov = norm_with_cov(
+            state.model, fit.estimate.coefficients, still, fit.observed.accel_cov
+        )
+        out |= {
+            "norm_before": np.linalg.norm(r.accel, axis=1),
+            "norm_after": norm,
+            "norm_sd": np.sqrt(np.diag(cov)),
+        }
+    if r.gyro is not None:
+        _, w = state.model.compensate(r.accel, r.gyro)
+        assert w is not None
+        out |= {f"gyro_{a}": r.gyro[:, i] for i, a in enumerate(AXES)}
+        spin = np.where(r.spin, 1.0, np.nan)  # the norm at rest is not calibrated by anything
+        out |= {
+            "rate_before": np.linalg.norm(r.gyro, axis=1) * spin,
+            "rate_after": np.linalg.norm(w, axis=1) * spin,
+            "rate_true": np.abs(h) * spin,
+            "rate_sd": rate_norm_sd(
+                state.model, fit.estimate.coefficients, w, r.accel, fit.observed.gyro_cov
+            )
+            * spin,
+        }
+    return out | _residual_columns(e, n)
+
+
+def _residual_columns(e: TableEvidence, n: int) -> dict[str, FloatArray]:
+    fit, s = e.fit, e.fit.snooping
+    tests = np.zeros(2 * n)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # One number per observation: its test, as a multiple of what is expected.
+        # A reading that was left out is tested with the tiny weight it keeps: undo that.
+        test = s.test / np.maximum(fit.estimate.weights[s.blocks], 1e-12)
+        tests[s.blocks] = np.where(s.dof > 0, np.sqrt(test / np.maximum(s.dof, 1)), 0.0)
+    smallest = np.full(2 * n, np.nan)
+    smallest[s.blocks] = detectable(e)
+    return {
+        "residual": np.maximum(tests[:n], tests[n:]),
+        "accel_residual": tests[:n],
+        "gyro_residual": tests[n:],
+        "weight": np.minimum(fit.estimate.weights[:n], fit.estimate.weights[n:]),
+        "accel_weight": fit.estimate.weights[:n],
+        "gyro_weight": fit.estimate.weights[n:],
+        "detectable": smallest[:n],
+    }
+
+
+def rig_table(fit: TableFit) -> dict[str, Any]:
+    """Return the table "rig" of the report: what was found beside the coefficients.
+
+    Parameters
+    ----------
+    fit : TableFit
+        The solution.
+    """
+    estimate = fit.estimate
+    state: State = estimate.state
+    at = len(estimate.coefficients)
+    sd = np.sqrt(np.diag(estimate.state_cov))
+    rows: list[tuple[str, float, float, float]] = []
+    options = fit.options
+    if options.lever_arm:
+        rows += [
+            (f"lever_arm.{a}", float(state.lever_arm[i]), float(sd[at + i]), np.inf)
+            for i, a in enumerate(AXES)
+        ]
+    at += 3 * options.lever_arm + options.level + 3 * options.offset
+    g = state.geometry
+    if isinstance(g, Angles):
+        from foucault.models.rotation import log
+
+        mounting = -log(g.C_bk)
+        rows += [
+            (f"mounting.{a}", float(mounting[i]), float(sd[at + i]), np.inf)
+            for i, a in enumerate(AXES)
+        ]
+        at += 3
+        for k in g.used:
+            rows.append(
+                (
+                    turntable.COMMON[k],
+                    float(g.common[k]),
+                    float(sd[at]),
+                    float(g.trust.common_sd[k]),
+                )
+            )
+            at += 1
+        if g.heading is not None:
+            turned = float((g.heading + np.pi) % (2 * np.pi) - np.pi)
+            rows.append(("table.heading", turned, float(sd[-1]), np.inf))
+    known = {c.name: c for c in RIG.coefficients}
+    return {
+        "name": np.array([r[0] for r in rows], str),
+        "meaning": np.array([known[r[0]].meaning for r in rows], str),
+        "kind": np.array([known[r[0]].kind for r in rows], str),
+        "value": np.array([r[1] for r in rows], float),
+        "sd": np.array([r[2] for r in rows], float),
+        "prior_sd": np.array([r[3] for r in rows], float),
+    }
+
+
+def validity(readings: Readings, log: Log | None, site: Site) -> dict[str, Any]:
+    """Return the ranges that the session covered: outside them the result is extrapolated.
+
+    Parameters
+    ----------
+    readings : Readings
+        What was observed [SI].
+    log : Log or None
+        Where it came from; None where it stayed on disk.
+    site : Site
+        Gravity.
+    """
+    out: dict[str, Any] = {"accel": [-site.gravity, site.gravity]}
+    if log is not None:
+        out["sampled"] = log.sampled
+    if readings.interval > 0:
+        out["rate"] = 1.0 / readings.interval
+    if readings.gyro is not None:
+        largest = float(np.abs(readings.gyro).max())
+        out["gyro"] = [-largest, largest]
+    if log is not None and log.temperature is not None:
+        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+        out["temperature_mean"] = float(log.temperature.mean())
+    return out
+
+
+def unseen(
+    readings: Readings, site: Site, table_rate_sd: float, trust: Trust | None, quadratic: bool
+) -> list[str]:
+    """Say what a procedure on a table cannot see in principle, for result.json.
+
+    Parameters
+    ----------
+    readings : Readings
+        What was observed [SI].
+    site : Site
+        Gravity and its uncertainty.
+    table_rate_sd : float
+        Relative sd of an error that all spin rates share [1].
+    trust : Trust or None
+        What is believed of the table; None for nothing.
+    quadratic : bool
+        Whether the quadratic terms of the accelerometers are estimated.
+    """
+    g = (
+        f"its standard uncertainty, {site.gravity_sd / 1e-5:.3g} mGal, is part of every uncertainty"
+        if site.gravity_sd
+        else "it was taken as exact"
+    )
+    out = [
+        f"A wrong local gravity: 1 ppm of g is 1 ppm in all accelerometer scale factors; {g}.",
+        "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
+        "Specific force beyond 1 g: there the result is extrapolated.",
+        "Other temperatures than that of the session.",
+    ]
+    if readings.gyro is not None:
+        sd = table_rate_sd
+        rate = (
+            f"its standard uncertainty, {sd * 1e6:.3g} ppm, is part of every uncertainty"
+            if sd
+            else "it was taken as exact"
+        )
+        out.insert(1, f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scales; {rate}.")
+        spins = readings.rate[readings.spin]
+        if np.all(spins > 0) or np.all(spins < 0):
+            out.append(
+                "The g-sensitivity of the gyros: with spins in one sense it looks like a scale "
+                "factor and a misalignment. Spin both ways (both_senses), or estimate it."
+            )
+        rates = np.unique(np.round(np.abs(readings.rate[readings.spin]), 6))
+        if len(rates) == 1:
+            out.append("Gyro scale factors that change with the rate: all spins had the same.")
+        push = 0.01 * float(np.max(readings.rate**2)) / 9.80665e-6
+        out.append(
+            f"Accelerometers apart from one another: in spins each centimetre is up to {push:.0f} "
+            f"ug, and goes into scatter and bias."
+        )
+    if trust is not None and not np.any(trust.common_sd):
+        out.append(
+            "Errors of the table that all positions share, such as axes that are not square: they "
+            "go into the coefficients, and the uncertainties do not know them."
+        )
+    if not quadratic:
+        out.append("Quadratic terms of the accelerometers: about 0.6 of each goes into the bias.")
+    return out

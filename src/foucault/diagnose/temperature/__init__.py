@@ -1,0 +1,1 @@
+"""Whether coefficients follow the functions of temperature that were fitted."""

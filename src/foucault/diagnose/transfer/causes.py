@@ -1,0 +1,284 @@
+"""What would explain a transfer alignment that does not fit: a lever arm, or a prior.
+
+A lever arm that is wrong by d makes the velocities differ by ``C_nm (w x d)``, which the free run's
+equations take as three states more. A prior that is too narrow is found by doing without it: what
+the messages alone say then lies beyond it, and the innovations fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault import units
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.transfer.evidence import Evidence, Spread, spreads, standardised
+from foucault.errors import Finding, finding
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.linear_filter import LinearSystem, kalman
+from foucault.estimate.transfer import solve
+from foucault.models.rotation import cross_matrix, exp
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+
+FAR = 10.0
+"""A lever arm of which nothing is said is known so well [m]."""
+
+UNSETTLED = 1.0
+"""The velocity at the start may be wrong by this where the lever arm is [m/s]."""
+
+LONG, SEEN = 0.05, 0.5
+"""A shorter lever arm is none; a component that is known worse is not seen [m]."""
+
+LEFT = 0.3
+"""An arm leaves at most this part of what is too large about the innovations [1]."""
+
+NEARLY = 1.2
+"""With the arm that is found innovations may be so many times as large as allowed [1]."""
+
+SURELY = 1e-4
+"""False-alarm rate of a lever arm [1]."""
+
+OUTLIER, FEW, MOST = 8.0, 0.01, 5
+"""An innovation of so many standard deviations is none of this noise; if at most this part of the
+messages has such; so many are named [1]."""
+
+LOOSE = 100.0
+"""Without priors means with priors so many times as wide [1]."""
+
+
+@dataclass(frozen=True)
+class LeverArm:
+    """What the velocities say of the lever arm.
+
+    Attributes
+    ----------
+    arm : ndarray, shape (3,)
+        From the master to the slave, in the master's axes [m].
+    cov : ndarray, shape (3, 3)
+        Its covariance, by how the innovations scatter [m^2].
+    gain : float
+        By how much the log-likelihood is higher than with the one that was given [1].
+    ratio, high : float
+        Root mean square of the velocities' innovations, standardised, and its limit [1].
+    """
+
+    arm: FloatArray
+    cov: FloatArray
+    gain: float
+    ratio: float
+    high: float
+
+    @property
+    def sd(self) -> FloatArray:
+        """Standard deviation of each component, shape (3,) [m]."""
+        return np.asarray(np.sqrt(np.diag(self.cov)))
+
+    def off(self, other: FloatArray) -> float:
+        """Return how far another arm is, squared, in standard deviations [1].
+
+        Parameters
+        ----------
+        other : ndarray, shape (3,)
+            The other arm [m].
+        """
+        d = self.arm - other
+        return float(d @ np.linalg.solve(self.cov, d))
+
+
+def lever_arm(e: Evidence) -> LeverArm | None:
+    """Find the lever arm beside all that was estimated; None where velocities are not used.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
+    if not np.isfinite(e.matching.velocity_sd):
+        return None
+    s, n = e.found.free.system, len(e.found.free.layout)
+    more = (0, 3)  # states, the last ones: they stay as they are
+    H, P0 = np.pad(s.H, ((0, 0), (0, 0), more)), np.pad(s.P0, (more, more))
+    H[:, :3, n:] = leverage(e)
+    P0[range(3, 6), range(3, 6)] += UNSETTLED**2
+    P0[range(n, n + 3), range(n, n + 3)] = FAR**2
+    run = kalman(LinearSystem(np.pad(s.Phi, ((0, 0), (0, 0), more)),
+                              np.pad(s.half, ((0, 0), more)), H, s.z, s.R, np.pad(s.x0, more),
+                              P0))  # fmt: skip
+    d, cov = run.states[-1, n:], run.cov[n:, n:]
+    if not (np.isfinite(d).all() and np.isfinite(cov).all()):
+        return None
+    gain = 0.5 * float(d @ np.linalg.solve(cov, d))
+    with np.errstate(invalid="ignore"):
+        u = run.innovation / np.sqrt(run.variance)
+    scatter = Spread.of(u[:, :3], 1)
+    if scatter is None:
+        return None
+    cov = cov * max(1.0, scatter.ratio**2 * scatter.count / scatter.independent)
+    return LeverArm(e.mount.lever_m + d, cov, gain, scatter.ratio, scatter.high)
+
+
+def leverage(e: Evidence) -> FloatArray:
+    """Return ``C_nm [w x]`` at the messages, which a lever arm is multiplied by.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+
+    Returns
+    -------
+    ndarray, shape (m, 3, 3)
+        Velocity per length [1/s].
+    """
+    free, at, x = e.found.free, e.found.at, e.slave.increments
+    names = e.slave.sensors.layout.names
+    inside = np.minimum(free.rows + (free.time > x.time[free.rows]), len(x) - 1)
+    bias = [at.coefficients[names.index(f"gyro.bias.{a}")] for a in "xyz"]
+    w_s = x.dtheta_b[inside] / x.dt[inside, None] - bias
+    C_ms = e.mount.C_ms @ exp(at.installation)
+    return np.asarray(e.master.C_nm[free.used] @ cross_matrix(w_s @ C_ms.T))
+
+
+def of_lever(e: Evidence) -> list[Finding]:
+    """Say so where the velocities show another lever arm than was given.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
+    found, given = lever_arm(e), e.mount.lever_m
+    if found is None or found.off(given) < chi_square_limits(3, 2 * SURELY)[1]:
+        return []
+    now = spreads(e)["velocity"]
+    little = now.ratio > now.high and found.ratio**2 - 1.0 > LEFT * (now.ratio**2 - 1.0)
+    if little or found.ratio > NEARLY * found.high:
+        return []  # something else is wrong, of which an arm takes a part
+    seen = found.sd < SEEN
+    if not np.linalg.norm((found.arm - given)[seen]) > LONG:
+        return []
+    arm = np.where(seen, found.arm, given)
+    said = "none was given"
+    if np.linalg.norm(given) > 0:
+        said = f"what was given is {_metres(given)} m{_named(found, given)}"
+    written = ", ".join(f'"{x:.3f} m"' for x in arm)
+    return [finding("transfer.lever", found=_metres(found.arm), sd=_metres(found.sd), said=said,
+                    gain=f"{found.gain:.0f}", written=written)]  # fmt: skip
+
+
+def _metres(x: FloatArray) -> str:
+    return "(" + ", ".join(f"{v:.3f}" for v in x) + ")"
+
+
+def _named(found: LeverArm, given: FloatArray) -> str:
+    """Say which mistake would have made the given arm of the one that is found."""
+    others = {
+        "the opposite of it": -given,
+        "it with x reversed": given * [-1.0, 1.0, 1.0],
+        "it with y reversed": given * [1.0, -1.0, 1.0],
+        "it with z reversed": given * [1.0, 1.0, -1.0],
+        "it with x and y exchanged": given[[1, 0, 2]],
+        "it with forward, right, down taken for right, forward, up": given[[1, 0, 2]] * [1, 1, -1],
+        "none at all": 0.0 * given,
+    }
+    # Arms are measured with a tape: some centimetres are no other arm.
+    near = replace(found, cov=found.cov + LONG**2 * np.eye(3))
+    off = {words: near.off(arm) for words, arm in others.items()}
+    best = min(off, key=lambda words: off[words])
+    clear = off[best] < min(chi_square_limits(3)[1], near.off(given))
+    return f": what shows is {best}" if clear else ""
+
+
+def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
+    """Return the priors that what is found contradicts, where the innovations fit without them.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+
+    Returns
+    -------
+    list of (str, CoefficientVector)
+        Group, and what the messages alone say of its coefficients; none where all is as it was said
+        to be, or where innovations are too large without priors too [SI].
+    """
+    miss = np.abs(e.states.values - e.mean) / e.states.prior_sd
+    limit = np.sqrt(chi_square_limits(1, FALSE_ALARM, len(miss))[1])
+    if all(s.ratio <= s.high for s in spreads(e).values()) and miss.max() < limit:
+        return []
+    layout, wide = e.found.free.layout, e.sd.copy()
+    loose = [layout.index(name) for name in e.states.names if name != "master.delay"]
+    wide[[0, 1, 2, *loose]] *= LOOSE  # the start is turned as the mounting is
+    found = solve(e.slave, e.master, e.mount, e.matching, e.prior, wide, passes=4, settled=1.0)
+    freed = replace(e, found=found)
+    if not np.isfinite(standardised(freed)).any() or any(
+        s.ratio > s.high for s in spreads(freed).values()
+    ):
+        return []
+    alone = replace(found.estimate.chosen(e.states.names), prior_sd=e.states.prior_sd)
+    off = np.abs(alone.values - e.mean) / np.hypot(alone.sd, alone.prior_sd)
+    groups = dict.fromkeys(
+        n.rpartition(".")[0] for n, x in zip(alone.names, off, strict=True)
+        if x > limit and n != "master.delay"
+    )  # fmt: skip
+    return [(group, alone[group]) for group in groups]
+
+
+def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> list[Finding]:
+    """Name the priors without which the innovations would fit.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    priors : sequence of (str, CoefficientVector)
+        Result of `narrow`.
+    """
+    out = []
+    for group, alone in priors:
+        at = [e.states.layout.index(name) for name in alone.names]
+        away = alone.values - e.mean[at]
+        k = int(np.argmax(np.abs(away) / alone.prior_sd))
+        kind = alone.layout.coefficients[k].kind
+        unit = units.display_unit(kind, float(np.abs(away).max()))
+
+        def said(value: float, kind: str = kind, unit: str = unit) -> str:
+            return f"{plain(units.convert(float(value), kind, unit), 2)} {unit}"
+
+        out.append(finding(
+            "transfer.prior", group=group, name=alone.names[k], found=said(alone.values[k]),
+            mean=said(e.mean[at][k]), prior=said(alone.prior_sd[k]),
+            wide=said(2.0 * float(np.abs(away).max())),
+        ))  # fmt: skip
+    return out
+
+
+def of_outliers(e: Evidence) -> list[Finding]:
+    """Name the few messages that are off, where the others fit.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
+    u = standardised(e)
+    with np.errstate(invalid="ignore"):
+        off = np.asarray((np.abs(u) > OUTLIER).any(axis=1))
+    if not 0 < np.sum(off) <= FEW * len(u):
+        return []
+    system = e.found.free.system
+    R = np.where(off[:, None], np.inf, system.R)
+    without = replace(e, found=replace(e.found, run=kalman(replace(system, R=R))))
+    if any(s.ratio > s.high for s in spreads(without).values()):
+        return []
+    times = e.found.free.time[off] + e.found.at.delay
+    shown = ", ".join(plain(round(float(t), 2), 13) for t in times[:MOST])
+    more = f" and {len(times) - MOST} more" if len(times) > MOST else ""
+    return [finding("transfer.outliers", count=len(times), limit=f"{OUTLIER:g}",
+                    worst=plain(float(np.nanmax(np.abs(u))), 2), times=shown + more)]  # fmt: skip

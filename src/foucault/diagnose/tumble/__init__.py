@@ -1,0 +1,1 @@
+"""A platform tumble: input, checks, and what its motion shows."""

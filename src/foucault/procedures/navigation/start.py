@@ -1,0 +1,303 @@
+"""Where a navigation starts: the rest at the start of a log, and the attitude found in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.alignment import checks as alignment_checks
+from foucault.diagnose.alignment.checks import POOR
+from foucault.diagnose.rest_noise import noise_of
+from foucault.diagnose.rests import Rests, find_rests
+from foucault.errors import Finding, error
+from foucault.models.attitude import matrix_of
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.ins_errors import azimuth_from_gyro_bias
+from foucault.models.noise import ImuNoise
+from foucault.navigate.align import Alignment, align, sensor_errors, window
+from foucault.navigate.increments import Increments, increments_of
+from foucault.procedures.navigation.settings import Settings
+from foucault.tables import Log
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+
+USUAL = 300.0
+"""Length of the alignment in a log that rests all along, where nothing is said [s]."""
+
+PART = 1 / 3
+"""At most this part of such a log is used for it [1]."""
+
+LEAST = 10.0
+"""Shortest rest that is used without being told [s]."""
+
+WHOLE = 0.95
+"""A rest that covers this part of a log: the log does not move [1]."""
+
+CONSTANT = 1e-8
+"""Readings that change by less are constant [rad/s], [m/s^2]."""
+
+SEES = 0.5
+"""A mean rate at rest that differs from the Earth's by more of it does not show north [1]."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """What the start of a log looks like.
+
+    Attributes
+    ----------
+    start, end : float
+        The rest used for alignment, of the log's clock; equal where there is none [s].
+    still : bool
+        Whether the whole log is at rest.
+    found : bool
+        Whether the rest was found in the readings, or said.
+    noise : ImuNoise or None
+        White noise measured in the rest [SI].
+    told : tuple of Finding
+        What is doubtful about that noise.
+    """
+
+    start: float
+    end: float
+    still: bool
+    found: bool
+    noise: ImuNoise | None
+    told: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True)
+class Start:
+    """The attitude at which a navigation starts.
+
+    Attributes
+    ----------
+    C_nb : ndarray, shape (3, 3)
+        Attitude [1].
+    phi_cov : ndarray, shape (3, 3)
+        Covariance of phi (E, N, U) by sensor noise, and by what was given [rad^2].
+    time : float
+        When it holds [s].
+    method : str
+        How it was found: a method of alignment, "level and given heading", or "given".
+    velocity_sd : float
+        Standard deviation of each component of the velocity, taken as zero [m/s].
+    findings : tuple of Finding
+        What was noticed.
+    """
+
+    C_nb: FloatArray
+    phi_cov: FloatArray
+    time: float
+    method: str
+    velocity_sd: float = 0.0
+    findings: tuple[Finding, ...] = ()
+
+
+def opening(log: Log, settings: Settings) -> Opening:
+    """Find the rest at the start of a log.
+
+    Parameters
+    ----------
+    log : Log
+        The part that is used, as measured [SI].
+    settings : Settings
+        What was said of it.
+
+    Raises
+    ------
+    FoucaultError
+        ``navigate.no_rest``: none was found, and nothing was said.
+    """
+    rests = find_rests(log, window=max(0.5, 51 * log.interval))
+    longest = int(np.max(rests.last - rests.first, initial=0))
+    still = longest + rests.window >= WHOLE * len(log) or _constant(log)
+    first = float(log.time[0])
+    if settings.align is not None:
+        return _said(log, first, first + settings.align, still, rests)
+    if settings.attitude_given:
+        quiet = len(rests) > 0 and rests.first[0] <= rests.window
+        return Opening(first, first, still, quiet, *_noise(log, rests, None))
+    if still:
+        return _said(log, first, first + min(USUAL, PART * log.duration), still, rests)
+    lengths = log.time[np.maximum(rests.last - 1, 0)] - log.time[rests.first]
+    long = np.flatnonzero(lengths >= LEAST)
+    if not len(long):
+        raise error("navigate.no_rest", least=plain(LEAST), where="in the log")
+    a, b = int(rests.first[long[0]]), int(rests.last[long[0]]) - 1
+    return Opening(float(log.time[a]), float(log.time[b]), still, True,
+                   *_noise(log, rests, (a, b + 1)))  # fmt: skip
+
+
+def _constant(log: Log) -> bool:
+    """Tell whether the readings do not change at all, as those of a perfect instrument at rest."""
+    return all(x is not None and np.ptp(x, axis=0).max() < CONSTANT for x in (log.accel, log.gyro))
+
+
+def _said(log: Log, start: float, end: float, still: bool, rests: Rests) -> Opening:
+    rows = np.searchsorted(log.time, [start, end])
+    return Opening(start, end, still, False, *_noise(log, rests, (int(rows[0]), int(rows[1]))))
+
+
+def _noise(
+    log: Log, rests: Rests, rows: tuple[int, int] | None
+) -> tuple[ImuNoise | None, tuple[Finding, ...]]:
+    """Measure white noise in a rest, in the longest where none is given."""
+    if rows is None and len(rests):
+        k = int(np.argmax(rests.last - rests.first))
+        rows = (int(rests.first[k]), int(rests.last[k]))
+    if rows is None or (rows[1] - rows[0]) * log.interval < LEAST:
+        return None, ()
+    return noise_of(log[slice(*rows)])
+
+
+def start_of(log: Log, site: Site, seen: Opening, settings: Settings, noise: ImuNoise) -> Start:
+    """Find the attitude at the end of the rest, by noise alone uncertain.
+
+    Parameters
+    ----------
+    log : Log
+        Readings of the rest, compensated or not [SI].
+    site : Site
+        Where it stood; the latitude must be known.
+    seen : Opening
+        The rest.
+    settings : Settings
+        How it is aligned, and what attitude is given.
+    noise : ImuNoise
+        Noise of the sensors [SI].
+    """
+    if settings.attitude_given:
+        assert settings.heading is not None
+        assert settings.pitch is not None
+        assert settings.roll is not None
+        C_nb = matrix_of(settings.heading, settings.pitch, settings.roll)
+        sd = np.array([settings.level_sd, settings.level_sd, settings.heading_sd])
+        return Start(C_nb, np.diag(sd**2), seen.end, "given")
+    if settings.heading is not None:
+        return _levelled(log, site, seen, settings, noise)
+    found = align(
+        log, site, method=settings.method, start=seen.start, end=seen.end, noise=noise,
+        gaps=settings.gaps,
+    )  # fmt: skip
+    sway = 0.0 if found.disturbance_sd is None else float(np.mean(found.disturbance_sd))
+    return Start(found.C_nb, found.cov, found.time, found.method, velocity_sd=sway,
+                 findings=found.findings)  # fmt: skip
+
+
+def _window(log: Log, seen: Opening, gaps: Literal["stop", "bridge"]) -> Increments:
+    whole = increments_of(log, gaps=gaps)
+    return whole[window(whole, seen.start, seen.end)]
+
+
+def _levelled(log: Log, site: Site, seen: Opening, settings: Settings, noise: ImuNoise) -> Start:
+    """Take pitch and roll from the mean specific force, the heading as given."""
+    part = _window(log, seen, settings.gaps)
+    length = float(part.dt.sum())
+    f = part.dvel_b.sum(axis=0) / length
+    up = f / np.linalg.norm(f)
+    assert settings.heading is not None
+    C_nb = matrix_of(settings.heading, np.arcsin(up[1]), np.arctan2(-up[0], up[2]))
+    level = noise.accel.white**2 / length / site.gravity**2
+    cov = np.diag([level, level, settings.heading_sd**2])
+    return Start(C_nb, cov, float(part.time[-1]), "level and given heading")
+
+
+def judged(
+    start: Start, log: Log, site: Site, seen: Opening, noise: ImuNoise,
+    bias_sd: tuple[float, float], rests: bool = True,
+) -> Start:  # fmt: skip
+    """Return a start with what its data say of axes, units, motion and heading.
+
+    Parameters
+    ----------
+    start : Start
+        As found.
+    log : Log
+        Readings of the rest, compensated [SI].
+    site : Site
+        Where it stood.
+    seen : Opening
+        The rest.
+    noise : ImuNoise
+        Noise of the sensors [SI].
+    bias_sd : (float, float)
+        How well the biases of gyros [rad/s] and accelerometers [m/s^2] are known.
+    rests : bool
+        Whether a log that looks still is; a steady drive does so too.
+
+    Raises
+    ------
+    FoucaultError
+        ``navigate.heading``: the gyros do not show north, and no heading is given; or axes, units
+        or signs that are wrong.
+    """
+    if seen.end <= seen.start:  # the attitude is given
+        if not (seen.still and rests):
+            return start
+        seen = replace(seen, end=float(log.time[-1]))
+    part = _window(log, seen, "bridge")
+    sensors = sensor_errors(part, noise, *bias_sd)
+    assert site.latitude is not None
+    limit = azimuth_from_gyro_bias(bias_sd[0], site.latitude)
+    alone = Alignment(start.C_nb, start.phi_cov, start.method, start.time, seen.start, seen.end,
+                      limit, start.findings)  # fmt: skip
+    # Wrong units show no north either: they are told first.
+    found = alignment_checks.checked(part, site, alone, sensors)
+    if start.method in ("given", "level and given heading"):  # of north nothing is asked
+        told = [f for f in found.findings if f.code not in ("alignment.azimuth", "alignment.sway")]
+        return replace(start, findings=tuple(told))
+    shows_north(log, site, seen, start, bias_sd[0], found.findings)
+    return replace(start, findings=found.findings)
+
+
+def shows_north(
+    log: Log, site: Site, seen: Opening, start: Start, gyro_bias_sd: float = 0.0,
+    told: tuple[Finding, ...] = (),
+) -> None:  # fmt: skip
+    """Refuse a heading that the rest does not show.
+
+    Parameters
+    ----------
+    log : Log
+        Readings of the rest, compensated or not [SI].
+    site : Site
+        Where it stood.
+    seen : Opening
+        The rest.
+    start : Start
+        What was found.
+    gyro_bias_sd : float
+        How well the gyro biases are known [rad/s].
+    told : tuple of Finding
+        What was noticed in the rest.
+
+    Raises
+    ------
+    FoucaultError
+        ``navigate.heading``: the gyros do not show north.
+    """
+    assert site.latitude is not None
+    part = _window(log, seen, "bridge")
+    rate = float(np.linalg.norm(part.dtheta_b.sum(axis=0) / part.dt.sum()))
+    sd = float(
+        np.hypot(np.sqrt(start.phi_cov[2, 2]), azimuth_from_gyro_bias(gyro_bias_sd, site.latitude))
+    )
+    off = abs(rate - EARTH_RATE) > SEES * EARTH_RATE
+    if sd <= POOR and not off:
+        return
+    why = f"the rest shows the heading to {plain(np.degrees(min(sd, np.pi)), 3)} deg only"
+    if off:
+        seen_rate, earth = (plain(3600 * np.degrees(v), 3) for v in (rate, EARTH_RATE))
+        why = (
+            f"the gyros read {seen_rate} deg/h at rest where the Earth turns at {earth} deg/h, and "
+            "show no north"
+        )
+    moved = [f for f in told if f.code in ("alignment.left_place", "alignment.turned")]
+    if moved:
+        why += f". It was no rest: {moved[0].message.rstrip('.')}"
+    raise error("navigate.heading", why=why)

@@ -1,0 +1,227 @@
+"""Calibrate a north seeker on a turntable, level at known headings, or tilted too.
+
+Set the instrument up at twelve headings (or any others, well spread), let its base stop at every
+index angle, and give the heading of the table with each. The result has the bias, scale factor
+and coupling of the two rates that the base resolves, six parameters; a tilted table shows the
+coupling of the third rate too, two more. `foucault north` takes the result to the field.
+
+References
+----------
+.. [1] Liu Cheng, "Parameter compensation algorithm for four-position FOG north seeker",
+   Piezoelectrics & Acoustooptics, 2016.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.foresight import Foresight
+from foucault.diagnose.north import calibration as evidence
+from foucault.diagnose.north import calibration_report as shown
+from foucault.diagnose.north.dwells import find_dwells, measured_noise
+from foucault.diagnose.north.input import late_index, stops, units_first
+from foucault.diagnose.north.noise import noise_json
+from foucault.errors import error
+from foucault.estimate import north_calibration as estimation
+from foucault.estimate.north_seeking import Known
+from foucault.logs import indexed, indexed_own
+from foucault.logs.indexed_description import IndexedDescription
+from foucault.models.dwells import Dwells
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise
+from foucault.models.north_seeker import EQUATION, Compensation
+from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.north_seeking import foresight as north_foresight
+from foucault.procedures.north_seeking.settings import Session as Session
+from foucault.procedures.north_seeking.settings import Settings as Settings
+from foucault.procedures.north_seeking.settings import draw_errors as draw_errors
+from foucault.procedures.north_seeking.settings import simulate as simulate
+from foucault.procedures.north_seeking.solution import Solution, require_latitude, solved
+from foucault.procedures.north_seeking.wanted import Wanted as Wanted
+from foucault.procedures.north_seeking.wanted import space as space
+from foucault.result import Problem, Result, Verdict, provenance
+from foucault.tables import IndexedLog
+
+FloatArray = npt.NDArray[np.float64]
+
+Description = IndexedDescription
+read_log = indexed.read
+write_log = indexed_own.write
+log_table = indexed_own.log_table
+SIMULATE = {"grade": "navigation"}
+"""Default of [simulate]."""
+
+FRAME = "axes of the case, right-forward-up: headings of the turntable"
+GAUGES = {
+    "one axis": "y_b is where the reference headings say, z_b the axis of the turntable",
+    "each": "y_b is where the reference headings say, z_b the axis of the base",
+}
+"""What defines the axes, by the way the table was used."""
+
+
+def names_in(settings: Settings, session: Session) -> tuple[str, ...]:
+    """Return the coefficients that a simulated session gives.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    session : Session
+        What is done: a tilted table shows others than a level one.
+    """
+    tilted = settings.tilt == "each" or (settings.tilt == "auto" and len(set(session.tilts)) > 1)
+    return estimation.names_of(
+        "each" if tilted else "one axis", session.accelerometers != "none",
+        settings.z_coupling != "no",
+    )  # fmt: skip
+
+
+def calibrate(
+    log: IndexedLog,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate a north seeker from set-ups at known headings.
+
+    Parameters
+    ----------
+    log : IndexedLog
+        Samples or means, with index angles and reference headings [SI].
+    site : Site
+        Gravity and latitude.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of gyro and accelerometers [SI]; None measures it.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with covariance, checks and a verdict [SI].
+
+    Raises
+    ------
+    FoucaultError
+        No headings, wrong units or senses, headings that do not span: see `foucault.symptoms`.
+    """
+    started = clock.monotonic()
+    settings = settings or Settings()
+    progress(0.1, "finding the dwells")
+    dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
+    _require_readings(log, dwells)
+    told = stops(dwells, Known(site.gravity))
+    told += late_index(dwells, settings.index_lag_sd)
+    if site.latitude is None:
+        raise error("north.calibration_latitude")
+    require_latitude(site.latitude)
+    progress(0.4, "calibrating")
+    declared = noise or measured_noise(log, dwells)
+    with units_first(log.findings):
+        solution = solved(dwells, site, settings, declared, noise is not None, prior or {})
+    progress(1.0, "done")
+    result = _result(solution, dwells, settings, site)
+    return replace(
+        result,
+        findings=(*log.findings, *told, *result.findings),
+        instrument=dict(instrument or {}),
+        validity=_validity(log, dwells, solution),
+        provenance=provenance(log.source, clock.monotonic() - started),
+    )
+
+
+def foresee(
+    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]],
+) -> Foresight:  # fmt: skip
+    """Return what a planned session will show; noise and `prior` as a campaign has them [SI]."""
+    return north_foresight.foresee(settings, session, site, noise, prior)
+
+
+def _require_readings(log: IndexedLog, dwells: Dwells) -> None:
+    missing = np.flatnonzero(~np.isfinite(dwells.heading))
+    if log.heading is None or len(missing) == len(dwells.names):
+        raise error("north.no_heading")
+    if len(missing):
+        names = ", ".join(f"'{dwells.names[i]}'" for i in missing[:5])
+        raise error("north.heading_missing", names=names + ", ..." * (len(missing) > 5))
+    finite = np.isfinite(dwells.gyro)
+    if dwells.accel is not None:
+        finite &= np.isfinite(dwells.accel).all(axis=1)
+    if not finite.all():
+        raise error("north.not_a_number", name=dwells.names[dwells.setup[np.argmin(finite)]])
+
+
+def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Result:
+    checks = evidence.checks(s.pairs, s.rig, s.problem, s.estimate, s.source)
+    headings = shown.heading_table(s.estimate, s.pairs, s.rig, dwells)
+    return Result(
+        procedure="north_seeking",
+        coefficients=s.estimate.coefficients,
+        equation=EQUATION,
+        frame=FRAME,
+        gauge=GAUGES[s.rig.tilt],
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=(
+            *dwells.findings,
+            *s.findings,
+            *evidence.suspicious(s.estimate, site.latitude or 0.0),
+            *evidence.findings(s.problem, s.estimate, dwells, s.source),
+        ),
+        status=s.estimate.status,
+        site=site.as_dict(),
+        diagnostics={
+            "iterations": s.estimate.iterations,
+            "noise": {"source": s.source} | noise_json(s.noise),
+            "chi_square": evidence.chi_square(s.estimate, s.pairs),
+            "budget": shown.budget(s.problem, s.estimate, s.pairs, s.rig),
+            "unseen": shown.unseen(s.rig, s.estimate.coefficients.names),
+            "table": shown.table_json(s.estimate, s.rig),
+            "circle_accuracy": {
+                when: shown.circle_accuracy(headings[f"heading_{when}"])
+                for when in ("before", "after")
+            },
+            "stop_offsets": s.stop_offsets,
+            "gyro_offset": float(np.median(s.pairs.offset)),
+            "drift": settings.drift if not s.nuisance.drift_sd else "estimated",
+            "z_coupling": None if s.z_test is None else list(s.z_test),
+            **shown.bound(_noise_alone(s), s.estimate),
+        },
+        tables={"headings": headings},
+    )
+
+
+def _noise_alone(s: Solution) -> Problem:
+    """The problem as it would be with a perfect table: what bounds any method."""
+    rig = replace(s.rig, heading_sd=0.0, heading_offset_sd=0.0, latitude_sd=0.0)
+    return estimation.build(s.pairs.noise_alone, rig, s.problem.layout.names)
+
+
+def _validity(log: IndexedLog, dwells: Dwells, s: Solution) -> dict[str, Any]:
+    tilt = np.degrees(np.abs(estimation.tilts(s.pairs, s.rig.site.gravity, Compensation())).max())
+    out: dict[str, Any] = {
+        "gyro": [float(dwells.gyro.min()), float(dwells.gyro.max())],
+        "index": sorted({round(float(np.degrees(a)) % 360.0, 1) % 360.0 for a in dwells.index}),
+        "tilt": float(tilt) if s.rig.accelerometers else None,
+    }
+    if log.temperature is not None:
+        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+        out["temperature_mean"] = float(log.temperature.mean())
+    return out

@@ -1,0 +1,278 @@
+"""What a planned session of a north seeker will show: simulated without noise, solved, judged.
+
+The covariance of a calibration depends on headings, stops, noise and prior, hardly on what is
+read, so that it is known before the session. Fewer than three headings calibrate nothing: then it
+is a fix that is judged, by the heading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.diagnose.foresight import Extra, Foresight, Limit
+from foucault.diagnose.information import information
+from foucault.diagnose.north.dwells import find_dwells
+from foucault.diagnose.north.input import stops
+from foucault.errors import Finding, error, finding
+from foucault.estimate.north_seeking import Known, solve
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise, TriadNoise, grade
+from foucault.models.north_seeker import SEEKER, Compensation
+from foucault.procedures.north_fix import find_north
+from foucault.procedures.north_seeking.settings import Session, Settings, Stop, simulate
+from foucault.procedures.north_seeking.solution import (
+    Z_COUPLING,
+    Solution,
+    accelerometers_before,
+    held,
+    require_latitude,
+    solved,
+)
+from foucault.simulate.north_seeking import NorthPlan, NorthSimulation, Stops
+from foucault.units import span
+
+FloatArray = npt.NDArray[np.float64]
+Prior = Mapping[str, tuple[float, float]]
+Judge = Callable[[Session], CoefficientVector]
+
+ANGLES = Layout(
+    (
+        Coefficient("heading", "psi", "angle", "Of the case, clockwise from north"),
+        Coefficient("pitch", "theta", "angle", "Nose up"),
+        Coefficient("roll", "gamma", "angle", "Right side down"),
+    )
+)
+"""What a fix finds."""
+
+FEWEST = 3
+"""Headings that a calibration needs at least [1]."""
+
+HARDLY = 0.9
+"""A coefficient is hardly seen if more than this share of the prior is left [1]."""
+
+LONGER = 300.0
+"""What five more minutes would buy is told [s]."""
+
+TILTED = "10 deg"
+"""What going through the headings tilted too would buy is told."""
+
+ROUNDING = np.radians(5e-4)
+"""An index angle may be so far off a detent: plans are written to 0.001 deg [rad]."""
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A session as planned, and all that its solution depends on."""
+
+    settings: Settings
+    site: Site
+    noise: ImuNoise
+    prior: Prior
+
+    def made(self, session: Session) -> NorthSimulation:
+        """Simulate with nothing drawn: a perfect instrument on a perfect table, no noise."""
+        sure = {"heading_sd": 0.0, "heading_offset_sd": 0.0, "index_sd": 0.0, "drift_sd": None}
+        still = {"offset_sd": 0.0, "twice_per_turn_sd": 0.0, "gyro_drift": 0.0}
+        return simulate(
+            session.model_copy(update=still), settings=self.settings.model_copy(update=sure),
+            model=ImuModel(), noise=ImuNoise(), site=self.site, seed=0,
+        )  # fmt: skip
+
+    def calibrated(self, session: Session) -> Solution:
+        """Return the solution of the calibration."""
+        s = self.settings
+        dwells = find_dwells(self.made(session).log, settle=s.settle, shortest=s.shortest)
+        stops(dwells, Known(self.site.gravity))
+        return solved(dwells, self.site, s, self.noise, True, self.prior)
+
+    def fixed(self, session: Session) -> CoefficientVector:
+        """Return heading, pitch and roll of the set-ups, root mean square."""
+        survey = find_north(
+            self.made(session).log, site=self.site, settings=self.settings, noise=self.noise,
+            prior=self.prior,
+        )  # fmt: skip
+        return CoefficientVector(ANGLES, np.zeros(3), survey.fixes.cov[:, :3, :3].mean(axis=0))
+
+
+def foresee(
+    settings: Settings, session: Session, site: Site, noise: ImuNoise | None, prior: Prior
+) -> Foresight:
+    """Return what a planned session will show.
+
+    Parameters
+    ----------
+    settings : Settings
+        How it will be solved, and what the base can do.
+    session : Session
+        Headings and stops.
+    site : Site
+        Gravity and latitude.
+    noise : ImuNoise or None
+        Noise as declared [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    if site.latitude is None:
+        raise error("north.calibration_latitude")
+    require_latitude(site.latitude)
+    told: list[Finding] = []
+    if noise is None or not noise.gyro.white > 0:
+        noise = grade("navigation").noise
+        told.append(finding("preflight.gyro_noise", given="0.002 deg/sqrt(h) and 5 ug/sqrt(Hz)"))
+    told += silent(session, noise)
+    p = _Planned(settings, site, noise, prior)
+    if session.headings * len(session.tilts) < FEWEST:
+        return _of_a_fix(p, session, told)
+    return _of_a_calibration(p, session, told)
+
+
+def silent(session: Session, noise: ImuNoise) -> tuple[Finding, ...]:
+    """Say so where accelerometers are read that are declared to have no noise.
+
+    Parameters
+    ----------
+    session : Session
+        What is read.
+    noise : ImuNoise
+        Noise as declared [SI].
+    """
+    read = session.accelerometers != "none"
+    return (finding("preflight.accel_noise"),) if read and noise.accel == TriadNoise() else ()
+
+
+def _of_a_fix(p: _Planned, session: Session, told: list[Finding]) -> Foresight:
+    found = p.fixed(session)
+    motion = session.motion(p.settings.index_limit)
+    return Foresight(
+        coefficients=found,
+        linearised_at="a level case",
+        plan=f"{session.called}, {len(motion.index)} stops in a set-up",
+        duration=_duration(session, motion),
+        states=len(found),
+        rank=len(found),
+        limits=_limits(motion, p.settings),
+        more=_more(p, session, p.fixed, found),
+        findings=tuple(told),
+    )
+
+
+def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> Foresight:
+    s = p.calibrated(session)
+    found = s.estimate.coefficients
+    of_data = information(
+        s.problem.linearise(s.estimate.state, np.ones(s.problem.n_blocks)), found.layout
+    )
+    seen = of_data.with_prior(found.prior_sd)
+    share = found.sd / found.prior_sd
+    hardly = tuple(n for n, left in zip(found.names, share, strict=True) if left > HARDLY)
+    coupled = ", ".join(n for n in hardly if n in Z_COUPLING)
+    others = [n for n in hardly if n not in Z_COUPLING]
+    told += [finding("preflight.level", names=coupled)] if coupled else []
+    if others:
+        told.append(finding("preflight.unseen", count=len(others), names=", ".join(others)))
+    motion = session.motion(p.settings.index_limit)
+    told.append(_in_the_field(p, s, motion))
+    m = session.headings * len(session.tilts)
+    return Foresight(
+        coefficients=found,
+        linearised_at="an instrument without errors",
+        plan=f"{m} set-ups of the {session.called}, {len(motion.index)} stops each",
+        duration=_duration(session, motion),
+        states=len(found),
+        rank=of_data.rank,
+        hardly=hardly,
+        unseen=tuple(c.words for c in of_data.weakest() if not np.isfinite(c.factor)),
+        weakest=tuple(c.words for c in seen.weakest() if np.isfinite(c.factor)),
+        correlated=seen.correlated(),
+        limits=_limits(motion, p.settings),
+        more=_more(p, session, lambda x: p.calibrated(x).estimate.coefficients, found),
+        findings=(*told, *s.findings),
+    )
+
+
+def _in_the_field(p: _Planned, s: Solution, motion: Stops) -> Finding:
+    """Say what a fix of the same stops will give with this calibration."""
+    found = s.estimate.coefficients
+    more = held(accelerometers_before(p.settings, p.prior))
+    keep = [i for i, name in enumerate(more.names) if name not in found.names]
+    assert found.cov is not None and more.cov is not None
+    n = len(found)
+    cov = np.zeros((n + len(keep),) * 2)
+    cov[:n, :n], cov[n:, n:] = found.cov, more.cov[np.ix_(keep, keep)]
+    layout = SEEKER.subset([*found.names, *(more.names[i] for i in keep)])
+    both = Compensation(CoefficientVector(layout, np.append(found.values, more.values[keep]), cov))
+    known = Known(p.site.gravity, p.site.latitude, p.settings.latitude_sd,
+                  "south" if (p.site.latitude or 0.0) < 0 else "north",
+                  level_sd=p.settings.level_sd)  # fmt: skip
+    sd, perfect = (
+        float(np.degrees(np.sqrt(np.mean(solve(s.pairs, known, c).cov[:, 0, 0]))))
+        for c in (both, Compensation())
+    )
+    return finding("preflight.heading", time=span(motion.length), sd=f"{sd:.3g}",
+                   perfect=f"{perfect:.3g}")  # fmt: skip
+
+
+def _duration(session: Session, motion: Stops) -> float:
+    """Return how long it all takes, with what it takes to set up anew [s]."""
+    m = session.headings * len(session.tilts)
+    return m * motion.length + (m - 1) * NorthPlan.pause
+
+
+def _limits(motion: Stops, settings: Settings) -> tuple[Limit, ...]:
+    """Return what the stops need of the base."""
+    out = [Limit("index angle", "angle", float(np.abs(motion.index).max()), settings.index_limit)]
+    if settings.index_step is not None:
+        step = settings.index_step
+        off = float(np.abs(motion.index - step * np.rint(motion.index / step)).max())
+        off = off if off > ROUNDING else 0.0
+        out.append(Limit("index angle off its detent", "angle", off, 0.0))
+    return tuple(out)
+
+
+def _more(
+    p: _Planned, session: Session, judge: Judge, found: CoefficientVector
+) -> tuple[Extra, ...]:
+    """Return what a little more would buy."""
+    motion = session.motion(p.settings.index_limit)
+    whole = _duration(session, motion)
+    out = []
+    for what, longer in _longer(p, session, motion):
+        other = judge(longer)
+        both = [n for n in found.names if n in other.names]
+        keep, same = ([v.names.index(n) for n in both] for v in (found, other))
+        time = _duration(longer, longer.motion(p.settings.index_limit)) - whole
+        ratio = np.asarray(other.sd[same] / found.sd[keep])
+        out.append(Extra.of(what, time, tuple(both), ratio))
+    return tuple(out)
+
+
+def _longer(p: _Planned, session: Session, motion: Stops) -> list[tuple[str, Session]]:
+    """Return longer sessions, and what is more in them."""
+    m = session.headings * len(session.tilts)
+    grown = motion.dwell * (1 + LONGER / (m * motion.dwell.sum()))
+    again = (np.append(motion.index, motion.index[0]), np.append(motion.dwell, motion.dwell[0]))
+    out = [
+        ("five more minutes, spread over all stops", _with(session, motion.index, grown)),
+        ("the first stop once more in every set-up", _with(session, *again)),
+    ]
+    if m >= FEWEST:
+        one = session.model_copy(update={"headings": session.headings + 1})
+        out.append(("one more heading, evenly spread", one))
+    tilted = len(set(session.tilts)) > 1 or p.settings.z_coupling == "no"
+    if m >= FEWEST and not tilted and session.accelerometers != "none":
+        both = session.model_copy(update={"tilts": (*session.tilts, TILTED)})
+        out.append((f"the same headings tilted by {TILTED}", both))
+    return out
+
+
+def _with(session: Session, index: FloatArray, dwell: FloatArray) -> Session:
+    """Return the session with these stops."""
+    order = tuple(Stop.model_construct(index=float(a), dwell=float(t))
+                  for a, t in zip(index, dwell, strict=True))  # fmt: skip
+    return session.model_copy(update={"order": order})

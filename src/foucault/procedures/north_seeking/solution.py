@@ -1,0 +1,230 @@
+"""The calibration of a north seeker solved: from dwells to coefficients, with what led to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.north import calibration as evidence
+from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
+from foucault.diagnose.north.stops import spent, stop_offsets, without, words
+from foucault.errors import Finding, error
+from foucault.estimate import north_calibration as estimation
+from foucault.estimate.north_calibration import Rig
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.models.dwells import Dwells
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise
+from foucault.models.north_seeker import SEEKER, Compensation
+from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
+from foucault.result import Estimate, Problem
+
+FloatArray = npt.NDArray[np.float64]
+
+Z_COUPLING = ("gyro.misalignment.xz", "gyro.misalignment.yz")
+"""The coupling of the rate along the axis of the base."""
+
+
+def require_latitude(latitude: float) -> None:
+    """Refuse a latitude where a gyro cannot find north.
+
+    Parameters
+    ----------
+    latitude : float
+        Positive north [rad].
+    """
+    if abs(latitude) > MOST_LATITUDE:
+        raise error("north.latitude", given=f"{np.degrees(latitude):.4f}")
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The calibration solved, with what led to it.
+
+    Attributes
+    ----------
+    pairs : Pairs
+        Four numbers of every set-up [SI].
+    rig : Rig
+        The turntable.
+    noise : ImuNoise
+        Noise that was weighed [SI].
+    source : str
+        Where it came from.
+    nuisance : Nuisance
+        Offset, drift and index angles.
+    problem : Problem
+        What was solved.
+    estimate : Estimate
+        Its solution.
+    z_test : tuple of float or None
+        Significance of the coupling along z_b: chi-square, and how often chance gives so much [1].
+    findings : tuple of Finding
+        What was noticed.
+    stop_offsets : dict of str to float
+        Biases of single stops [rad/s].
+    """
+
+    pairs: Pairs
+    rig: Rig
+    noise: ImuNoise
+    source: str
+    nuisance: Nuisance
+    problem: Problem
+    estimate: Estimate
+    z_test: tuple[float, float] | None
+    findings: tuple[Finding, ...]
+    stop_offsets: dict[str, float]
+
+
+def solved(
+    dwells: Dwells, site: Site, settings: Settings, noise: ImuNoise | None, declared: bool,
+    given: Mapping[str, tuple[float, float]],
+) -> Solution:  # fmt: skip
+    """Solve the calibration.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    site : Site
+        Gravity and latitude.
+    settings : Settings
+        What was chosen.
+    noise : ImuNoise or None
+        Noise of the sensors; None finds it in the residuals [SI].
+    declared : bool
+        Whether it was declared, or measured in the dwells.
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    known = Compensation(held(accelerometers_before(settings, given)))
+    trial = noise or GUESS
+    nuisance = Nuisance(
+        drift_sd=drift_sd(dwells, trial, settings.drift, settings.drift_sd),
+        index_sd=settings.index_sd, lag_sd=settings.index_lag_sd or 0.0,
+    )  # fmt: skip
+    offsets, chance = stop_offsets(dwells, trial, nuisance)
+    told = words(offsets, chance)
+    dwells = without(dwells, offsets)
+    pairs = reduce(dwells, trial, nuisance)
+    pairs = spent(pairs) if offsets else pairs
+    rig = _rig(pairs, dwells, site, settings)
+    if settings.z_coupling == "auto":
+        given = dict.fromkeys(Z_COUPLING, (0.0, settings.z_coupling_sd)) | dict(given)
+    source = "declared" if declared else "measured in the dwells"
+    if noise is None:
+        noise, source = _noise(dwells, pairs, rig, known, given), "from the residuals"
+        pairs = reduce(dwells, noise, nuisance)
+        pairs = spent(pairs) if offsets else pairs
+    problem, estimate = _fit(pairs, rig, settings.z_coupling != "no", known, given)
+    evidence.require_sound(estimate)
+    z_test: tuple[float, float] | None = None
+    if rig.tilt == "each":
+        free = estimate
+        if settings.z_coupling != "free":
+            unknown = {k: v for k, v in given.items() if not k.startswith(Z_COUPLING)}
+            free = _fit(pairs, rig, True, known, unknown)[1]
+        z_test = evidence.z_significance(free)
+        told += tuple(evidence.z_findings(z_test, settings.z_coupling))
+    return Solution(pairs, rig, noise, source, nuisance, problem, estimate, z_test, told, offsets)
+
+
+def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
+    """Find out how the table was used."""
+    accelerometers = dwells.accel is not None
+    if settings.tilt == "each" and not accelerometers:
+        raise error("north.tilt_unknown")
+    level = settings.level_sd
+    if level is None:
+        if not accelerometers:
+            raise error("north.level_sd")
+        level = np.inf
+    rig = Rig(
+        dwells.heading, site, "one axis", accelerometers, settings.heading_sd,
+        settings.heading_offset_sd, level, settings.latitude_sd,
+    )  # fmt: skip
+    tilted = settings.tilt == "auto" and accelerometers and evidence.leans(pairs, rig)
+    if settings.tilt == "each" or tilted:
+        return replace(rig, tilt="each", level_sd=settings.level_sd or 0.0)
+    return rig
+
+
+def _fit(
+    pairs: Pairs, rig: Rig, z_coupling: bool, known: Compensation,
+    given: Mapping[str, tuple[float, float]],
+) -> tuple[Problem, Estimate]:  # fmt: skip
+    names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
+    problem = estimation.build(pairs, rig, names, _prior(names, given), known)
+    estimate = estimation.fit(problem)
+    if rig.heading_sd and rig.tilt == "one axis":  # what wrong headings do depends on the tilt
+        table = estimate.state.table[:4]
+        problem = estimation.build(pairs, rig, names, _prior(names, given), known, table)
+        estimate = estimation.fit(problem)
+    return problem, estimate
+
+
+def _noise(
+    dwells: Dwells, pairs: Pairs, rig: Rig, known: Compensation,
+    given: Mapping[str, tuple[float, float]],
+) -> ImuNoise:  # fmt: skip
+    """Measure the noise by what the calibration leaves."""
+    _, estimate = _fit(pairs, rig, rig.tilt == "each", known, given)
+    found = from_residuals(pairs, dwells.accel is not None, evidence.squares(estimate, pairs))
+    if found is None:
+        raise error("north.noise_unknown", what="[noise] in the campaign file")
+    return found
+
+
+def _prior(
+    names: tuple[str, ...], given: Mapping[str, tuple[float, float]]
+) -> CoefficientVector | None:
+    """Return what is known of `names`; what is given of the others does not count here."""
+    whole = CoefficientVector.prior(SEEKER, given)
+    keep = [SEEKER.index(name) for name in names]
+    sd = whole.prior_sd[keep]
+    if not np.isfinite(sd).any():
+        return None
+    return CoefficientVector(SEEKER.subset(names), whole.values[keep], prior_sd=sd)
+
+
+def accelerometers_before(
+    settings: Settings, prior: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Return what is known of accelerometers beforehand; a prior goes before it.
+
+    Parameters
+    ----------
+    settings : Settings
+        Usual sizes of their errors.
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    usual = {
+        "accel.bias": (0.0, settings.accel_bias_sd),
+        "accel.scale": (0.0, settings.accel_scale_sd),
+        "accel.misalignment": (0.0, settings.accel_misalignment_sd),
+    }
+    given = {name.rpartition(".")[0] for name in prior} | set(prior)
+    return {k: v for k, v in usual.items() if v[1] > 0 and k not in given} | dict(prior)
+
+
+def held(given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+    """Return what is known of the accelerometers beforehand.
+
+    Parameters
+    ----------
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    names = [n for n in SEEKER.names if n.startswith("accel.")]
+    vector = _prior(tuple(names), given)
+    if vector is None:
+        return CoefficientVector.zeros(SEEKER.subset(()))
+    keep = np.flatnonzero(np.isfinite(vector.prior_sd))
+    layout = SEEKER.subset(names[i] for i in keep)
+    return CoefficientVector(layout, vector.values[keep], np.diag(vector.prior_sd[keep] ** 2))

@@ -1,0 +1,388 @@
+"""What the procedures on a table have in common: from a log to a result.
+
+They differ in what they believe of the table: nothing (`norm_observation`), everything
+(`multi_position`), or its angles with errors of known size (`turntable`).
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.positions.readings import find_readings, stream_readings
+from foucault.diagnose.session.coverage import Coverage, coverage
+from foucault.diagnose.session.input import first_as_declared
+from foucault.diagnose.session.report import coverage_json
+from foucault.diagnose.table import checks as table_checks
+from foucault.diagnose.table import hints as table_hints
+from foucault.diagnose.table import report as table_report
+from foucault.diagnose.table.checks import TableEvidence
+from foucault.diagnose.table.gyro_axes import check_gyro_axes
+from foucault.diagnose.table.input import check_readings, enough_readings
+from foucault.errors import Finding, error, finding
+from foucault.estimate import turntable_likelihood
+from foucault.estimate.table_fit import Options, TableFit, fit
+from foucault.logs.streaming import OnDisk
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
+from foucault.models.noise import ImuNoise
+from foucault.models.readings import Readings
+from foucault.models.table_geometry import Trust
+from foucault.models.table_state import State
+from foucault.models.turntable import up_k
+from foucault.plans.efficiency import refuse_singular
+from foucault.plans.turntable import table_plan
+from foucault.procedures.on_table.session import TableSettings
+from foucault.result import Result, Verdict, provenance
+from foucault.tables import AXES, Log
+
+FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[float, str], None]
+Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
+
+FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
+
+
+STREAMS = True
+"""The procedures on a table take a log on disk too."""
+
+
+def silent(fraction: float, words: str) -> None:
+    """Tell nobody of `fraction` [1] and `words`."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a procedure on a table is, and what it was given.
+
+    Attributes
+    ----------
+    procedure : str
+        Its name, shape ().
+    settings : TableSettings
+        What was chosen.
+    trust : Trust or None
+        What is believed of the table; None for nothing.
+    variant : callable or None
+        Another way to the coefficients than the likelihood, which then only judges them.
+    repeatability : bool
+        Estimate scatter that the noise does not explain.
+    """
+
+    procedure: str
+    settings: TableSettings
+    trust: Trust | None
+    variant: Variant | None = None
+    repeatability: bool = True
+
+
+def names_of(settings: TableSettings, gyro: bool = True) -> tuple[str, ...]:
+    """Return the coefficients that are estimated.
+
+    Parameters
+    ----------
+    settings : TableSettings
+        What was chosen.
+    gyro : bool
+        Whether there are gyros, and spins for them.
+    """
+    names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
+    if settings.accel_quadratic:
+        names += [f"accel.quadratic.{a}" for a in AXES]
+    if settings.g_sensitivity and gyro:
+        names += [n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")]
+    return tuple(n for n in LAYOUT.names if n in names)
+
+
+def calibrate(
+    log: Log | OnDisk,
+    task: Task,
+    *,
+    site: Site,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate an IMU from a log taken on a table.
+
+    Parameters
+    ----------
+    log : Log or OnDisk
+        Samples, or means over positions; one on disk is never held as a whole [SI].
+    task : Task
+        Which procedure, with its settings.
+    site : Site
+        Gravity and latitude.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+    """
+    started = clock.monotonic()
+    if not task.settings.earth_rate:
+        site = replace(site, latitude=None)
+    progress(0.05, "finding rests and spins")
+    readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
+    progress(0.4, "calibrating")
+    result = from_readings(readings, task, site=site, prior=prior)
+    seconds = clock.monotonic() - started
+    progress(1.0, "done")
+    return replace(
+        result,
+        findings=(*log.findings, *result.findings),
+        instrument=dict(instrument or {}),
+        validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
+        provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
+    )
+
+
+def read_positions(
+    log: Log | OnDisk,
+    task: Task,
+    noise: ImuNoise | None,
+    progress: Callable[[float], None] | None = None,
+) -> Readings:
+    """Find the rests and spins of a log, and check that they can be right.
+
+    Parameters
+    ----------
+    log : Log or OnDisk
+        Samples, or means over positions [SI].
+    task : Task
+        Which procedure, with its settings.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it.
+    progress : callable or None
+        Called with the fraction done, for a log on disk.
+    """
+    s = task.settings
+    described = log if isinstance(log, Log) else log.description
+    if described.accel is None:
+        raise error("session.no_accel")
+    plans = [
+        table_plan(
+            s.chosen, spin_rate=s.spin_rate, rest_time=max(s.shortest, 1e-3), turns=1, spins=spins,
+            both_senses=s.both_senses, four_positions=s.four_positions,
+        )
+        for spins in (False, True)
+    ]  # fmt: skip
+    if isinstance(log, Log):
+        found = find_readings(log, plan=plans[True], noise=noise, shortest=s.shortest)
+    else:
+        found = stream_readings(
+            log.description, log.folder, plan=plans[True], noise=noise, shortest=s.shortest,
+            progress=progress,
+        )  # fmt: skip
+    # Accelerometers alone need no spins, and none are missing then.
+    plan = plans[described.gyro is not None or bool(found.spin.any())]
+    checked = check_readings(
+        found, plan, described,
+        angles_matter=task.trust is not None, shortest=s.shortest,
+    )  # fmt: skip
+    check_gyro_axes(found)  # `checked` has the senses of spins from the gyros
+    first_as_declared(found, described)
+    return checked
+
+
+def from_readings(
+    readings: Readings,
+    task: Task,
+    *,
+    site: Site,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> Result:
+    """Calibrate from readings that were made before.
+
+    Parameters
+    ----------
+    readings : Readings
+        One mean per rest and per spin [SI].
+    task : Task
+        Which procedure, with its settings.
+    site : Site
+        Gravity and latitude.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    readings, found = _usable(readings, task, site)
+    options = options_of(readings, task, prior)
+    start = _start(readings, task, site, options)
+    solution = fit(readings, site, start, options)
+    likelihood = None
+    if task.variant is not None:
+        likelihood = solution.estimate.coefficients
+        coefficients, state = task.variant(readings, site, solution)
+        estimate = replace(solution.estimate, coefficients=coefficients, state=state)
+        solution = replace(solution, estimate=estimate)
+    return _result(readings, task, site, options, solution, found, likelihood)
+
+
+def options_of(
+    readings: Readings, task: Task, prior: Mapping[str, tuple[float, float]] | None
+) -> Options:
+    """Return how readings are fitted, by what they hold and what is believed of the table.
+
+    Parameters
+    ----------
+    readings : Readings
+        One mean per rest and per spin [SI].
+    task : Task
+        Which procedure, with its settings.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    names = names_of(task.settings, readings.gyro is not None)
+    spins = bool(readings.spin.any())
+    rests = int(np.sum(~readings.spin))
+    free = task.trust is None
+    at_rest = readings.gyro is not None and (task.settings.g_sensitivity or not free)
+    return Options(
+        names,
+        # With free directions and no gyros, a lever arm only turns the axis of each spin.
+        lever_arm=task.settings.lever_arm and spins and (readings.gyro is not None or not free),
+        level=free and spins and rests >= NORM_NEEDS,
+        # Rests and spins are minutes apart: with noise that is only measured, the bias may have
+        # moved by more than it says.
+        offset=spins and rests > 0 and at_rest and not readings.declared,
+        prior=CoefficientVector.prior(LAYOUT.subset(names), prior) if prior else None,
+        rate_sd=task.settings.rate_sd,
+        robust=task.settings.loss == "robust",
+        repeatability=task.repeatability,
+        gyro_at_rest=at_rest,
+    )
+
+
+NORM_NEEDS = 9
+"""Directions that the norm of one triad needs [1]."""
+
+
+def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[Finding]]:
+    """Leave out gyros that nothing calibrates; refuse what cannot work."""
+    found: list[Finding] = []
+    if readings.gyro is None:
+        found.append(finding("session.no_gyro"))
+    elif not readings.spin.any():
+        found.append(finding("readings.no_spins"))
+        readings = replace(readings, gyro=None)
+    elif site.latitude is None:
+        raise error("readings.no_latitude")
+    if task.trust is not None and not np.isfinite(readings.angles).all():
+        raise error("readings.no_angles", procedure=task.procedure)
+    needed = NORM_NEEDS + 3 * task.settings.accel_quadratic if task.trust is None else 4
+    spins = 0 if readings.gyro is None else (NORM_NEEDS if task.trust is None else 4)
+    enough_readings(readings, needed, spins)
+    return readings, found
+
+
+def _start(readings: Readings, task: Task, site: Site, options: Options) -> State:
+    if task.trust is None:
+        start = turntable_likelihood.free_start(readings, site, options.lever_arm)
+    else:
+        start = turntable_likelihood.angle_start(readings, site, task.trust)
+    if start is None:
+        up = _rough_up(readings)
+        model = "accel table" if task.trust is not None else "accel"
+        name = task.settings.plan
+        if task.settings.accel_quadratic and task.trust is None:
+            model = "accel quadratic"
+        refuse_singular(name, up[~readings.spin] if (~readings.spin).any() else up, model)
+        refuse_singular(name, up, model)
+        raise error("readings.no_solution")
+    return start
+
+
+def _rough_up(readings: Readings) -> FloatArray:
+    """Directions of up, from the angles of the table, else from the specific forces."""
+    if np.isfinite(readings.angles[:, 1:]).all():
+        return up_k(readings.angles)
+    assert readings.accel is not None
+    return np.asarray(readings.accel / np.linalg.norm(readings.accel, axis=1, keepdims=True))
+
+
+def _result(
+    readings: Readings,
+    task: Task,
+    site: Site,
+    options: Options,
+    solution: TableFit,
+    found: list[Finding],
+    likelihood: CoefficientVector | None,
+) -> Result:
+    estimate = solution.estimate
+    up = estimate.state.geometry.directions()[~readings.spin]
+    covered = coverage(up if len(up) else estimate.state.geometry.directions())
+    evidence = TableEvidence(readings, site, solution, covered)
+    checks = table_checks.checks(evidence)
+    if likelihood is not None:
+        checks += (table_checks.agreement(estimate.coefficients, likelihood),)
+    rate_sd = common_rate_sd(readings, task, site)
+    return Result(
+        procedure=task.procedure,
+        coefficients=table_report.with_references(estimate.coefficients, site, rate_sd),
+        equation=EQUATION,
+        frame=FRAME,
+        gauge=Gauge.LOWER.value,
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=(*readings.findings, *found, *table_hints.hints(evidence)),
+        status=estimate.status,
+        site=site.as_dict(),
+        diagnostics=_diagnostics(evidence, task, options, covered),
+        tables={
+            "readings": table_report.readings_table(evidence),
+            "rig": table_report.rig_table(solution),
+        },
+    )
+
+
+def common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
+    """Relative sd of an error that all spin rates share.
+
+    On a table whose tilt is not modelled, a tilt t of the outer axis towards North changes the
+    Earth's rate along it by ``w_ie cos(L) t``.
+    """
+    sd = task.settings.table_rate_sd
+    modelled = task.trust is not None and bool(np.any(task.trust.common_sd[:2] > 0))
+    if modelled or site.latitude is None or not readings.spin.any():
+        return sd
+    earth = EARTH_RATE * np.cos(site.latitude) * task.settings.plumb_sd
+    return float(np.hypot(sd, earth / np.abs(readings.rate[readings.spin]).min()))
+
+
+def _diagnostics(
+    e: TableEvidence, task: Task, options: Options, covered: Coverage
+) -> dict[str, Any]:
+    solution, site = e.fit, e.site
+    estimate = solution.estimate
+
+    def squares(parts: Mapping[str, Any]) -> dict[str, list[float]]:
+        return {k: [c.chi_square, c.low, c.high, c.redundancy] for k, c in parts.items()}
+
+    return {
+        "gravity": site.gravity,
+        "iterations": estimate.iterations,
+        "plan": task.settings.plan if task.settings.positions is None else "own positions",
+        "noise": {
+            "source": table_report.noise_source(e.readings),
+            "scatter": dict(solution.scatter),
+        },
+        "chi_square": squares(solution.after),
+        "chi_square_of_noise_alone": squares(solution.before),
+        "coverage": coverage_json(covered, int(np.sum(~e.readings.spin))),
+        "budget": table_report.budget(solution, site, common_rate_sd(e.readings, task, site)),
+        "unseen": table_report.unseen(
+            e.readings, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
+        ),
+        **table_report.bound(e.readings, site, estimate.state, options),
+    }

@@ -1,0 +1,288 @@
+"""What the planned motion of a tumble will show: simulated without noise, linearised, judged.
+
+The covariance does not depend on the readings, only on motion, noise and prior, so that the
+uncertainty of a tumble is known before it is made. The motion depends a little on the errors of
+the cluster, which turn it by degrees in an hour, and on where it starts: the usual errors are
+taken where [prior] does not name them, and the attitude that [simulate] gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.foresight import Extra, Foresight, Leg
+from foucault.diagnose.tumble import checks as tumble_checks
+from foucault.diagnose.tumble import input as tumble_input
+from foucault.diagnose.tumble import report as tumble_report
+from foucault.diagnose.tumble.checks import Evidence
+from foucault.errors import Finding, error, finding
+from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble import Fit, Prior, State, Tumble
+from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise
+from foucault.plans.torquing import Step, TorquingPlan
+from foucault.plans.torquing_reach import needs
+from foucault.procedures.platform_tumble.problem import is_slow, noise_of, prior_of, tumble_of
+from foucault.procedures.platform_tumble.settings import (
+    NOISE,
+    PRIOR,
+    PlanStep,
+    Session,
+    Settings,
+    simulate,
+)
+from foucault.procedures.platform_tumble.solution import Solution, coefficients, owed_by
+from foucault.simulate.platform_tumble import TumbleSimulation
+from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
+
+FORETOLD = ("tumble.singular", "tumble.condition", "tumble.azimuth")
+"""What is said of a solution that can be said beforehand."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The planned motion, linearised.
+
+    Attributes
+    ----------
+    simulation : TumbleSimulation
+        The motion, without noise.
+    noise : ImuNoise
+        What is weighed [SI].
+    tumble : Tumble
+        The log of it.
+    prior : Prior
+        What is known beforehand.
+    fit : Fit
+        The bound about what was simulated.
+    at : str
+        Where that is, in words.
+    told : tuple of Finding
+        What was noticed on the way.
+    """
+
+    simulation: TumbleSimulation
+    noise: ImuNoise
+    tumble: Tumble
+    prior: Prior
+    fit: Fit
+    at: str
+    told: tuple[Finding, ...]
+
+
+def planned(
+    settings: Settings, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]], errors: ClusterModel | None = None,
+) -> Planned:  # fmt: skip
+    """Simulate the planned motion without noise, and linearise it.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen: the plan, the published one if none.
+    session : Session
+        How it will be sampled, and how far from `start` it will begin.
+    site : Site
+        Gravity and latitude.
+    noise : ImuNoise or None
+        Noise as declared [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    errors : ClusterModel or None
+        Errors of the cluster; None takes the means in `prior` and usual errors elsewhere.
+    """
+    told = []
+    if settings.filter != "gauss-newton":
+        if settings.delay_sd:
+            raise error("tumble.filter_delay", filter=settings.filter)
+        told.append(finding("preflight.filter", filter=settings.filter))
+    noise = noise or ImuNoise()
+    if not noise.accel.white > 0:
+        noise = replace(noise, accel=replace(noise.accel, white=NOISE.accel.white))
+        given = f"{NOISE.accel.white / 9.80665e-6:.3g}"
+        told.append(finding("preflight.noise", given=given))
+    made = _simulated(settings, session, site, errors or _usual(prior))
+    tumble_input.require_readings(made.log, site, settings.rate_limit)
+    used, said = noise_of(made.log, noise)
+    tumble, more = tumble_of(made.log, site, settings, used)
+    known = prior_of(settings, site, prior)
+    truth = State(made.C_pn[0].T, made.model.packed(site.gravity))
+    fit = estimation.bound(tumble, known, truth)
+    away = ", ".join(session.attitude)
+    usual = "means in [prior], usual errors elsewhere" if prior else "usual errors"
+    at = f"{usual}, and an attitude ({away}) from `start`"
+    return Planned(made, used, tumble, known, fit, at, (*told, *said, *more))
+
+
+def _simulated(
+    settings: Settings, session: Session, site: Site, errors: ClusterModel
+) -> TumbleSimulation:
+    """Simulate with nothing drawn: given errors, the attitude of the session, no delay."""
+    sure = settings.model_copy(update={"latitude_sd": 0.0, "delay_sd": 0.0})
+    steady = {"attitude_sd": 0.0, "delay": 0.0, "integrator": "exponential"}
+    return simulate(
+        session.model_copy(update=steady), settings=sure, model=errors, noise=ImuNoise(),
+        site=site, seed=0,
+    )  # fmt: skip
+
+
+def _usual(prior: Mapping[str, tuple[float, float]]) -> ClusterModel:
+    """Return errors of usual size and sign, or the means that `prior` gives."""
+    usual = [SOURCE_SYMBOLS[n][1] * PRIOR[n.rpartition(".")[0]][1] for n in CONSTANTS.names]
+    said = CoefficientVector.prior(CONSTANTS, prior)
+    values = np.where(np.isfinite(said.prior_sd), said.values, usual)
+    return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, values))
+
+
+def seen(
+    p: Planned, found: CoefficientVector, settings: Settings, extras: tuple[Extra, ...] = ()
+) -> Foresight:
+    """Return what the planned motion will show.
+
+    Parameters
+    ----------
+    p : Planned
+        The motion.
+    found : CoefficientVector
+        All 45 with their covariance, as a result has them.
+    settings : Settings
+        What was chosen.
+    extras : tuple of Extra
+        What a little more would buy.
+    """
+    slow = is_slow(p.noise.accel) or is_slow(p.noise.gyro)
+    e = Evidence(p.tumble, p.prior, p.fit, found, settings.angles, slow)
+    shown = tumble_report.observability_json(e)
+    told = [f for f in tumble_checks.findings(e) if f.code in FORETOLD]
+    share = found.sd / found.prior_sd
+    hardly = tuple(
+        n for n, s in zip(found.names, share, strict=True) if s > tumble_checks.HARDLY
+    )  # fmt: skip
+    if hardly:
+        told.insert(0, finding("preflight.unseen", count=len(hardly), names=", ".join(hardly)))
+    plan, legs = p.simulation.plan, _legs(shown)
+    return Foresight(
+        coefficients=found,
+        linearised_at=p.at,
+        plan=plan.name,
+        duration=plan.duration,
+        fastest=float(np.abs(plan.rates).max()),
+        rate_limit=settings.rate_limit,
+        states=shown["states"],
+        rank=legs[-1].rank,
+        smallest=shown["smallest"],
+        legs=legs,
+        limits=needs(plan, settings.limits),
+        more=extras,
+        hardly=hardly,
+        unseen=tuple(shown["unseen"]),
+        remaining=tuple(shown["remaining"]),
+        weakest=tuple(shown["weakest"]),
+        correlated=tuple((a, b, value) for a, b, value in shown["correlated"]),
+        singular=any(f.code == "tumble.singular" for f in told),
+        findings=(*p.told, *told),
+    )
+
+
+LONGER = 300.0
+"""How much longer a plan is made to see what that would buy [s]."""
+
+
+def more(
+    p: Planned, settings: Settings, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]],
+) -> tuple[Extra, ...]:  # fmt: skip
+    """Return what five more minutes would buy: about the best axis, and at rest.
+
+    Parameters
+    ----------
+    p : Planned
+        The motion as planned.
+    settings : Settings
+        What was chosen.
+    session : Session
+        How it will be sampled.
+    site : Site
+        Gravity and latitude.
+    noise : ImuNoise or None
+        Noise as declared [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    plan, before = p.simulation.plan, stated(p, settings, site)
+    fastest = float(np.abs(plan.rates).max())
+    possible = _possible(plan, settings)
+    moved, rest = list[Extra](), list[Extra]()
+    for sign, axis in ((0.0, 0), *product((1.0, -1.0), range(3))):
+        longer = replace(plan, steps=(*plan.steps, Step(sign * fastest * np.eye(3)[axis], LONGER)))
+        if possible and not _possible(longer, settings):
+            continue
+        after = planned(with_plan(settings, longer), session, site, noise, prior)
+        words = f"about {'+-'[sign < 0]}{AXES[axis]} at {np.degrees(fastest):.4g} deg/s"
+        what = f"five more minutes {words if sign else 'at rest'}"
+        ratio = stated(after, settings, site) / before
+        (moved if sign else rest).append(Extra.of(what, LONGER, CONSTANTS.names, ratio))
+    return (*sorted(moved, key=lambda extra: extra.ratio)[:1], *rest)
+
+
+def _possible(plan: TorquingPlan, settings: Settings) -> bool:
+    return all(limit.kept for limit in needs(plan, settings.limits))
+
+
+def stated(p: Planned, settings: Settings, site: Site) -> FloatArray:
+    """Return the sd of the 42 constants that a calibration would state, shape (42,) [SI].
+
+    Parameters
+    ----------
+    p : Planned
+        The motion.
+    settings : Settings
+        What was chosen: `latitude_sd`.
+    site : Site
+        Gravity and latitude.
+    """
+    owed = owed_by(p.tumble, p.prior, p.fit, settings, site, p.noise)
+    s = Solution(p.tumble, p.prior, p.fit, p.fit.cov, owed, settings, site, p.noise)
+    return np.asarray(coefficients(s).sd[: len(CONSTANTS)])
+
+
+def with_plan(settings: Settings, plan: TorquingPlan) -> Settings:
+    """Return settings that do a plan, whatever limits they have.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    plan : TorquingPlan
+        What is to be done instead of their plan.
+    """
+    steps = tuple(
+        PlanStep.model_validate(
+            {"rate": [f"{v!r} rad/s" for v in step.rate.tolist()], "time": f"{step.time!r} s"}
+        )
+        for step in plan.steps
+    )
+    none = {"plan": None, "rate": None, "segment": None, "rate_limit": None}
+    return settings.model_copy(update={**none, "steps": steps})
+
+
+def _legs(shown: Mapping[str, Any]) -> tuple[Leg, ...]:
+    """Return the legs with what is seen at the end of each."""
+    grown = shown["growth"]
+    out = []
+    for leg in shown["legs"]:
+        last = int(np.searchsorted(grown["until"], leg["end"] + 1e-6, side="right")) - 1
+        x, y, z = leg["rate"]
+        rank, alone = grown["rank"][last], grown["alone"][last]
+        out.append(Leg(leg["start"], leg["end"], (x, y, z), rank, alone))
+    return tuple(out)

@@ -1,0 +1,380 @@
+"""What can be chosen of a platform tumble, and the session that is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from foucault import units
+from foucault.coefficients import CoefficientVector
+from foucault.errors import FoucaultError, error
+from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise
+from foucault.plans import torquing
+from foucault.plans.torquing import TorquingPlan
+from foucault.plans.torquing_reach import Limits
+from foucault.procedures.platform_tumble.usual import NOISE as NOISE
+from foucault.procedures.platform_tumble.usual import PRIOR as PRIOR
+from foucault.procedures.platform_tumble.usual import TYPICAL as TYPICAL
+from foucault.procedures.platform_tumble.usual import WHITE as WHITE
+from foucault.simulate.platform_tumble import (
+    Acquisition,
+    TumbleSimulation,
+    simulate_tumble,
+)
+from foucault.units import Quantity
+
+FloatArray = npt.NDArray[np.float64]
+Seconds = Annotated[float, Quantity("time")]
+Angle = Annotated[float, Quantity("angle")]
+Rate = Annotated[float, Quantity("angular rate")]
+Three = tuple[str, str, str]
+Checked = TypeVar("Checked")
+
+DEGREE = float(np.radians(1.0))
+"""One degree [rad]."""
+
+SIMULATE = {"grade": "navigation"}
+"""Default of [simulate]; the errors of clusters are those of `TYPICAL`."""
+
+
+def at(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
+    """Return what `check` does; where a file is read (`info` says so) its error names the key."""
+    try:
+        return check()
+    except FoucaultError as problem:
+        if "locate" in (info.context or ()):
+            raise ValueError(problem) from None
+        raise
+
+
+def _three(given: Three, kind: str, key: str) -> FloatArray:
+    return np.array([units.parse(text, kind, key) for text in given])
+
+
+class PlanStep(BaseModel):
+    """One step of a torquing plan."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rate: Three = Field(
+        description="Rate about x, y and z of the cluster, relative to East-North-Up.",
+        examples=[["-0.1 deg/s", "0 deg/s", "0 deg/s"]],
+    )
+    time: Seconds = Field(gt=0, description="How long it is held.")
+
+    @field_validator("rate", mode="after")
+    @classmethod
+    def _is_rate(cls, rate: Three, info: ValidationInfo) -> Three:
+        at(info, lambda: _three(rate, "angular rate", "rate"))
+        return rate
+
+
+class Settings(BaseModel):
+    """What can be chosen; the defaults suit a cluster that starts level and pointed north."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    filter: Literal["gauss-newton", "published", "published literal"] = Field(
+        default="gauss-newton",
+        description="gauss-newton: the linearised filter repeated about its own solution; "
+        "published: one pass with annealed noise; published literal: one pass as printed, which "
+        "diverges.",
+    )
+    average: Seconds = Field(
+        default=1.0, ge=0, description="Residuals are averaged over so long; 0 s: every sample."
+    )
+    start: Three = Field(
+        default=("0 deg", "0 deg", "0 deg"),
+        description="Outer, middle and inner angle at the first row: all zero where x, y and z of "
+        "the cluster point north, up and east.",
+    )
+    start_sd: Angle = Field(
+        default=5 * DEGREE,
+        gt=0,
+        le=np.pi,
+        description="Sd of that attitude about East and about North.",
+    )
+    azimuth_sd: Angle = Field(default=5 * DEGREE, gt=0, le=np.pi, description="Sd of it about Up.")
+    arms: tuple[Three, Three, Three] = Field(
+        default=(("0 m", "0 m", "0 m"),) * 3,
+        description="Position of the x, y and z accelerometer, along x, y and z of the cluster.",
+    )
+    mask_edges: Seconds = Field(
+        default=0.0,
+        ge=0,
+        description="Readings so long after a step of the command are left out, for there the "
+        "angular acceleration is not known.",
+    )
+    command_holds: Literal["auto", "from its time", "until its time"] = Field(
+        default="auto",
+        description="Whether the command of a row begins or ends at the time of the row; auto: it "
+        "ends there where readings are means over the interval before, and begins there if not.",
+    )
+    delay_sd: Seconds = Field(
+        default=0.0,
+        ge=0,
+        description="Sd of the time by which readings are older than the row says; above 0 it is "
+        "estimated.",
+    )
+    latitude_sd: Angle = Field(
+        default=1e-3 * DEGREE,
+        ge=0,
+        le=DEGREE,
+        description="Sd of the latitude in [site]: 0.001 deg are 110 m. A latitude 0.01 deg off "
+        "moves a drift by 8 sd, and no residual shows it.",
+    )
+    plan: str | None = Field(
+        default=None, examples=["-x -z -y +z"],
+        description="What was commanded: published, or signed axes in equal segments. The log has "
+        "the command itself; a plan is compared with it, and is what `foucault simulate` does "
+        "(published, if neither plan nor steps are given).",
+    )  # fmt: skip
+    rate: Rate | None = Field(
+        default=None, gt=0, examples=["0.1 deg/s"],
+        description="Rate of that plan; 0.1 deg/s, or less where the rig allows less, if left out.",
+    )  # fmt: skip
+    segment: Seconds | None = Field(
+        default=None, gt=0, examples=["900 s"],
+        description="Time of each segment of a sequence of axes; left out, all take 5400 s.",
+    )  # fmt: skip
+    steps: tuple[PlanStep, ...] = Field(
+        default=(),
+        description="Instead of `plan`, any rates: a list of "
+        '{ rate = ["-0.1 deg/s", "0 deg/s", "0 deg/s"], time = "1800 s" }.',
+    )
+    ramp: Seconds = Field(
+        default=0.0, ge=0, description="Time in which each rate of the plan is reached."
+    )
+    rate_limit: Rate | None = Field(
+        default=None, gt=0, examples=["0.2 deg/s"],
+        description="Largest rate about an axis that the rig allows.",
+    )  # fmt: skip
+    tilt_limit: Angle | None = Field(
+        default=None, gt=0, examples=["60 deg"],
+        description="Largest tilt of the cluster from `start` that the rig allows. Preflight "
+        "judges a plan by it, and a search for plans keeps it.",
+    )  # fmt: skip
+    middle_limit: Angle | None = Field(
+        default=None, gt=0, examples=["60 deg"],
+        description="Largest middle angle, either way, that the gimbals allow; likewise.",
+    )  # fmt: skip
+    cable_limit: Angle | None = Field(
+        default=None, gt=0, examples=["400 deg"],
+        description="Largest turn of the outer and of the inner gimbal from `start`, either way, "
+        "that cables or stops allow; likewise.",
+    )  # fmt: skip
+    passes: int = Field(default=20, ge=1, description="Most passes of gauss-newton.")
+
+    @field_validator("start", mode="after")
+    @classmethod
+    def _are_angles(cls, start: Three, info: ValidationInfo) -> Three:
+        at(info, lambda: _three(start, "angle", "start"))
+        return start
+
+    @field_validator("arms", mode="after")
+    @classmethod
+    def _are_lengths(cls, arms: tuple[Three, ...], info: ValidationInfo) -> tuple[Three, ...]:
+        at(info, lambda: [_three(arm, "length", "arms") for arm in arms])
+        return arms
+
+    @model_validator(mode="after")
+    def _one_plan(self) -> Settings:
+        if self.plan is not None and self.steps:
+            raise error("torquing.contradiction", first="plan", second="steps")
+        what = "the plan is a list of steps" if self.steps else "no plan is given"
+        for key in ("rate", "segment"):
+            if self.plan is None and getattr(self, key) is not None:
+                raise error("torquing.unused", key=key, what=what)
+        if self.plan in torquing.NAMES and self.segment is not None:
+            raise error("torquing.unused", key="segment", what=f"the plan is '{self.plan}'")
+        self.torquing  # noqa: B018  # refuses a plan that cannot be
+        return self
+
+    @property
+    def angles(self) -> FloatArray:
+        """Outer, middle and inner angle at the first row, shape (3,) [rad]."""
+        return _three(self.start, "angle", "start")
+
+    @property
+    def lever_arms(self) -> FloatArray:
+        """Position of each accelerometer in a row, shape (3, 3) [m]."""
+        return np.array([_three(arm, "length", "arms") for arm in self.arms])
+
+    def held(
+        self, sampled: Literal["rate", "increment"]
+    ) -> Literal["from its time", "until its time"]:
+        """Return how the command of a row holds.
+
+        Parameters
+        ----------
+        sampled : {"rate", "increment"}
+            Readings at the time of a row, or means over the interval before it.
+        """
+        if self.command_holds != "auto":
+            return self.command_holds
+        return "until its time" if sampled == "increment" else "from its time"
+
+    @property
+    def limits(self) -> Limits:
+        """What the rig allows."""
+        return Limits(self.rate_limit, self.tilt_limit, self.middle_limit, self.cable_limit)
+
+    @property
+    def published_rate(self) -> float:
+        """Rate of plans that do not say theirs: the published, or what the rig allows [rad/s]."""
+        return min(torquing.RATE, self.rate_limit or torquing.RATE)
+
+    @property
+    def planned(self) -> TorquingPlan:
+        """The plan, or the published one where none is given."""
+        published = torquing.published(self.published_rate)
+        return self.torquing or torquing.starting(published, self.angles, self.ramp)
+
+    @property
+    def torquing(self) -> TorquingPlan | None:
+        """The plan from `start`, None where none is given."""
+        rate = self.published_rate if self.rate is None else self.rate
+        if self.steps:
+            rates = [_three(step.rate, "angular rate", "rate") for step in self.steps]
+            plan = torquing.from_rates(rates, [step.time for step in self.steps])
+        elif self.plan is None:
+            return None
+        elif self.plan in torquing.NAMES:
+            plan = torquing.published(rate)
+        else:
+            plan = torquing.sequence(self.plan, rate, segment=self.segment)
+        if self.rate_limit is not None:
+            plan = plan.within(self.rate_limit)
+        return torquing.starting(plan, self.angles, self.ramp)
+
+
+class Session(BaseModel):
+    """The tumble that `simulate` makes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    integrator: Literal["exponential", "published"] = Field(
+        default="exponential",
+        description="exponential: one rotation per sample, at any attitude; published: the three "
+        "angles in steps of 2 ms, which must keep away from middle = 90 deg.",
+    )
+    interval: Seconds = Field(default=0.2, gt=0, description="Time between samples.")
+    command_interval: Seconds = Field(
+        default=1.0, gt=0, description="Time between commands, a multiple of `interval`."
+    )
+    kind: Literal["rate", "increment"] = Field(
+        default="rate",
+        description="Readings at the time of a row, or their means over the interval before it.",
+    )
+    attitude: Three = Field(
+        default=("2 deg", "3 deg", "5 deg"),
+        description="By how much outer, middle and inner angle differ from `start`, on average.",
+    )
+    attitude_sd: Angle = Field(default=0.1 * DEGREE, ge=0, description="Sd of that.")
+    delay: Seconds = Field(
+        default=0.0,
+        description="By how much readings are older than the row says; 0 s: drawn with `delay_sd`.",
+    )
+    edge: Seconds = Field(
+        default=0.0,
+        ge=0,
+        description="Time in which the cluster follows a step of the command: readings taken then "
+        "feel the angular acceleration.",
+    )
+
+    @field_validator("attitude", mode="after")
+    @classmethod
+    def _are_angles(cls, attitude: Three, info: ValidationInfo) -> Three:
+        at(info, lambda: _three(attitude, "angle", "attitude"))
+        return attitude
+
+
+def simulate(
+    session: Session,
+    *,
+    settings: Settings | None = None,
+    model: ClusterModel,
+    noise: ImuNoise,
+    site: Site,
+    seed: int,
+) -> TumbleSimulation:
+    """Simulate a tumble: the plan of the settings, or the published one.
+
+    Parameters
+    ----------
+    session : Session
+        How it is sampled, and how far the attitude is from what is believed.
+    settings : Settings or None
+        Of the calibration to follow: plan, start, lever arms, and the sd of the delay.
+    model : ClusterModel
+        Errors of the cluster.
+    noise : ImuNoise
+        Its noise [SI].
+    site : Site
+        Gravity and latitude.
+    seed : int, shape ()
+        Seed of attitude, delay and noise [1].
+    """
+    settings = settings or Settings()
+    plan = settings.planned
+    rng = np.random.default_rng([seed, 5])
+    if site.latitude is not None:  # it is known as well as the calibration will be told
+        north = settings.latitude_sd * float(np.random.default_rng([seed, 6]).standard_normal())
+        site = replace(site, latitude=site.latitude + north)
+    away = _three(session.attitude, "angle", "attitude")
+    away += session.attitude_sd * rng.standard_normal(3)
+    delay = session.delay or settings.delay_sd * float(rng.standard_normal())
+    how = Acquisition(
+        session.interval, session.command_interval, session.kind, settings.held(session.kind),
+        delay, session.edge, settings.lever_arms,
+    )  # fmt: skip
+    return simulate_tumble(
+        plan, model=model, noise=noise, site=site, start=plan.start + away, acquisition=how,
+        integrator=session.integrator, seed=seed,
+    )  # fmt: skip
+
+
+def draw_errors(grade: str, seed: int) -> ClusterModel:
+    """Draw the errors of one cluster: about zero, of their usual size, as the prior believes.
+
+    Parameters
+    ----------
+    grade : str
+        "navigation": one class of clusters is known.
+    seed : int, shape ()
+        Seed [1].
+    """
+    if grade != SIMULATE["grade"]:
+        raise error("torquing.grade", given=grade, allowed=SIMULATE["grade"])
+    drawn = np.random.default_rng(seed).standard_normal(len(CONSTANTS))
+    sd = CoefficientVector.prior(CONSTANTS, PRIOR).prior_sd
+    return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, sd * drawn))
+
+
+def draw_printed(seed: int) -> ClusterModel:
+    """Draw the errors of one cluster as the source does: about their usual size, never about zero.
+
+    Parameters
+    ----------
+    seed : int, shape ()
+        Seed [1].
+
+    Notes
+    -----
+    The usual size has the sign of the source's symbols, all of them positive: a misalignment that
+    enters with a minus in `models.cluster.SOURCE_SYMBOLS`, such as gyro.misalignment.xz, is drawn
+    about -120 arcsec. A prior about zero pulls such clusters all one way.
+    """
+    drawn = np.random.default_rng(seed).standard_normal(len(CONSTANTS))
+    values = []
+    for c, one in zip(CONSTANTS.coefficients, drawn, strict=True):
+        mean, sd = (units.parse(text, c.kind) for text in TYPICAL[c.name.rpartition(".")[0]])
+        values.append(SOURCE_SYMBOLS[c.name][1] * (mean + sd * float(one)))
+    return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, np.array(values)))

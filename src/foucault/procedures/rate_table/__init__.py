@@ -1,0 +1,281 @@
+"""Calibrate gyros on a rate table: several rates about each axis, both ways.
+
+Put each axis of the instrument in turn along the vertical spin axis of the table, up or down, and
+turn it at a list of rates in both senses, each held for whole turns. Beside bias, scale factor and
+misalignment this shows how the scale factor changes with the rate: its asymmetry, and its
+non-linearity. Placements with each axis up and down show the g-sensitivity too.
+
+The axes of the result are those of the fixture: the table cannot tell how they lie to the
+accelerometers. How far the rate of the table and the squareness of the fixture can be trusted is
+part of the uncertainties.
+
+References
+----------
+.. [1] IEEE Std 647-2006 (laser gyros) and IEEE Std 952-1997 (fibre-optic gyros), rate table tests.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.positions.readings import find_readings
+from foucault.diagnose.rate_table import report as rate_report
+from foucault.diagnose.rate_table.report import RateEvidence
+from foucault.diagnose.rate_table.steps import Commanded, rate_steps, require_determined
+from foucault.diagnose.session.input import first_as_declared
+from foucault.errors import Finding, error
+from foucault.estimate import gauss_newton
+from foucault.estimate.rate_scatter import fit_scatter, scaled_noise
+from foucault.estimate.rate_table import Trust, build, fit
+from foucault.models.earth import Site
+from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
+from foucault.models.noise import ImuNoise
+from foucault.models.rate_steps import Steps
+from foucault.models.readings import Readings
+from foucault.procedures.rate_table.session import LOG_LINES as LOG_LINES
+from foucault.procedures.rate_table.session import Session as Session
+from foucault.procedures.rate_table.session import Settings, in_si
+from foucault.procedures.rate_table.session import simulate as simulate
+from foucault.result import Result, Verdict, provenance
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+FRAME = "axes of the fixture, right-forward-up as it holds the instrument"
+UNKNOWN = "readings.noise_unknown"
+GAUGE = "each axis is the spin axis of its placements"
+
+
+def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
+    """Return the coefficients that are estimated.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    gyro : bool
+        A rate table is for gyros only.
+    """
+    families = ["gyro.bias", "gyro.scale", "gyro.misalignment"]
+    families += ["gyro.g_sensitivity"] if settings.g_sensitivity else []
+    families += ["gyro.asymmetry"] if settings.asymmetry else []
+    families += ["gyro.cubic"] if settings.cubic else []
+    return tuple(n for n in LAYOUT.names if n.rpartition(".")[0] in families)
+
+
+def silent(fraction: float, words: str) -> None:
+    """Tell nobody of `fraction` [1] and `words`."""
+
+
+def calibrate(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate gyros from a log taken on a rate table.
+
+    Parameters
+    ----------
+    log : Log
+        Samples, or one mean per step; with the rate of the table, or with `rates` in the settings
+        [SI].
+    site : Site
+        Gravity, and the latitude where the Earth's rotation is to be modelled.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it in the steps, or by the residuals of means.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with covariance, checks and a verdict [SI].
+
+    Raises
+    ------
+    FoucaultError
+        Steps missing or reversed, wrong units, too few rates: see `foucault.symptoms`.
+    """
+    started = clock.monotonic()
+    settings = settings or Settings()
+    if log.gyro is None:
+        raise error("rate_table.no_gyro")
+    progress(0.05, "finding the steps")
+    readings = find_readings(log, noise=noise, shortest=settings.shortest)
+    first_as_declared(readings, log)
+    told = log.table is not None and (
+        log.table.rate is not None or bool(np.isfinite(log.table.angles[:, 0]).all())
+    )
+    progress(0.5, "calibrating")
+    result = from_readings(readings, settings, told=told, site=site, prior=prior)
+    progress(1.0, "done")
+    validity = dict(result.validity)
+    if log.averaged is None:
+        validity |= {"rate": log.rate, "sampled": log.sampled}
+    if log.temperature is not None:
+        validity["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+        validity["temperature_mean"] = float(log.temperature.mean())
+    return replace(
+        result,
+        findings=(*log.findings, *result.findings),
+        instrument=dict(instrument or {}),
+        validity=validity,
+        provenance=provenance(log.source, clock.monotonic() - started),
+    )
+
+
+def from_readings(
+    readings: Readings,
+    settings: Settings,
+    *,
+    told: bool,
+    site: Site,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> Result:
+    """Calibrate from readings that were made before.
+
+    Parameters
+    ----------
+    readings : Readings
+        One mean per constant rate [SI].
+    settings : Settings
+        What was chosen.
+    told : bool
+        Whether their rates are those of the table; else `rates` of the settings are matched.
+    site : Site
+        Gravity and latitude.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    if not settings.earth_rate:
+        site = replace(site, latitude=None)
+    commanded = Commanded(in_si(settings.rates), settings.axes)
+    steps, found = rate_steps(readings, commanded, told=told, site=site)
+    evidence = _evidence(readings, steps, settings, site, prior or {})
+    return _result(readings, settings, site, evidence, found)
+
+
+def _evidence(
+    readings: Readings,
+    steps: Steps,
+    settings: Settings,
+    site: Site,
+    given: Mapping[str, tuple[float, float]],
+) -> RateEvidence:
+    names = names_of(settings)
+    prior = CoefficientVector.prior(LAYOUT.subset(names), given) if given else None
+    trust = Trust(settings.table_rate_sd, settings.rate_sd, settings.fixture_sd, site.latitude)
+    require_determined(steps, names, build(steps, names, trust, prior))
+    robust = settings.loss == "robust"
+    loss = gauss_newton.huber if robust else gauss_newton.least_squares
+    unknown = any(f.code == UNKNOWN for f in _told(readings))
+    if unknown:
+        steps = scaled_noise(steps, names, trust, prior)
+    problem, estimate = fit(steps, names, trust, prior, loss)
+    before, added = rate_report.limits(estimate), 0.0
+    if settings.repeatability and not unknown:
+        wider = fit_scatter(steps, names, trust, prior, loss)
+        if wider != trust:
+            added = float(np.sqrt(wider.rate_jitter**2 - trust.rate_jitter**2))
+            trust = wider
+            problem, estimate = fit(steps, names, trust, prior, loss)
+    return RateEvidence(
+        steps, names, trust, problem, estimate, readings.declared, unknown, before, added
+    )
+
+
+def _result(
+    readings: Readings, settings: Settings, site: Site, e: RateEvidence, found: list[Finding]
+) -> Result:
+    checks = rate_report.checks(e)
+    estimate = e.estimate
+    bent = settings.asymmetry or settings.cubic
+    return Result(
+        procedure="rate_table",
+        coefficients=estimate.coefficients,
+        equation=SCALE_EQUATION if bent else EQUATION,
+        frame=FRAME,
+        gauge=GAUGE,
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=(*_told(readings), *found, *rate_report.hints(e)),
+        status=estimate.status,
+        site=site.as_dict(),
+        validity={"gyro": [float(e.steps.gyro.min()), float(e.steps.gyro.max())]},
+        diagnostics={
+            "iterations": estimate.iterations,
+            "noise": {"source": _source(e), "gyro_white": _white(e.steps)},
+            "chi_square": {"steps": [*rate_report.limits(estimate), estimate.dof]},
+            "chi_square_of_noise_alone": {"steps": [*e.before, estimate.dof]},
+            "rate_table": rate_report.standard_figures(e),
+            "rate_scatter": e.added,
+            "bias_drift": rate_report.drift_figures(e),
+            "budget": rate_report.budget(e),
+            "unseen": unseen(settings),
+            **rate_report.bound(e),
+        },
+        tables={"rate_steps": rate_report.step_table(e, readings.start)},
+    )
+
+
+def _told(readings: Readings) -> list[Finding]:
+    """Return what was noticed in the readings; a declared noise is known, of means too."""
+    return [f for f in readings.findings if not (readings.declared and f.code == UNKNOWN)]
+
+
+def _source(e: RateEvidence) -> str:
+    if e.unknown:
+        return "measured by the residuals"
+    return "declared" if e.declared else "measured in the steps"
+
+
+def _white(steps: Steps) -> list[float]:
+    variance = np.diagonal(steps.cov, axis1=1, axis2=2) * steps.time[:, None]
+    return [float(v) for v in np.sqrt(np.median(variance, axis=0))]
+
+
+def unseen(settings: Settings) -> list[str]:
+    """Say what a rate table cannot show in principle, for result.json.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    """
+
+    def known(sd: float, size: float, unit: str) -> str:
+        if not sd:
+            return "it was taken as exact"
+        return f"its standard uncertainty, {sd / size:.3g} {unit}, is part of every uncertainty"
+
+    rate = known(settings.table_rate_sd, 1e-6, "ppm")
+    square = known(settings.fixture_sd, float(np.radians(1 / 3600)), "arcsec")
+    out = [
+        f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scale factors; {rate}.",
+        f"A fixture out of square: what it is goes into the misalignments; {square}.",
+        "How the axes lie to the accelerometers: they are those of the fixture.",
+        "Rates beyond the fastest step: there the result is extrapolated.",
+        "Other temperatures than that of the session.",
+    ]
+    if not settings.g_sensitivity:
+        out.append("The g-sensitivity of the gyros: with one axis up only it looks like bias.")
+    return out

@@ -1,0 +1,246 @@
+"""Calibrate an IMU on a table whose angles nobody knows, from its velocity at rest alone.
+
+The instrument navigates through turns and rests. At rest its velocity is zero and its place that of
+the site; what the navigator says instead is what all its errors have done, each through the motion
+as it was. One filter finds them together: biases, scale factors, misalignments, the asymmetry of
+the accelerometers, and where wanted quadratic terms, lever arms, a delay, and how dithered gyros
+bend under specific force.
+
+References
+----------
+.. [1] Wu, Chen, Yan, Yuan, Guan, "Calibration and compensation of gyro sensitive-axis deflection
+   under continuous rotation", *Navigation and Control* 2023(5), eqs. (13)-(19).
+.. [2] Xie Bo, "Multi-position systematic calibration for a laser strapdown inertial measurement
+   unit", thesis, National University of Defense Technology, 2011.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.session.report import with_gravity
+from foucault.diagnose.systematic import deflection_verdict, evidence
+from foucault.diagnose.systematic import report as systematic_report
+from foucault.diagnose.systematic.legs import legs_of
+from foucault.errors import error
+from foucault.models.earth import Site
+from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
+from foucault.models.noise import ImuNoise
+from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.systematic.bound import bound
+from foucault.procedures.systematic.choice import decided
+from foucault.procedures.systematic.foresight import foresee as foresee
+from foucault.procedures.systematic.left_out import left_out
+from foucault.procedures.systematic.log import log_table as log_table
+from foucault.procedures.systematic.navigation import navigation_tests
+from foucault.procedures.systematic.plan import Wanted as Wanted
+from foucault.procedures.systematic.plan import space as space
+from foucault.procedures.systematic.problem import SystematicProblem, prior_of
+from foucault.procedures.systematic.settings import LAYOUT as LAYOUT
+from foucault.procedures.systematic.settings import PRIOR_LINES as PRIOR_LINES
+from foucault.procedures.systematic.settings import SIMULATE as SIMULATE
+from foucault.procedures.systematic.settings import Session as Session
+from foucault.procedures.systematic.settings import Settings as Settings
+from foucault.procedures.systematic.settings import draw_errors as draw_errors
+from foucault.procedures.systematic.settings import simulate as simulate
+from foucault.procedures.systematic.solution import Solution, named, public
+from foucault.result import Result, TableData, Verdict, provenance
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+
+UNDECLARED = True
+"""A plan is judged with the noise that is typical where none is declared."""
+
+FORESEES_WANTED = True
+"""`foresee` is told what is wanted of a plan."""
+
+FRAME = "body axes, as the accelerometers define them (see gauge)"
+
+
+def names_of(settings: Settings) -> tuple[str, ...]:
+    """Return the coefficients of the result that do not follow from others.
+
+    A model of deflection makes more coefficients than it has parameters: of each parameter one is
+    named here.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    """
+    if settings.deflection == "choose":
+        raise error("systematic.choice_study")
+    model = settings.model
+    deflections = [] if model is None else [
+        model.names[int(np.flatnonzero(column)[0])] for column in model.slope.T
+    ]  # fmt: skip
+    return named(settings.sensors.layout.names, deflections)
+
+
+def calibrate(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate an IMU from its velocity at rest.
+
+    Parameters
+    ----------
+    log : Log
+        Readings of both triads [SI].
+    site : Site
+        Where it stood; the latitude must be known.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of the instrument [SI]; None measures it in the rests.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Coefficients with covariance, checks and a verdict [SI].
+
+    Raises
+    ------
+    FoucaultError
+        No latitude, a log that is not of the sequence, a session too short, a model of deflection
+        that it cannot see: see `foucault.symptoms`.
+    """
+    started = clock.monotonic()
+    arguments = (log, site, settings or Settings(), noise, prior or {}, progress)
+    result = _calibrate(*arguments, shown=True)
+    progress(1.0, "done")
+    seconds = clock.monotonic() - started
+    return replace(result, instrument=dict(instrument or {}),
+                   provenance=provenance(log.source, seconds))  # fmt: skip
+
+
+def trial(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> Result:
+    """Calibrate without what only a report shows: one trial of many.
+
+    Parameters
+    ----------
+    log : Log
+        Readings of both triads [SI].
+    site : Site
+        Where it stood; the latitude must be known.
+    settings : Settings
+        What was chosen.
+    noise : ImuNoise or None
+        Noise of the instrument [SI].
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    return _calibrate(log, site, settings, noise, prior or {}, silent, shown=False)
+
+
+def _calibrate(
+    log: Log, site: Site, settings: Settings, noise: ImuNoise | None,
+    given: Mapping[str, tuple[float, float]], progress: Progress, *, shown: bool,
+) -> Result:  # fmt: skip
+    progress(0.1, "calibrating")
+    decision = decided(log, site, settings, noise, given, compare=shown)
+    problem, settings, solution, choice = (
+        decision.problem, decision.settings, decision.solution, decision.choice
+    )  # fmt: skip
+    progress(0.6, "navigating from rest to rest")
+    p, run = problem, solution.run
+    legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
+    e = evidence.Evidence(p.increments, p.rests, run, solution.states, p.prior.values,
+                          prior_of(p.sensors, {}).prior_sd, legs, solution.status)  # fmt: skip
+    checks = evidence.checks(e)
+    if choice is not None:
+        checks = (*checks, deflection_verdict.check(choice))
+    found = public(solution, settings)
+    tables: dict[str, TableData] = {}
+    findings = [*log.findings, *problem.findings, *decision.findings, *evidence.findings(e)]
+    diagnostics = _diagnostics(problem, solution, settings)
+    if choice is not None:
+        diagnostics["choice"] = deflection_verdict.summary(choice)
+    if shown:
+        progress(0.7, "looking for what was left out")
+        findings += left_out(decision, given)
+        progress(0.8, "navigating a test with it and without")
+        tests, tilts = navigation_tests(found, site, settings.model)
+        tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}
+        diagnostics |= {"navigation": tilts, "bound": bound(problem, solution, settings)}
+    return Result(
+        procedure="systematic",
+        coefficients=with_gravity(found, site),
+        equation=SIZE_EQUATION if settings.lever_arms or settings.delay else FULL_EQUATION,
+        frame=FRAME,
+        gauge=Gauge.LOWER.value,
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=tuple(findings),
+        status=solution.status,
+        site=site.as_dict(),
+        validity=_validity(log, site),
+        diagnostics=diagnostics,
+        tables=tables,
+    )
+
+
+def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[str, Any]:
+    plan, labels = settings.plan, [f"rest {k + 1}" for k in p.numbers]
+    if p.matched is not None:
+        said = dict(zip(p.matched.rests.tolist(), p.matched.positions, strict=True))
+        labels = [said[k].label if k in said else f"rest {k + 1}" for k in p.numbers.tolist()]
+    start = p.start.angles, p.start.angles_sd
+    return {
+        "gravity": p.site.gravity,
+        "sequence": {
+            "name": "as found" if plan is None else plan.name,
+            "rests": len(p.rests), "moves": len(p.found.moves), "labels": labels,
+        },
+        "filter": {
+            "steps": settings.steps, "velocity_sd": settings.velocity_sd,
+            "position_sd": settings.position_sd, "interval": settings.interval,
+            "decorrelate": settings.restarts, "deflection": settings.deflection,
+            "chirality": settings.chirality,
+        },
+        "noise": {
+            "measured": p.measured, "accel": p.noise.accel.white, "gyro": p.noise.gyro.white,
+        },
+        "start": {"angles": start[0].tolist(), "sd": start[1].tolist()},
+        "passes": {"names": list(s.states.names), "values": [x.tolist() for x in s.passes]},
+        "log_likelihood": s.log_likelihood,
+        "unseen": systematic_report.unseen(p.site, settings.restarts),
+    }  # fmt: skip
+
+
+def _validity(log: Log, site: Site) -> dict[str, Any]:
+    """Return the ranges that the session covered: outside them the result is extrapolated."""
+    assert log.gyro is not None
+    g = site.gravity
+    out: dict[str, Any] = {"accel": [-g, g], "sampled": log.sampled, "rate": log.rate}
+    out["gyro"] = [float(log.gyro.min()), float(log.gyro.max())]
+    if log.temperature is not None:
+        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+        out["temperature_mean"] = float(log.temperature.mean())
+    return out

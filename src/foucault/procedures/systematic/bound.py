@@ -1,0 +1,197 @@
+"""How well a systematic calibration can be done: by the session as planned, and at best.
+
+A covariance depends on motion, noise and prior, not on readings. What a planned session will show
+is what the procedure states of a simulated one without noise, of an instrument that is as [prior]
+expects. What could be shown at best is what the noise of the sensors alone leaves: velocity at
+rest known for sure, turns counted in full, and nothing known beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.information import Information
+from foucault.errors import error
+from foucault.estimate.systematic import solve
+from foucault.models import imu
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.navigate.increments import increments_of
+from foucault.plans.manoeuvres import Rotate
+from foucault.plans.systematic import CalibrationSequence
+from foucault.plans.systematic_file import ActionTable
+from foucault.plans.systematic_steps import plain_action, plain_start
+from foucault.procedures.systematic.problem import SystematicProblem, prior_of, problem_of
+from foucault.procedures.systematic.settings import Settings
+from foucault.procedures.systematic.solution import Solution, public, solved
+from foucault.simulate.systematic import simulate_systematic
+
+FloatArray = npt.NDArray[np.float64]
+Prior = Mapping[str, tuple[float, float]]
+
+SURE = 1e-2
+"""At best the velocity at rest is as sure as this part of what the noise adds to it from one update
+to the next [1]."""
+
+NOTHING = 1e-6
+"""Information below this share of that of the prior is rounding [1]."""
+
+BLIND = 1e3
+"""A coefficient that is left less certain than so many times its prior is not seen [1]."""
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """A planned session, calibrated beforehand.
+
+    Attributes
+    ----------
+    problem : SystematicProblem
+        What will be solved.
+    solution : Solution
+        What will be found, with covariance: of an instrument as expected, without noise.
+    """
+
+    problem: SystematicProblem
+    solution: Solution
+
+    @property
+    def states(self) -> CoefficientVector:
+        """The states that are coefficients, with covariance and prior [SI]."""
+        return self.solution.states
+
+
+def foreseen(
+    sequence: CalibrationSequence, settings: Settings, *, rate: float, site: Site,
+    noise: ImuNoise, prior: Prior, instrument: ImuModel | None = None,
+) -> Foreseen:  # fmt: skip
+    """Simulate a sequence, find its rests, and calibrate it without noise.
+
+    Parameters
+    ----------
+    sequence : CalibrationSequence
+        What will be done.
+    settings : Settings
+        What was chosen of the filter.
+    rate : float
+        Sample rate [Hz].
+    site : Site
+        Where; the latitude must be known.
+    noise : ImuNoise
+        Noise to reckon with [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : ImuModel or None
+        The instrument; None takes the means of `prior`.
+    """
+    if site.latitude is None:
+        raise error("systematic.site", what="the plan of a systematic calibration")
+    expected = instrument_of(settings, prior)
+    known_as: dict[str, Any] = {
+        "site": site, "rate": rate, "model": instrument or expected,
+    }  # fmt: skip
+    quiet = simulate_systematic(sequence, **known_as)
+    noisy = simulate_systematic(sequence, noise=noise, **known_as)  # where rests are found in
+    known = dict(prior)
+    if instrument is not None:  # the covariance about it, not the way to it
+        vector = instrument.coefficients()
+        kept = prior_of(settings.sensors, prior)
+        known |= {
+            n: (vector.value(n), float(sd))
+            for n, sd in zip(kept.names, kept.prior_sd, strict=True) if n in vector.layout
+        }  # fmt: skip
+    once = settings.model_copy(update={"passes": 1} | _unlike(settings.plan, sequence))
+    problem = problem_of(noisy.log, site, once, noise, known)
+    start = replace(problem.start, C_nb=_begun(problem, sequence))
+    begun = replace(problem, start=start, increments=increments_of(quiet.log))
+    return Foreseen(begun, solved(begun, once))
+
+
+def _unlike(plan: CalibrationSequence | None, done: CalibrationSequence) -> dict[str, Any]:
+    """Return settings that name what is done, where it is not what is planned."""
+    turns = [
+        [a for a in one.actions if isinstance(a, Rotate)] for one in (plan, done) if one is not None
+    ]
+    if turns[0] == turns[-1]:
+        return {}
+    actions = tuple(ActionTable.model_validate(plain_action(a)) for a in done.actions)
+    return {"sequence": (), "start": plain_start(done), "actions": actions}
+
+
+def _begun(problem: SystematicProblem, sequence: CalibrationSequence) -> FloatArray:
+    return np.asarray(sequence.at(problem.increments.time[[problem.first]])[0][0])
+
+
+def instrument_of(settings: Settings, prior: Prior) -> ImuModel:
+    """Return the instrument that a prior expects: without errors but for the means in it.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen: the model of deflection.
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    given = CoefficientVector.prior(settings.sensors.layout, dict(prior))
+    if settings.model is not None:
+        given = settings.model.general(given)
+    return ImuModel.from_coefficients(given.chosen(n for n in given.names if n in imu.LAYOUT))
+
+
+# -- at best -------------------------------------------------------------------------------------
+
+
+def bound(problem: SystematicProblem, solution: Solution, settings: Settings) -> list[float | None]:
+    """Return the Cramer-Rao bound of the sensor noise alone, None where nothing is seen [SI].
+
+    Parameters
+    ----------
+    problem : SystematicProblem
+        What was solved.
+    solution : Solution
+        What was found: the bound is that about it.
+    settings : Settings
+        What was chosen.
+    """
+    p = problem
+    known = SURE * max(p.noise.accel.white, 1e-9) * np.sqrt(p.at_rest.interval)
+    sure = replace(p.at_rest, velocity_sd=known, decorrelate=False)
+    begun = p.start.C_nb if settings.steps == "published" else solution.run.trajectory.C_nb[0]
+    found = solve(
+        p.increments, begun, p.site, p.sensors, p.rests, p.start_cov(), p.noise, first=p.first,
+        at_rest=sure, estimate=solution.states.values,
+    )  # fmt: skip
+    alone = without_prior(replace(found.estimate, prior_sd=p.prior.prior_sd))
+    vector = public(replace(solution, states=_stretched(solution.states, alone)), settings)
+    seen = vector.sd < BLIND * vector.prior_sd
+    return [float(v) if s else None for v, s in zip(vector.sd, seen, strict=True)]
+
+
+def _stretched(states: CoefficientVector, alone: Information) -> CoefficientVector:
+    """Return the bound as a covariance that is finite where nothing is seen, too."""
+    cov = np.where(np.isfinite(alone.cov), alone.cov, 0.0)
+    np.fill_diagonal(cov, np.minimum(alone.sd, 10.0 * BLIND * states.prior_sd) ** 2)
+    return replace(states, cov=cov)
+
+
+def without_prior(states: CoefficientVector) -> Information:
+    """Return what a session alone tells of its states, whatever was known of them.
+
+    Parameters
+    ----------
+    states : CoefficientVector
+        With covariance, and prior standard deviations that were not correlated [SI].
+    """
+    unit = states.prior_sd
+    assert states.cov is not None
+    told = np.linalg.inv(states.cov / np.outer(unit, unit)) - np.eye(len(unit))
+    values, vectors = np.linalg.eigh((told + told.T) / 2)
+    values = np.where(values > NOTHING, values, 0.0)
+    return Information(states.layout, (vectors * np.sqrt(values)).T / unit)

@@ -1,0 +1,226 @@
+"""From the log of a systematic calibration and what was said of it to what the filter takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.rests import measure_noise
+from foucault.diagnose.systematic.checks import Matched, match_sequence, recognised
+from foucault.diagnose.systematic.input import check_readings
+from foucault.diagnose.systematic.rests import FoundSequence, find_sequence
+from foucault.errors import Finding, error, finding
+from foucault.estimate.ins_filter import start_cov
+from foucault.estimate.systematic import AtRest
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.ins_errors import Sensors
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate.align import Alignment, align
+from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.inertial_frame import EPOCH, FEWEST
+from foucault.procedures.systematic.settings import PRIOR, Settings
+from foucault.tables import Log
+
+FloatArray = npt.NDArray[np.float64]
+
+WIDER = 3.0
+"""The alignment is from readings that the filter goes through again: its uncertainty is widened by
+so much that it hardly counts beside them, and says only where to linearise [1]."""
+
+UNKNOWN_HEADING = np.radians(20.0)
+"""The heading is no guide if the biases leave it more uncertain than this [rad]."""
+
+
+@dataclass(frozen=True)
+class SystematicProblem:
+    """What is solved.
+
+    Attributes
+    ----------
+    increments : Increments
+        The log as measured.
+    site : Site
+        Where it stood; the latitude is known.
+    sensors : Sensors
+        What is estimated.
+    rests : tuple of (int, int)
+        First and last row of each rest that is used [1].
+    numbers : ndarray of int, shape (m,)
+        Which rests of the log they are, from 0 [1].
+    found : FoundSequence
+        Rests and turns of the log.
+    matched : Matched or None
+        The log against the sequence, where one is declared.
+    start : Alignment
+        Attitude at the first rest.
+    phi_sd : ndarray, shape (3,)
+        Uncertainty of it that the filter starts with, E N U [rad].
+    prior : CoefficientVector
+        What is known of the coefficients beforehand [SI].
+    noise : ImuNoise
+        White noise [SI].
+    measured : bool
+        Whether the noise was measured in the rests.
+    at_rest : AtRest
+        What is known at rest.
+    findings : tuple of Finding
+        What was noticed.
+    """
+
+    increments: Increments
+    site: Site
+    sensors: Sensors
+    rests: tuple[tuple[int, int], ...]
+    numbers: npt.NDArray[np.int64]
+    found: FoundSequence
+    matched: Matched | None
+    start: Alignment
+    phi_sd: FloatArray
+    prior: CoefficientVector
+    noise: ImuNoise
+    measured: bool
+    at_rest: AtRest
+    findings: tuple[Finding, ...]
+
+    @property
+    def first(self) -> int:
+        """Row at whose end the filter starts."""
+        return self.rests[0][0]
+
+    def start_cov(
+        self, phi_sd: FloatArray | None = None, sd: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the covariance at the start, shape (9 + p, 9 + p) [SI].
+
+        Parameters
+        ----------
+        phi_sd : ndarray, shape (3,), or None
+            Uncertainty of the attitude; None for the one of the problem [rad].
+        sd : ndarray, shape (p,), or None
+            Standard deviations of the coefficients; None for those of the prior [SI].
+        """
+        phi = self.phi_sd if phi_sd is None else phi_sd
+        known = self.prior.prior_sd if sd is None else sd
+        rest = self.at_rest
+        return start_cov(np.diag(phi**2), rest.velocity_sd, rest.position_sd, known)
+
+
+def problem_of(
+    log: Log,
+    site: Site,
+    settings: Settings,
+    noise: ImuNoise | None,
+    given: Mapping[str, tuple[float, float]],
+) -> SystematicProblem:
+    """Find rests and turns, check them, and align.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    site : Site
+        Where it stood.
+    settings : Settings
+        What was chosen.
+    noise : ImuNoise or None
+        Noise as declared [SI]; None measures the white noise in the rests.
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    if site.latitude is None:
+        raise error("systematic.site", what="a systematic calibration")
+    found = find_sequence(log, shortest=settings.shortest)
+    numbers = np.flatnonzero(found.still)
+    if len(numbers) < 2:
+        raise error("systematic.all_move", given=len(numbers), rests=len(found.rests))
+    doubts = check_readings(log, found, site)
+    plan = settings.plan
+    matched = None if plan is None else match_sequence(found, plan)
+    told = (*doubts, *found.findings, *(() if matched is None else matched.findings))
+    rests = tuple((int(found.rests.first[k]), int(found.rests.last[k]) - 1) for k in numbers)
+    _require_updates(rests, settings, log)
+    sensors, increments = settings.sensors, increments_of(log)
+    used = noise or _measured(log, found)
+    prior = prior_of(sensors, given)
+    start, phi_sd = _aligned(increments, rests[0], site, used, prior)
+    if phi_sd[2] > WIDER * UNKNOWN_HEADING:
+        told = (*told, finding("systematic.start_heading",
+                               sd=f"{np.degrees(phi_sd[2] / WIDER):.0f}"))  # fmt: skip
+    if plan is None and (name := recognised(found)) is not None:
+        told = (*told, finding("systematic.recognised", name=name))
+    at_rest = AtRest(
+        settings.velocity_sd,
+        settings.position_sd,
+        settings.interval,
+        settings.restarts,
+        settings.turning_sd,
+    )
+    return SystematicProblem(
+        increments, site, sensors, rests, numbers, found, matched, start, phi_sd, prior, used,
+        noise is None, at_rest, told,
+    )  # fmt: skip
+
+
+def _require_updates(rests: tuple[tuple[int, int], ...], settings: Settings, log: Log) -> None:
+    """Refuse rests in which less than two measurements are made."""
+    lasts = np.array([(b - a) * log.interval for a, b in rests])
+    if lasts.min() < 2 * settings.interval:
+        raise error("systematic.interval", interval=f"{settings.interval:g}",
+                    rest=f"{lasts.min():.0f}", number=int(np.argmin(lasts)) + 1)  # fmt: skip
+
+
+def prior_of(sensors: Sensors, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+    """Return what is known of the coefficients beforehand: what is usual, but for what is given.
+
+    Parameters
+    ----------
+    sensors : Sensors
+        What is estimated.
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    names = sensors.layout.names
+    usual = {k: v for k, v in PRIOR.items() if any(n.startswith(f"{k}.") or n == k for n in names)}
+    return CoefficientVector.prior(sensors.layout, {**usual, **given})
+
+
+def _measured(log: Log, found: FoundSequence) -> ImuNoise:
+    """Return the white noise of the rests, the same for all axes of a triad."""
+    assert log.gyro is not None and log.accel is not None
+    white = [
+        float(np.sqrt(np.mean(measure_noise(x, log.interval, found.rests).psd)))
+        for x in (log.accel, log.gyro)
+    ]
+    return ImuNoise(TriadNoise(white=white[0]), TriadNoise(white=white[1]))
+
+
+def _aligned(
+    increments: Increments,
+    rest: tuple[int, int],
+    site: Site,
+    noise: ImuNoise,
+    prior: CoefficientVector,
+) -> tuple[Alignment, FloatArray]:
+    """Align over the first rest; return how far off that may be, too."""
+    assert site.latitude is not None
+    a, b = rest
+    begin, end = float(increments.time[a]), float(increments.time[b])
+    least = FEWEST * EPOCH
+    if end - begin < least:
+        raise error("systematic.first_rest", time=f"{end - begin:.1f}", least=f"{least:.0f}")
+
+    def sd(group: str) -> float:
+        return float(np.max(prior.prior_sd[prior.layout.group(group)]))
+
+    biases = sd("gyro.bias"), sd("accel.bias")
+    found = align(increments, site, start=begin, end=end, noise=noise, gyro_bias_sd=biases[0],
+                  accel_bias_sd=biases[1])  # fmt: skip
+    tilt = np.hypot(biases[1] / site.gravity, sd("accel.misalignment"))
+    level = EARTH_RATE * np.cos(site.latitude)
+    across = np.hypot(sd("gyro.misalignment"), tilt) * EARTH_RATE  # the Earth's rate, off its axis
+    heading = min(np.hypot(biases[0], across) / max(level, 1e-9), np.pi)
+    return found, WIDER * np.sqrt(np.array([tilt, tilt, heading]) ** 2 + np.diag(found.cov))

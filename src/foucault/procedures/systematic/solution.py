@@ -1,0 +1,210 @@
+"""Solve a systematic calibration, and name what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.errors import Status, error
+from foucault.estimate.ins_filter import FilterRun
+from foucault.estimate.systematic import SystematicRun, attitude_at_start, solve
+from foucault.estimate.systematic_published import second_step
+from foucault.models import imu, size_effect
+from foucault.plans.systematic_sequences import built_in
+from foucault.procedures.systematic.problem import SystematicProblem
+from foucault.procedures.systematic.settings import Settings
+
+FloatArray = npt.NDArray[np.float64]
+
+NARROWED = 30.0
+"""Later passes begin with so many times the uncertainty that the first has left [1]."""
+
+SETTLED = 0.1
+"""Passes have settled where none moves a coefficient by more than this of its uncertainty [1]."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What was found.
+
+    Attributes
+    ----------
+    run : FilterRun
+        The last pass of the filter.
+    states : CoefficientVector
+        The states that are coefficients, with covariance and prior [SI].
+    passes : tuple of ndarray, each shape (p,)
+        The same after each pass [SI].
+    status : Status
+        How the passes ended.
+    log_likelihood : float
+        Of the innovations of the last pass, but for a constant, with the prior that it began
+        with: it ranks models that fit very differently, and `deflection_choice` compares them [1].
+    """
+
+    run: FilterRun
+    states: CoefficientVector
+    passes: tuple[FloatArray, ...]
+    status: Status
+    log_likelihood: float
+
+
+def solved(p: SystematicProblem, settings: Settings) -> Solution:
+    """Filter in one step or in two.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        What is solved.
+    settings : Settings
+        What was chosen.
+    """
+    if settings.steps == "published":
+        return _published(p, settings)
+    return _joint(p, settings.passes)
+
+
+def _published(p: SystematicProblem, settings: Settings) -> Solution:
+    """Filter the first sequence without deflection, and go on with it over the others."""
+    few = settings.model_copy(update={"deflection": "none", "steps": "joint"}).sensors
+    prior = p.prior
+    at = [prior.layout.index(name) for name in few.layout.names]
+    known = CoefficientVector(few.layout, prior.values[at], prior_sd=prior.prior_sd[at])
+    part = replace(p, sensors=few, prior=known, rests=p.rests[: _first_part(p, settings)])
+    one = _joint(part, settings.passes)
+    two = second_step(
+        p.increments, p.site, SystematicRun(one.run, one.states, one.passes), p.sensors, p.rests,
+        prior, p.noise, at_rest=p.at_rest,
+    )  # fmt: skip
+    return _solution(two, replace(two.estimate, prior_sd=prior.prior_sd), one.status)
+
+
+def _joint(p: SystematicProblem, passes: int) -> Solution:
+    """Filter in one step, again and again.
+
+    A wide prior lets the filter wander far while it has seen little, and what it finds is then not
+    linear in the readings. So later passes have a prior `NARROWED` about the result before, whose
+    information is taken out again in the end.
+    """
+    found = solve(
+        p.increments, p.start.C_nb, p.site, p.sensors, p.rests, p.start_cov(), p.noise,
+        first=p.first, at_rest=p.at_rest, estimate=p.prior.values, keep=True,
+    )  # fmt: skip
+    if passes == 1:
+        return _solution(found, replace(found.estimate, prior_sd=p.prior.prior_sd),
+                         Status.CONVERGED)  # fmt: skip
+    at_first = attitude_at_start(found.run, p.start.C_nb)
+    start = at_first, np.sqrt(np.diag(found.run.attitude_cov))
+    return again(p, found.estimate, start, passes - 1)
+
+
+def again(
+    p: SystematicProblem, near: CoefficientVector, start: tuple[FloatArray, FloatArray], passes: int
+) -> Solution:
+    """Filter again, from a result that is near, until passes settle.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        What is solved.
+    near : CoefficientVector
+        The result, with covariance [SI].
+    start : (ndarray, shape (3, 3); ndarray, shape (3,))
+        Attitude at the start [1] and its uncertainty, E N U [rad].
+    passes : int, shape ()
+        Most passes [1].
+    """
+    sd = np.minimum(p.prior.prior_sd, NARROWED * near.sd)
+    phi_sd = np.minimum(p.phi_sd, NARROWED * start[1])
+    P0, C_nb, values = p.start_cov(phi_sd, sd), start[0], [near.values]
+    while True:
+        found = solve(
+            p.increments, C_nb, p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
+            at_rest=p.at_rest, estimate=values[-1], keep=True,
+        )  # fmt: skip
+        # With the prior that counts: what the session hardly shows would wander on and on without.
+        estimate = exchanged(found.estimate, (values[-1], sd), p.prior)
+        moved = float((np.abs(estimate.values - values[-1]) / estimate.sd).max())
+        values.append(estimate.values)
+        if moved < SETTLED or len(values) > passes:
+            break
+        C_nb = attitude_at_start(found.run, C_nb)
+    status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
+    return _solution(replace(found, passes=tuple(values)), estimate, status)
+
+
+def exchanged(
+    estimate: CoefficientVector, used: tuple[FloatArray, FloatArray], prior: CoefficientVector
+) -> CoefficientVector:
+    """Return an estimate with another prior than the one it was made with.
+
+    ``P^-1 = P_u^-1 - D_u + D``, ``P^-1 x = P_u^-1 x_u - D_u m_u + D m``, D the information of the
+    priors and m their means.
+
+    Parameters
+    ----------
+    estimate : CoefficientVector
+        With covariance [SI].
+    used : (ndarray, ndarray), each shape (p,)
+        Mean and standard deviation of the prior it was made with [SI].
+    prior : CoefficientVector
+        The prior it shall have: values and prior_sd [SI].
+    """
+    assert estimate.cov is not None
+    unit = estimate.sd
+    mean, sd = used
+    old, new = (unit / sd) ** 2, (unit / prior.prior_sd) ** 2
+    information = np.linalg.inv(estimate.cov / np.outer(unit, unit)) + np.diag(new - old)
+    cov = np.linalg.inv((information + information.T) / 2)
+    pull = new * (prior.values - estimate.values) - old * (mean - estimate.values)
+    values = estimate.values + unit * (cov @ (pull / unit))
+    return replace(
+        estimate, values=values, cov=cov * np.outer(unit, unit), prior_sd=prior.prior_sd
+    )  # fmt: skip
+
+
+def _first_part(p: SystematicProblem, settings: Settings) -> int:
+    """Return how many of the rests belong to the first of several sequences."""
+    if settings.actions or len(settings.sequence) < 2:
+        raise error("systematic.first_part", what="one sequence is declared")
+    moves = len(built_in(settings.sequence[0]).moves)
+    before = np.array([sum(m.after < k for m in p.found.moves) for k in p.numbers])
+    return int(np.count_nonzero(before <= moves))
+
+
+def _solution(found: SystematicRun, states: CoefficientVector, status: Status) -> Solution:
+    run = found.run
+    logs = run.innovation**2 / run.variance + np.log(run.variance)
+    return Solution(run, states, found.passes, status, float(-0.5 * np.nansum(logs)))
+
+
+def named(states: Sequence[str], deflections: Sequence[str]) -> tuple[str, ...]:
+    """Return the coefficients of the result: those that readings are compensated by, in order.
+
+    Parameters
+    ----------
+    states : sequence of str
+        What the filter estimates.
+    deflections : sequence of str
+        What its parameters of deflection become.
+    """
+    some = {*states, *deflections}
+    return tuple(name for name in (*imu.LAYOUT.names, *size_effect.LAYOUT.names) if name in some)
+
+
+def public(s: Solution, settings: Settings) -> CoefficientVector:
+    """Return the coefficients of the result [SI].
+
+    Parameters
+    ----------
+    s : Solution
+        What was found.
+    settings : Settings
+        What was chosen.
+    """
+    vector = s.states if settings.model is None else settings.model.general(s.states)
+    return vector.chosen(named(vector.names, ()))

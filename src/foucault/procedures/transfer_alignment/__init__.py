@@ -1,0 +1,271 @@
+"""Calibrate a slave IMU in motion against the better INS of its vehicle.
+
+The slave is navigated beside its master, whose messages come late. What the two say of velocity and
+attitude at the same instants shows the errors of the slave's gyros and accelerometers, how it is
+turned against its nominal mounting, and how late the messages are. Manoeuvres show it: a straight
+run hides what an S-turn or a change of speed makes plain.
+
+Tables of the result
+--------------------
+``innovations``: time; of each of velocity_east, velocity_north, velocity_up, attitude_1..3 [m/s],
+[rad] that is used the innovation and ``..._sd``; nis [1]. ``estimates``: time; of each coefficient
+of the result its value and ``..._sd`` along the run [SI]. ``undelayed``: the same, had the delay
+been ignored. ``smoothed``: time, latitude, longitude
+[rad], heading, pitch, roll of the slave, phi_east_sd, phi_north_sd, phi_up_sd [rad]. ``delayed``:
+time; what the delay is worth: heading [rad], velocity_east, velocity_north [m/s] of the slave when
+a message arrives less those when it held. ``stretches``: what the vehicle did: start, end [s], kind
+(straight, accelerated, turning), turn [rad], speed gained [m/s], and ``..._sd`` of every
+coefficient at its end [SI]. ``delay_parts``: start, end, delay, delay_sd [s], rate matching in
+parts of the log. ``gamma`` (H-infinity): time, margin, the least 1 - l P l' / gamma^2 [1].
+``likelihood``: delay [s], log_likelihood [1].
+
+References
+----------
+.. [1] Y.-C. Lim, J. Lyou, "Transfer alignment error compensator design for nonlinear measurement
+   equations with a time delay", *J. Mechanical Science and Technology* 23 (2009).
+.. [2] Zhou, Cheng, Lu, "On-line calibration of strapdown INS with delay-compensated H-infinity
+   filtering", Southeast University.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from foucault.diagnose.transfer import evidence, findings, report
+from foucault.diagnose.transfer.evidence import Evidence
+from foucault.errors import error
+from foucault.logs.master_description import MasterDescription
+from foucault.models.earth import Site
+from foucault.models.imu import EQUATION
+from foucault.models.noise import ImuNoise
+from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.transfer_alignment.foresight import foresee as foresee
+from foucault.procedures.transfer_alignment.input import heard, usable
+from foucault.procedures.transfer_alignment.log import SlaveLog
+from foucault.procedures.transfer_alignment.log import log_table as log_table
+from foucault.procedures.transfer_alignment.log import with_master as with_master
+from foucault.procedures.transfer_alignment.log import write_log as write_log
+from foucault.procedures.transfer_alignment.plan import EVALUATIONS as EVALUATIONS
+from foucault.procedures.transfer_alignment.plan import Wanted as Wanted
+from foucault.procedures.transfer_alignment.plan import space as space
+from foucault.procedures.transfer_alignment.problem import problem_of
+from foucault.procedures.transfer_alignment.session import SIMULATE as SIMULATE
+from foucault.procedures.transfer_alignment.session import Session as Session
+from foucault.procedures.transfer_alignment.session import draw_errors as draw_errors
+from foucault.procedures.transfer_alignment.session import simulate as simulate
+from foucault.procedures.transfer_alignment.settings import ASIDE
+from foucault.procedures.transfer_alignment.settings import LAYOUT as LAYOUT
+from foucault.procedures.transfer_alignment.settings import NOISE as NOISE
+from foucault.procedures.transfer_alignment.settings import NOISE_LINES as NOISE_LINES
+from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR_LINES
+from foucault.procedures.transfer_alignment.settings import Settings as Settings
+from foucault.procedures.transfer_alignment.solution import Solution, solved
+from foucault.result import Result, TableData, Verdict, provenance
+from foucault.tables import Log
+
+Master = MasterDescription
+
+FRAME = "axes of the slave: right, forward, up as it is mounted nominally"
+GAUGE = "b is the case of the slave; its axes are taken to be at right angles"
+
+
+def names_of(settings: Settings) -> tuple[str, ...]:
+    """Return the coefficients of the result.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    """
+    return (*settings.sensors.layout.names, *settings.beside)
+
+
+def calibrate(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings | None = None,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    instrument: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Calibrate a slave against its master.
+
+    Parameters
+    ----------
+    log : SlaveLog
+        Readings of the slave beside what its master said [SI].
+    site : Site
+        Gravity, and the latitude where the master does not say it.
+    settings : Settings or None
+        What can be chosen; None takes the defaults.
+    noise : ImuNoise or None
+        Noise of the slave [SI]; None takes that of a tactical instrument.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    instrument : mapping or None
+        Name, serial and so on, kept in the result.
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    Result
+        Errors of the sensors, installation and delay with covariance, checks and a verdict [SI].
+        What is no error of a sensor is not applied to readings.
+
+    Raises
+    ------
+    FoucaultError
+        ``transfer.*``: no master, nothing in common, a delay or a gamma that cannot be.
+    """
+    started = clock.monotonic()
+    result = _calibrate(log, site, settings or Settings(), noise, prior or {}, progress, shown=True)
+    progress(1.0, "done")
+    seconds = clock.monotonic() - started
+    return replace(result, instrument=dict(instrument or {}),
+                   provenance=provenance(log.source, seconds))  # fmt: skip
+
+
+def trial(
+    log: Log,
+    *,
+    site: Site,
+    settings: Settings,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> Result:
+    """Calibrate without what only a report shows: one trial of many.
+
+    Parameters
+    ----------
+    log : SlaveLog
+        Readings of the slave beside what its master said [SI].
+    site : Site
+        Gravity, and the latitude where the master does not say it.
+    settings : Settings
+        What was chosen.
+    noise : ImuNoise or None
+        Noise of the slave [SI].
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    return _calibrate(log, site, settings, noise, prior or {}, silent, shown=False)
+
+
+def _calibrate(
+    log: Log, site: Site, settings: Settings, noise: ImuNoise | None,
+    given: Mapping[str, tuple[float, float]], progress: Progress, *, shown: bool,
+) -> Result:  # fmt: skip
+    if not isinstance(log, SlaveLog):
+        raise error("transfer.no_master")
+    log = usable(log)
+    progress(0.1, "matching what both turned")
+    settings, silence = heard(log.messages, settings)
+    problem = problem_of(log, site, settings, noise, given)
+    progress(0.3, "filtering")
+    s = solved(problem, history=shown)
+    p = s.problem
+    e = Evidence(
+        p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
+        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, ASIDE,
+    )  # fmt: skip
+    checks = evidence.checks(e)
+    told = findings.findings(e, problem.findings, s.findings)
+    tables: dict[str, TableData] = {}
+    if shown:
+        progress(0.7, "looking at what was found")
+        undelayed = None
+        if settings.delay != "none":
+            ignored = settings.model_copy(update={"delay": "none", "gamma": None})
+            undelayed = solved(problem_of(log, site, ignored, noise, given), history=False).found
+        tables = report.tables(e, s.backward, undelayed)
+    return Result(
+        procedure="transfer_alignment",
+        coefficients=s.states,
+        equation=EQUATION,
+        frame=FRAME,
+        gauge=GAUGE,
+        verdict=Verdict.of(checks),
+        checks=checks,
+        findings=(*log.findings, *silence, *told),
+        status=s.status,
+        site=site.as_dict(),
+        validity=_validity(log),
+        diagnostics={"start": float(log.time[0])} | _diagnostics(log, s, e),
+        tables=tables,
+    )
+
+
+def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
+    p, settings = s.problem, s.problem.settings
+    return {
+        "gravity": p.site.gravity,
+        "matching": settings.matching,
+        "filter": _filter(s),
+        "noise": {"accel": p.slave.noise.accel.white, "gyro": p.slave.noise.gyro.white},
+        "delay": _delay(s),
+        "hand_over": {"place": "master" if log.messages.has_place else "site"}
+        | report.hand_over(s.handed, p.slave.increments),
+        "passes": {"names": list(s.found.free.layout.names[9:]),
+                   "values": [x.tolist() for x in s.found.passes]},
+        "log_likelihood": s.found.run.log_likelihood,
+        "messages": {"used": int(s.found.free.used.sum()), "logged": len(p.master)},
+        "innovations": evidence.spread(e),
+        "mounting": report.mounting(settings.mount, s.states),
+        "beside": [r for r in s.states.rows() if r["name"] in settings.beside],
+        "unseen": report.unseen(settings.mount, misalignments=settings.misalignments),
+    }  # fmt: skip
+
+
+def _filter(s: Solution) -> dict[str, Any]:
+    settings, finite = s.problem.settings, np.isfinite(s.gamma)
+    return {
+        "name": settings.filter,
+        "gamma": s.gamma if finite else None,
+        "least_gamma": s.least if finite else None,
+        "wanted": settings.wanted if finite else None,
+        "velocity_sd": settings.velocity_sd,
+        "attitude_sd": settings.attitude_sd,
+        "attitude_form": settings.attitude_form,
+        "shift": settings.shift,
+        "load": settings.load,
+        "flexure_sd": settings.flexure_sd,
+        "flexure_time": settings.flexure_time,
+        "wander": settings.wander,
+        "states": len(s.found.free.layout),
+    }
+
+
+def _delay(s: Solution) -> dict[str, Any]:
+    """Say where the delay is from: of each method value and standard deviation [s]."""
+    p, out = s.problem, {"method": s.problem.settings.delay, "used": s.problem.prior.delay}
+    if p.settings.estimates_delay:
+        found = s.states["master.delay"]
+        out |= {"method": p.settings.delay_method, "started": p.prior.delay,
+                "used": float(found.values[0]), "sd": float(found.sd[0])}  # fmt: skip
+    if p.delay is not None:
+        out["rate_matching"] = {"value": p.delay.delay, "sd": p.delay.delay_sd,
+                                "drift": p.delay.drift, "drift_sd": p.delay.drift_sd}  # fmt: skip
+    if s.fit is not None:
+        out["likelihood"] = {"value": s.fit.delay, "sd": s.fit.sd}
+    return out
+
+
+def _validity(log: Log) -> dict[str, Any]:
+    """Return the ranges that the run covered: outside them the result is extrapolated."""
+    assert log.gyro is not None
+    assert log.accel is not None
+    out: dict[str, Any] = {"sampled": log.sampled, "rate": log.rate}
+    for name, x in (("accel", log.accel), ("gyro", log.gyro)):
+        out[name] = [float(x.min()), float(x.max())]
+    if log.temperature is not None:
+        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
+        out["temperature_mean"] = float(log.temperature.mean())
+    return out

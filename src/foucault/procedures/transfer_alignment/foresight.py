@@ -1,0 +1,272 @@
+"""What a planned motion will show of a slave, said before it is flown.
+
+A slave without errors is navigated beside a master without noise; the covariance of the filter, of
+the noise that is expected, is then that of the result, whatever the errors will be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.foresight import Extra, Foresight
+from foucault.diagnose.information import largest_shares, terms
+from foucault.diagnose.transfer.evidence import HARDLY
+from foucault.diagnose.transfer.findings import WANTED
+from foucault.errors import Finding, finding
+from foucault.estimate.linear_filter import kalman
+from foucault.estimate.transfer_outage import after_outage
+from foucault.estimate.transfer_system import Free, free_run
+from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.plans.manoeuvres import Accelerate, Segment, Straight, STurn, Turn
+from foucault.plans.transfer_profiles import TransferProfile
+from foucault.procedures.transfer_alignment.problem import (
+    TransferProblem,
+    assumed_noise,
+    problem_of,
+)
+from foucault.procedures.transfer_alignment.session import Session, moved, simulate_motion
+from foucault.procedures.transfer_alignment.settings import ASIDE, NOISE, Settings
+
+FloatArray = npt.NDArray[np.float64]
+
+RATE = 50.0
+"""Samples in a second that a covariance takes [Hz]."""
+
+TIED = 0.5
+"""Errors that are less correlated are not named [1]."""
+
+MOST = 3
+"""So many combinations are named [1]."""
+
+_DEG = np.pi / 180.0
+
+AHEAD = (0.0, 90 * _DEG, 180 * _DEG, 270 * _DEG)
+"""Turns with which an outage may begin: straight on, no manoeuvre before it is worth much [rad]."""
+
+
+def manoeuvres(speed: float) -> dict[str, tuple[Segment, ...]]:
+    """Return what may be added to a motion, each half a minute, by name.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the vehicle [m/s].
+    """
+    return {
+        "straight on": (Straight(30.0),),
+        "an S-turn of 40 deg": (STurn(40 * _DEG, 30.0),),
+        "faster by a fifth and back": (Accelerate(1.2 * speed, 15.0), Accelerate(speed, 15.0)),
+        "a turn of 90 deg": (Turn(90 * _DEG, 30.0),),
+    }
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What one motion shows.
+
+    Attributes
+    ----------
+    name : str
+        The motion.
+    time : float
+        How long it takes [s].
+    vector : CoefficientVector
+        Coefficients at zero with the covariance that they will have, and sds of the prior [SI].
+    position : float
+        What all errors will make of the horizontal position after the outage of the settings:
+        root mean square over the headings of `AHEAD` [m].
+    """
+
+    name: str
+    time: float
+    vector: CoefficientVector
+    position: float
+
+
+def foresee(
+    settings: Settings,
+    *,
+    session: Session,
+    site: Site,
+    noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> Foresight:
+    """Return what the motion of a session will show, and what a manoeuvre more would.
+
+    Parameters
+    ----------
+    settings : Settings
+        What will be chosen.
+    session : Session
+        What the vehicle will do, and how its messages come.
+    site : Site
+        Where it begins: the latitude.
+    noise : ImuNoise or None
+        Noise of the slave [SI]; None takes that of a tactical instrument.
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    plan = moved(replace(session.motion, outage=()), site)
+    known = (settings, session, site, noise, prior or {})
+    now = shown(plan, *known)
+    more = []
+    for name, segments in manoeuvres(_speed_at_end(plan)).items():
+        then = shown(replace(plan, calibration=(*plan.calibration, *segments)), *known)
+        more.append(Extra.of(name, then.time - now.time, now.vector.names,
+                             then.vector.sd / now.vector.sd))  # fmt: skip
+    return _judged(now, tuple(more), [] if noise else [assumed_noise()])
+
+
+def _speed_at_end(plan: TransferProfile) -> float:
+    speeds = [s.speed for s in plan.calibration if isinstance(s, Accelerate)]
+    return float(speeds[-1] if speeds else plan.start.speed)
+
+
+def per_manoeuvre(
+    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[Shown, ...]:  # fmt: skip
+    """Return what a straight run shows, and one of the same length with each of the manoeuvres.
+
+    Parameters
+    ----------
+    settings : Settings
+        What will be chosen.
+    session : Session
+        Where the vehicle begins, how fast, for how long, and how its messages come.
+    site : Site
+        Where it begins: the latitude.
+    noise : ImuNoise or None
+        Noise of the slave [SI].
+    prior : mapping of str to (float, float) or None
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    plan = moved(replace(session.motion, outage=()), site)
+    out = []
+    for name, segments in manoeuvres(float(plan.start.speed)).items():
+        rest = plan.hand_over - sum(segment.time for segment in segments)
+        half = Straight(rest / 2)
+        one = replace(plan, name=name, calibration=(half, *segments, half))
+        out.append(shown(one, settings, session, site, noise, prior or {}))
+    return tuple(out)
+
+
+def free_of(
+    plan: TransferProfile, settings: Settings, session: Session, site: Site,
+    noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]], *, rate: float,
+) -> tuple[TransferProblem, Free]:  # fmt: skip
+    """Return a slave without errors beside a master without noise on a motion.
+
+    Parameters
+    ----------
+    plan : TransferProfile
+        The motion.
+    settings : Settings
+        What will be chosen.
+    session : Session
+        How messages come.
+    site : Site
+        Where it begins.
+    noise : ImuNoise or None
+        Noise of the slave [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    rate : float, shape ()
+        Samples of the slave in a second [Hz].
+    """
+    quiet = Session(
+        rate=rate, message_rate=session.message_rate, message_delay=session.message_delay,
+        master_velocity_sd=0.0, master_attitude_sd=0.0, installation_sd=0.0,
+    )  # fmt: skip
+    made = simulate_motion(plan, quiet, settings, ImuModel(), ImuNoise(), 0)
+    about = settings.model_copy(update={"delay_method": "state"})
+    zero = {name: (0.0, sd) for name, (_, sd) in prior.items()}
+    p = problem_of(made.log, site, about, noise or NOISE, zero, match=False)
+    p = p.with_delay(made.delay)
+    free = free_run(p.slave, p.master, settings.mount, settings.matched, p.prior, p.prior, p.sd)
+    return p, free
+
+
+def shown(
+    plan: TransferProfile, settings: Settings, session: Session, site: Site,
+    noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]], *, rate: float = RATE,
+) -> Shown:  # fmt: skip
+    """Return the covariance that a motion leaves.
+
+    Parameters
+    ----------
+    plan : TransferProfile
+        The motion.
+    settings : Settings
+        What will be chosen.
+    session : Session
+        How messages come.
+    site : Site
+        Where it begins.
+    noise : ImuNoise or None
+        Noise of the slave [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    rate : float, shape ()
+        Samples of the slave in a second [Hz].
+    """
+    p, free = free_of(plan, settings, session, site, noise, prior, rate=rate)
+    cov = kalman(free.system).cov
+    at = [free.layout.index(name) for name in p.vector.names]
+    vector = replace(p.vector, values=np.zeros(len(at)), cov=cov[np.ix_(at, at)])
+    ahead = np.array([after_outage(free, settings.sensors, settings.outage, turn=turn)
+                      for turn in AHEAD])  # fmt: skip
+    # Where it is is what the master says: of the position at the hand-over nothing is counted.
+    ahead[:, :, 6:9] = 0.0
+    squares = np.einsum("tij,jk,tik->t", ahead, cov, ahead)
+    return Shown(plan.name, plan.hand_over, vector, float(np.sqrt(squares.mean())))
+
+
+def _judged(now: Shown, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:
+    vector = now.vector
+    assert vector.cov is not None
+    ratio = vector.sd / vector.prior_sd
+    hardly = tuple(n for n, r in zip(vector.names, ratio, strict=True)
+                   if r > HARDLY and not n.startswith(ASIDE))  # fmt: skip
+    # Combinations of the coefficients, their priors as units.
+    left, ways = np.linalg.eigh(vector.cov / np.outer(vector.prior_sd, vector.prior_sd))
+    left = np.sqrt(np.maximum(left, 0.0))
+    words = [f"{terms(largest_shares(vector.layout, w))}: known to {a:.2g} of the prior"
+             for a, w in zip(left[::-1], ways.T[::-1], strict=True)]  # fmt: skip
+    lost = int(np.sum(left > HARDLY))
+    if hardly:
+        groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in hardly)]
+        told.append(finding("transfer.unseen", names=", ".join(hardly),
+                            wanted="; ".join(WANTED[g] for g in groups)))  # fmt: skip
+    return Foresight(
+        coefficients=vector,
+        linearised_at="a slave without errors",
+        plan=now.name,
+        duration=now.time,
+        states=len(vector),
+        rank=len(vector) - lost,
+        smallest=float(left.min()),
+        hardly=hardly,
+        unseen=tuple(words[:lost]),
+        remaining=tuple(words[lost : lost + MOST]),
+        correlated=_correlated(vector),
+        more=more,
+        findings=tuple(told),
+    )
+
+
+def _correlated(vector: CoefficientVector) -> tuple[tuple[str, str, float], ...]:
+    assert vector.cov is not None
+    rho = vector.cov / np.outer(vector.sd, vector.sd)
+    first, second = np.triu_indices(len(vector), 1)
+    order = np.argsort(-np.abs(rho[first, second]))
+    pairs = [(int(first[k]), int(second[k])) for k in order[:MOST]]
+    return tuple((vector.names[i], vector.names[j], float(rho[i, j])) for i, j in pairs
+                 if abs(rho[i, j]) > TIED)  # fmt: skip

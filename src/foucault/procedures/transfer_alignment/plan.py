@@ -1,0 +1,208 @@
+"""What a better motion before the hand-over may do, and the space in which it is sought."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from foucault.errors import error
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise
+from foucault.plans.transfer_moves import Flyable
+from foucault.plans.transfer_profiles import TransferProfile
+from foucault.plans.transfer_search import POSITION, TransferSpace
+from foucault.plans.weights import weights_of
+from foucault.procedures.transfer_alignment.foresight import Shown, shown
+from foucault.procedures.transfer_alignment.session import Session, moved
+from foucault.procedures.transfer_alignment.settings import Settings
+from foucault.units import Quantity
+
+FloatArray = npt.NDArray[np.float64]
+
+EVALUATIONS = 200
+"""Plans that a restart judges: each is a run of the filter [1]."""
+
+RATE, MESSAGES = 10.0, 2.0
+"""Samples and messages in a second that a search reckons with [Hz]."""
+
+ELSEWHERE = np.radians(60.0)
+
+HERE = "the site"
+OTHERS = ("turned by 90 deg", "latitude 60 deg")
+"""Where a plan found is compared, and what else is changed there."""
+
+FASTER = 0.2
+"""Part of the speed at the start by which it may be left, where nothing is said [1]."""
+
+
+class Wanted(BaseModel):
+    """What a better motion may do."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    aim: Literal["coefficients", "position"] = Field(
+        default="coefficients",
+        description="What is to be known best: coefficients, or the position after the outage.",
+    )
+    total: Annotated[float, Quantity("time")] | None = Field(
+        default=None, gt=0, examples=["4 min"],
+        description="Time until the hand-over; left out, that of the motion to beat.",
+    )  # fmt: skip
+    most: int = Field(
+        default=8, ge=1, le=40, description="Most manoeuvres, straight runs among them."
+    )
+    shortest: Annotated[float, Quantity("time")] = Field(
+        default=8.0, ge=1, description="Shortest manoeuvre."
+    )
+    slowest: Annotated[float, Quantity("velocity")] | None = Field(
+        default=None, gt=0, examples=["40 m/s"],
+        description="Lowest speed; left out, a fifth below that at the start.",
+    )  # fmt: skip
+    fastest: Annotated[float, Quantity("velocity")] | None = Field(
+        default=None, gt=0, examples=["55 m/s"],
+        description="Highest speed; left out, a fifth above that at the start.",
+    )  # fmt: skip
+    bank: Annotated[float, Quantity("angle")] = Field(
+        default=float(np.radians(45.0)), gt=0, lt=1.4,
+        description="Largest angle of bank; of a flat turn, of the force that is felt sideways.",
+    )  # fmt: skip
+    acceleration: Annotated[float, Quantity("specific force")] = Field(
+        default=0.15 * 9.80665, gt=0, description="Largest acceleration along the path."
+    )
+    climb: Annotated[float, Quantity("angle")] = Field(
+        default=float(np.radians(8.0)), ge=0, lt=1.4,
+        description="Largest angle of climb; 0 for a vehicle that does not.",
+    )  # fmt: skip
+    height: Annotated[float, Quantity("length")] = Field(
+        default=100.0, ge=0, description="How far above and below the start it may go."
+    )
+    flat: bool = Field(default=False, description="Whether it turns without rolling, as ships do.")
+    weights: dict[str, float] = Field(
+        default={}, examples=[{"gyro.bias": 3.0, "accel": 0.0}],
+        description="How much coefficients or groups of them count; 1 if left out.",
+    )  # fmt: skip
+
+
+@dataclass
+class Stated:
+    """What a calibration on a motion would state.
+
+    Attributes
+    ----------
+    settings : Settings
+        What was chosen.
+    session : Session
+        How messages come.
+    site : Site
+        Where it begins.
+    noise : ImuNoise or None
+        Noise of the slave [SI].
+    prior : mapping of str to (float, float)
+        What is known beforehand [SI].
+    _kept : dict of str to ndarray, each shape (p,)
+        What was stated before [SI].
+    """
+
+    settings: Settings
+    session: Session
+    site: Site
+    noise: ImuNoise | None
+    prior: Mapping[str, tuple[float, float]]
+    _kept: dict[str, FloatArray] = field(default_factory=dict, repr=False)
+
+    def __call__(self, motion: TransferProfile, case: str) -> FloatArray:
+        """Return the sd of every coefficient and of the position, shape (p,) [SI]."""
+        key = f"{case} {motion.calibration}"
+        if key not in self._kept:
+            if case == OTHERS[0]:
+                start = replace(motion.start, heading=motion.start.heading + np.pi / 2)
+                motion = replace(motion, start=start)
+            elif case == OTHERS[1]:
+                motion = replace(motion, start=replace(motion.start, latitude=ELSEWHERE))
+            self._kept[key] = _all(self.shown(motion))
+        return self._kept[key]
+
+    def shown(self, motion: TransferProfile) -> Shown:
+        """Return what a motion shows by all its messages."""
+        return shown(motion, self.settings, self.session, self.site, self.noise, self.prior)
+
+    def quick(self, motion: TransferProfile) -> FloatArray:
+        """Return the same by fewer messages, each as good as those that it stands for."""
+        few = self.session.message_rate / MESSAGES
+        settings = self.settings.model_copy(update={
+            "velocity_sd": self.settings.velocity_sd / np.sqrt(few),
+            "attitude_sd": self.settings.attitude_sd / np.sqrt(few),
+        })  # fmt: skip
+        session = self.session.model_copy(update={"message_rate": MESSAGES})
+        return _all(shown(motion, settings, session, self.site, self.noise, self.prior, rate=RATE))
+
+
+def _all(found: Shown) -> FloatArray:
+    return np.append(found.vector.sd, found.position)
+
+
+def space(
+    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
+    prior: Mapping[str, tuple[float, float]],
+) -> TransferSpace:  # fmt: skip
+    """Return the motions that are allowed; the one to beat is the campaign's.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen of the procedure.
+    wanted : Wanted
+        What the vehicle may do, and what is to be known best.
+    session : Session
+        Motion to beat, and how messages come.
+    site : Site
+        Where it begins.
+    noise : ImuNoise or None
+        Noise of the slave [SI].
+    prior : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    reference = moved(replace(session.motion, outage=()), site)
+    stated = Stated(settings, session, site, noise, prior)
+    vector = stated.shown(reference).vector
+    weights = weights_of(vector.layout, wanted.weights)
+    aims = wanted.aim == "position"
+    return TransferSpace(
+        allowed=_allowed(wanted, reference),
+        names=(*vector.names, POSITION),
+        kinds=(*(c.kind for c in vector.layout.coefficients), "length"),
+        weights=np.append(0.0 * weights if aims else weights, float(aims)),
+        prior_sd=np.append(vector.prior_sd, np.inf),
+        reference=reference,
+        cases=(HERE, *OTHERS),
+        quick=stated.quick,
+        stated=stated,
+    )
+
+
+def _allowed(wanted: Wanted, reference: TransferProfile) -> Flyable:
+    begun, total = float(reference.start.speed), wanted.total or reference.hand_over
+    out = Flyable(
+        start=replace(reference, calibration=()),
+        total=int(total),
+        most=wanted.most,
+        shortest=int(np.ceil(wanted.shortest)),
+        slowest=(1.0 - FASTER) * begun if wanted.slowest is None else wanted.slowest,
+        fastest=(1.0 + FASTER) * begun if wanted.fastest is None else wanted.fastest,
+        bank=wanted.bank,
+        acceleration=wanted.acceleration,
+        climb=wanted.climb,
+        height=wanted.height,
+        flat=wanted.flat,
+    )
+    if not out.slowest <= begun <= out.fastest:
+        raise error("transfer_plan.speed", given=f"{begun:g}", slowest=f"{out.slowest:g}",
+                    fastest=f"{out.fastest:g}")  # fmt: skip
+    if out.total < (out.most + 1) * out.shortest:
+        raise error("transfer_plan.short", total=out.total, most=out.most, shortest=out.shortest)
+    return out

@@ -1,0 +1,320 @@
+"""From a slave's log, its master's table and what was said of both to what the filter takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.transfer import delay as delay_checks
+from foucault.diagnose.transfer.forces import forces
+from foucault.diagnose.transfer.turns import turning
+from foucault.errors import Finding, error, finding
+from foucault.estimate.delay import Delay, delay_of
+from foucault.estimate.transfer_measured import Known, Slave
+from foucault.models.earth import Site, earth_rate_n, gravity, transport_rate
+from foucault.models.geodesy import displaced
+from foucault.models.layouts import BESIDE
+from foucault.models.master import MasterTable
+from foucault.models.noise import ImuNoise
+from foucault.models.rotation import exp
+from foucault.models.transfer import LIVELY, Messages, states_of_transfer
+from foucault.navigate.increments import Increments
+from foucault.navigate.state import State
+from foucault.procedures.transfer_alignment.input import BEYOND, common, even, placed
+from foucault.procedures.transfer_alignment.log import SlaveLog
+from foucault.procedures.transfer_alignment.settings import NOISE, PRIOR, Settings
+from foucault.units import convert, plain
+
+FloatArray = npt.NDArray[np.float64]
+
+MINOR = {"transfer.noise", "strapdown.bridged", "delay.wild", "delay.wanders"}
+"""What leaves forces to be compared with accelerations all the same."""
+
+DRIFTS = 5.0
+"""A drift of the clocks of so many standard deviations is taken out [1]."""
+
+DRIFTED = 1e-4
+"""If it makes so much over the log [s]."""
+
+DIFFERS = 1e-3
+"""A delay that was given is told to be wrong if it is by so much [s]."""
+
+WIDER = 5.0
+"""The start attitude is that of the master with the nominal mounting: its error is that of the
+mounting. The filter takes the two as independent; so many times as uncertain as it is, the start
+tells nothing of the mounting that the first messages do not [1]."""
+
+PLACE_SD = 1.0
+"""How well the position at the start is known; it hardly matters [m]."""
+
+
+@dataclass(frozen=True)
+class TransferProblem:
+    """What is solved.
+
+    Attributes
+    ----------
+    slave : Slave
+        The slave's log, and what is estimated of it.
+    master : Messages
+        What the master said, by the slave's clock as far as that is known.
+    table : MasterTable
+        The same with positions.
+    settings : Settings
+        What was chosen.
+    site : Site
+        Where it begins, for gravity.
+    prior : Known
+        What was known beforehand: one copy of the master's state at the start.
+    sd : ndarray, shape (n,)
+        How well, for every state of the filter [SI].
+    vector : CoefficientVector
+        What was known of the coefficients and of what is found besides [SI].
+    hand_over : float
+        When the slave goes on alone [s].
+    delay : Delay or None
+        What rate matching has found, where the delay starts from it or is checked by it.
+    findings : tuple of Finding
+        What was noticed.
+    """
+
+    slave: Slave
+    master: Messages
+    table: MasterTable
+    settings: Settings
+    site: Site
+    prior: Known
+    sd: FloatArray
+    vector: CoefficientVector
+    hand_over: float
+    delay: Delay | None
+    findings: tuple[Finding, ...]
+
+    def loose(self, seconds: float) -> FloatArray:
+        """Return `sd` if the start is known so much too early or too late, shape (n,) [SI].
+
+        Parameters
+        ----------
+        seconds : float
+            Standard deviation of the delay [s].
+        """
+        first, x = self.slave.first, self.slave.increments
+        C_ns = self.prior.state.C_nb
+        f_n = C_ns @ x.dvel_b[first] / x.dt[first] - [0.0, 0.0, 9.80665]
+        rates = np.concatenate([C_ns @ x.dtheta_b[first] / x.dt[first], f_n])
+        out = self.sd.copy()
+        out[:6] = np.hypot(out[:6], seconds * rates)
+        return out
+
+    def with_delay(self, delay: float) -> TransferProblem:
+        """Return the problem with another delay known beforehand.
+
+        Parameters
+        ----------
+        delay : float
+            The delay [s].
+        """
+        first, state = _start(self.slave.increments, self.table, self.master, delay, self.settings)
+        slave, prior = replace(self.slave, first=first), replace(self.prior, delay=delay)
+        return replace(self, slave=slave, prior=replace(prior, state=state))
+
+
+def problem_of(
+    log: SlaveLog,
+    site: Site,
+    settings: Settings,
+    noise: ImuNoise | None,
+    given: Mapping[str, tuple[float, float]],
+    *,
+    match: bool = True,
+) -> TransferProblem:
+    """Bring both to one clock, find the delay to start from, and the state at the start.
+
+    Parameters
+    ----------
+    log : SlaveLog
+        Readings of the slave beside what its master said [SI].
+    site : Site
+        Gravity, and the latitude where the master does not say it.
+    settings : Settings
+        What was chosen.
+    noise : ImuNoise or None
+        Noise of the slave [SI]; None takes that of a tactical instrument.
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    match : bool
+        Whether what both turned is compared; a simulated session without errors need not be.
+    """
+    hand_over, table, increments = common(log, even(placed(log.messages, site)), settings)
+    said, told = table.messages, [*([] if noise else [assumed_noise()]), *increments.findings]
+    attitudes = match and (settings.matching != "velocity" or settings.estimates_delay)
+    matched = _matched(increments, table, said, settings) if attitudes else None
+    if matched is not None and matched.wild.any():
+        table = table[~_wild(matched)]
+        said = table.messages
+    bracket = (-BEYOND, settings.longest_delay + BEYOND)
+    told += turning(increments, said, matched, settings.C_ms, bracket) if attitudes else []
+    if match and settings.matching != "attitude" and {f.code for f in told} <= MINOR:
+        told += forces(increments, said, matched, settings.C_ms)
+    drifting: list[Finding] = []
+    if matched is not None and matched.seen:
+        told += delay_checks.of_wandering(matched)
+        if "delay.wanders" not in {f.code for f in told}:
+            said, drifting = _one_clock(said, matched)
+    start = settings.known_delay
+    if settings.estimates_delay:
+        start = settings.longest_delay / 2
+        if settings.delay_method == "rate matching":
+            if matched is None:
+                raise error("transfer.no_delay")
+            if matched.seen:
+                later = float(np.mean(said.time)) - matched.middle
+                start = matched.delay + (matched.drift * later if drifting else 0.0)
+    elif matched is not None and matched.seen:
+        told += _differs(settings, matched)
+    vector = _known(settings, given)
+    p = len(settings.sensors)
+    slave = Slave(increments, settings.sensors, noise or NOISE, 0, _anomaly(site, table))
+    first, state = _start(increments, table, said, start, settings)
+    at = [vector.layout.index(f"installation.{a}") for a in "xyz"]
+    known = Known(state, vector.values[:p], vector.values[at], start)
+    return TransferProblem(
+        replace(slave, first=first), said, table, settings, site, known, _sd(settings, vector),
+        vector, hand_over, matched, (*told, *drifting),
+    )  # fmt: skip
+
+
+def _differs(settings: Settings, found: Delay) -> list[Finding]:
+    """Say so where the delay that was given is not the one that is found."""
+    off = abs(found.delay - settings.known_delay)
+    if off < max(DRIFTS * found.delay_sd, DIFFERS):
+        return []
+    given, delay, sd = (f"{1e3 * x:.1f}" for x in (settings.known_delay, found.delay,
+                                                   found.delay_sd))  # fmt: skip
+    return [finding("transfer.delay_differs", given=given, found=delay, sd=sd)]
+
+
+def _matched(
+    increments: Increments, table: MasterTable, said: Messages, settings: Settings
+) -> Delay | None:
+    """Match what both turned."""
+    assert table.latitude is not None
+    assert table.height is not None
+    turning = earth_rate_n(table.latitude) + transport_rate(
+        table.latitude, table.height, table.velocity_n
+    )
+    bracket = (-BEYOND, settings.longest_delay + BEYOND)
+    return delay_of(increments, said.time, said.C_nm, w_in_n=turning, C_ms=settings.C_ms,
+                    bracket=bracket)  # fmt: skip
+
+
+def _wild(found: Delay) -> npt.NDArray[np.bool_]:
+    """Return the messages whose attitude no neighbour leads to, shape (k,)."""
+    before, after = np.append(found.wild[0], found.wild), np.append(found.wild, found.wild[-1])
+    return np.asarray(before & after)
+
+
+def _one_clock(said: Messages, found: Delay) -> tuple[Messages, list[Finding]]:
+    """Take out a drift of the clocks, if there is one."""
+    total = found.drift * float(said.time[-1] - said.time[0])
+    if not abs(found.drift) > DRIFTS * found.drift_sd or not abs(total) > DRIFTED:
+        return said, []
+    # About the middle of the messages: the delay of the result is the mean one.
+    time = said.time - found.drift * (said.time - float(np.mean(said.time)))
+    told = finding("transfer.drift", rate=f"{found.drift * 1e6:+.1f}",
+                   sd=f"{found.drift_sd * 1e6:.1g}", total=f"{total * 1e3:+.1f}")  # fmt: skip
+    return replace(said, time=time), [told]
+
+
+def assumed_noise() -> Finding:
+    """Say which noise was taken where none was stated."""
+    return finding(
+        "transfer.noise",
+        gyro=plain(convert(NOISE.gyro.white, "angle random walk", "deg/sqrt(h)"), 2),
+        accel=plain(convert(NOISE.accel.white, "velocity random walk", "ug/sqrt(Hz)"), 2),
+    )
+
+
+def _known(settings: Settings, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+    """Return what was known of the coefficients, and of what is found besides."""
+    layout = type(BESIDE)(
+        (*settings.sensors.layout.coefficients, *BESIDE.subset(settings.beside).coefficients)
+    )
+    usual = {k: v for k, v in PRIOR.items() if any(n.startswith(f"{k}.") for n in layout.names)}
+    if settings.estimates_delay:
+        middle = settings.longest_delay / 2
+        usual["master.delay"] = middle, settings.longest_delay / np.sqrt(12.0)
+    return CoefficientVector.prior(layout, {**usual, **given})
+
+
+def _anomaly(site: Site, table: MasterTable) -> float:
+    """Return by how much gravity differs from the normal one [m/s^2]."""
+    if site.latitude is not None:
+        return site.gravity - gravity(site.latitude, site.height)
+    assert table.latitude is not None
+    assert table.height is not None
+    return site.gravity - gravity(float(table.latitude[0]), float(table.height[0]))
+
+
+def _sd(settings: Settings, vector: CoefficientVector) -> FloatArray:
+    """Return how well every state is known: phi, velocity, position, then the others [SI]."""
+    mount, p = settings.mount, len(settings.sensors)
+    layout = states_of_transfer(settings.sensors, mount, settings.matched)
+    sd = np.empty(len(layout))
+    mu_sd = float(np.max(vector["installation"].prior_sd))
+    bends = [mount.flexure_sd]
+    if mount.load:
+        bends.append(0.3 * float(np.max(vector["load"].prior_sd)))  # at the start, by 0.3 g
+    sd[0:3] = np.sqrt(settings.attitude_sd**2 + mu_sd**2 + np.sum(np.square(bends)))
+    if settings.matching != "velocity":
+        sd[0:3] *= WIDER
+    sd[3:6], sd[6:9] = settings.velocity_sd, PLACE_SD
+    sd[9 : 9 + p] = vector.prior_sd[:p]
+    for name in settings.beside:
+        sd[layout.index(name)] = vector.prior_sd[vector.layout.index(name)]
+    if mount.flexure_sd > 0:
+        sd[layout.group("flexure")] = mount.flexure_sd
+        sd[layout.group("flexure_rate")] = mount.flexure_sd * LIVELY / mount.flexure_time
+    return sd
+
+
+def _start(
+    increments: Increments, table: MasterTable, said: Messages, delay: float, settings: Settings
+) -> tuple[int, State]:
+    """Return the row next to the first message inside the log, and the slave's state there."""
+    time, valid = increments.time, said.time - delay
+    k = int(np.searchsorted(valid, time[1]))
+    row = increments.row_at(float(valid[k]))
+    ahead = float(time[row] - valid[k])
+    w = increments.dtheta_b[row] / increments.dt[row]
+    f = increments.dvel_b[row] / increments.dt[row]
+    C_ms, lever = settings.C_ms, settings.mount.lever_m
+    C_nm = said.C_nm[k] @ exp(C_ms @ w * ahead)
+    pull = said.C_nm[k] @ C_ms @ f - [0.0, 0.0, 9.80665]
+    v = said.velocity_n[k] + pull * ahead + C_nm @ np.cross(C_ms @ w, lever)
+    place = place_of(table, k, lever)
+    return row, State(*place, v, C_nm @ C_ms)
+
+
+def place_of(table: MasterTable, k: int, lever_m: FloatArray) -> tuple[float, float, float]:
+    """Return where the slave is by message k: latitude, longitude [rad], height [m].
+
+    Parameters
+    ----------
+    table : MasterTable
+        Messages with positions.
+    k : int, shape ()
+        Number of the message [1].
+    lever_m : ndarray, shape (3,)
+        From the master to the slave [m].
+    """
+    assert table.latitude is not None
+    assert table.longitude is not None
+    assert table.height is not None
+    at = (float(table.latitude[k]), float(table.longitude[k]), float(table.height[k]))
+    a, b, c = displaced(*at, table.C_nb[k] @ lever_m)
+    return float(a), float(b), float(c)
