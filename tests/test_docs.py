@@ -77,6 +77,8 @@ def test_campaigns_in_the_docs_load(text: str) -> None:
     for table, rest in REST.items():
         if f"[{table}]" not in text:
             text += rest
+    if '"transfer_alignment"' in text and "[master" not in text:
+        text += MASTER
     assert campaign.parse(text, "docs.toml").procedure
 
 
@@ -103,6 +105,7 @@ REST = {
     "log": '\n[log]\nfile = "log.csv"\n',
     "procedure": '\n[procedure]\nname = "hand_rotated"\n',
 }
+MASTER = '\n[master]\nfile = "master.csv"\n'
 
 
 @pytest.mark.parametrize("script", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)

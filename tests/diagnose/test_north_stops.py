@@ -10,7 +10,7 @@ from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.procedures.north_fix import find_north
+from foucault.procedures.north_seeking.fix import find_north
 from foucault.procedures.north_seeking import Session, calibrate, simulate
 from foucault.result import Level
 

@@ -17,7 +17,7 @@ from foucault.logs import indexed
 from foucault.logs.indexed_own import description_of
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.procedures.north_fix import Survey, find_north
+from foucault.procedures.north_seeking.fix import Survey, find_north
 from foucault.procedures.north_seeking.settings import Settings
 from foucault.result import Result
 from foucault.tables import IndexedLog

@@ -32,7 +32,7 @@ from foucault.models.readings import mean_variance
 from foucault.run_folder import REPORT_FILE, RESULT_FILE
 
 if TYPE_CHECKING:
-    from foucault.procedures.north_fix import Survey
+    from foucault.procedures.north_seeking.fix import Survey
 
 FloatArray = npt.NDArray[np.float64]
 Columns = dict[str, tuple[Any, str]]

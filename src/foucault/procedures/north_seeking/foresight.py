@@ -24,7 +24,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.north_seeker import SEEKER, Compensation
-from foucault.procedures.north_fix import find_north
+from foucault.procedures.north_seeking.fix import find_north
 from foucault.procedures.north_seeking.settings import Session, Settings, Stop, simulate
 from foucault.procedures.north_seeking.solution import (
     Z_COUPLING,
