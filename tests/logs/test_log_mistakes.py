@@ -160,7 +160,7 @@ def test_missing_value(read_text, cell):
     )
 
 
-@pytest.mark.parametrize("cell", ["inf", "-inf", "Infinity"])
+@pytest.mark.parametrize("cell", ["inf", "-inf", "Infinity", "1e200"])
 def test_infinite_value(read_text, cell):
     refused(read_text, cells(3, 1, cell), "log.infinite", "in gyro", "row 3 of the data")
 

@@ -30,6 +30,9 @@ GRAVITY_BAND = 1.25
 CAUSE_BAND = 1.15
 """A wrong unit explains a wrong norm when it brings it within this factor of gravity [1]."""
 
+LARGEST = 1e100
+"""What is beyond is as good as infinite, and the sum of its squares is [SI]."""
+
 RATE_BAND = (1.0, 1e5)
 """Inertial instruments are sampled at rates within this band [Hz]."""
 
@@ -47,7 +50,7 @@ Missing = Literal["error", "drop", "mask"]
 def finite(
     columns: dict[str, FloatArray], missing: Missing, file: str, start: int = 0
 ) -> tuple[npt.NDArray[np.bool_] | None, tuple[Finding, ...]]:
-    """Look for missing (NaN) and infinite values.
+    """Look for missing (NaN) and infinite values, or such as no sum of squares would hold.
 
     Parameters
     ----------
@@ -70,20 +73,20 @@ def finite(
     """
     bad: dict[str, npt.NDArray[np.int64]] = {}
     for name, values in columns.items():
-        # A sum is finite only if every term is: one pass without a mask for the usual case.
-        if not np.isfinite(values.sum()):
-            wrong = ~np.isfinite(values)
+        # Without a mask for the usual case; both are NaN where any value is.
+        if not -LARGEST < values.min(initial=0.0) <= values.max(initial=0.0) < LARGEST:
+            wrong = ~(np.abs(values) < LARGEST)
             rows = np.flatnonzero(wrong.any(axis=1) if wrong.ndim == 2 else wrong)
             if len(rows):
                 bad[name] = rows
-    if missing == "mask" and not np.isinf(columns.get("accel", np.zeros(1))).any():
+    if missing == "mask" and not (np.abs(columns.get("accel", np.zeros(1))) >= LARGEST).any():
         bad.pop("accel", None)  # the rest of such a row is needed
     if not bad:
         return None, ()
     rows = np.unique(np.concatenate(list(bad.values())))
     where = ", ".join(bad)
     if missing != "drop":
-        infinite = any(np.isinf(columns[name][rows]).any() for name in bad)
+        infinite = any((np.abs(columns[name][rows]) >= LARGEST).any() for name in bad)
         code = "log.infinite" if infinite else "log.missing_value"
         raise error(code, file=file, count=len(rows), rows=_row_list(rows + start),
                     columns=where)  # fmt: skip
