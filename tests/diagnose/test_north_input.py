@@ -13,8 +13,8 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_LEVEL, RATE_TILTED, Compensation
-from foucault.procedures.north_seeking.fix import find_north
 from foucault.procedures.north_seeking import Session, Settings, calibrate, simulate
+from foucault.procedures.north_seeking.fix import find_north
 from foucault.result import Level
 from foucault.simulate.north_seeking import NorthPlan, Placement, Rotation, simulate_north
 from foucault.symptoms.north_seeking import ROWS

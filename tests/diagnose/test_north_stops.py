@@ -10,8 +10,8 @@ from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.procedures.north_seeking.fix import find_north
 from foucault.procedures.north_seeking import Session, calibrate, simulate
+from foucault.procedures.north_seeking.fix import find_north
 from foucault.result import Level
 
 SITE = Site.at(0.8)

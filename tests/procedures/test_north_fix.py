@@ -16,8 +16,8 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.procedures import north_seeking
-from foucault.procedures.north_seeking.fix import find_north
 from foucault.procedures.north_seeking import Session, Settings
+from foucault.procedures.north_seeking.fix import find_north
 from foucault.result import Level
 from foucault.simulate.north_seeking import (
     NorthPlan,

@@ -13,8 +13,8 @@ from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.noise import TriadNoise
 from foucault.procedures import north_seeking
-from foucault.procedures.north_seeking.fix import find_north
 from foucault.procedures.north_seeking import Session, Settings
+from foucault.procedures.north_seeking.fix import find_north
 from make_dwells import FIELD
 
 SITE = Site.at(0.8)
