@@ -9,11 +9,15 @@ neither: it is a `Status` inside the result, and its text is advice.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 from foucault.symptoms import SYMPTOMS
+
+_LONG = re.compile(r"([^,\s]{200})[^,\s]{200,}([^,\s]{60})")
+"""A word too long for a sentence; paths are shorter."""
 
 
 class FoucaultError(Exception):
@@ -81,14 +85,19 @@ ADVICE: dict[Status, str] = {
 
 def error(code: str, **values: object) -> FoucaultError:
     """Build the exception for symptom `code` with its words filled in from `values`."""
-    row = SYMPTOMS[code]
-    return FoucaultError(code, row.message.format(**values), row.cure.format(**values))
+    return FoucaultError(code, *_filled(code, values))
 
 
 def finding(code: str, **values: object) -> Finding:
     """Build the finding for symptom `code` with its words filled in from `values`."""
+    return Finding(code, SYMPTOMS[code].severity, *_filled(code, values))
+
+
+def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:
+    """Return message and cure; damaged files hold words that no screen does."""
     row = SYMPTOMS[code]
-    return Finding(code, row.severity, row.message.format(**values), row.cure.format(**values))
+    short = {k: _LONG.sub(r"\1 ... \2", v) if isinstance(v, str) else v for k, v in values.items()}
+    return row.message.format(**short), row.cure.format(**short)
 
 
 def suggestion(word: str, allowed: Iterable[str]) -> str:

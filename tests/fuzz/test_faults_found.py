@@ -120,3 +120,28 @@ def test_moves_from_face_to_face(mistake: str, words: str, tmp_path: Path) -> No
     with pytest.raises(FoucaultError, match=words) as caught:
         campaign.calibrate(spoilt.write(tmp_path))
     assert caught.value.code == "faces.moves"
+
+
+@pytest.mark.parametrize("delimiter", ["00", "0", "\x80", '"', "\n", "", "-", "é"])
+def test_a_delimiter_that_is_none(delimiter: str) -> None:
+    with pytest.raises(ValueError, match="one character|at least 1 character"):
+        described("log.csv", delimiter=delimiter)
+
+
+def test_a_line_that_breaks_a_column_of_serial_numbers(tmp_path: Path) -> None:
+    lines = GOOD["log.csv"].splitlines()
+    bad = b"\n".join([*lines[:5], lines[5] + b",1", *lines[6:], b""])
+    problem = refused(tmp_path, "log.csv", bad, serial="time")
+    assert problem.code == "log.ragged" and "line 6" in str(problem)
+
+
+@pytest.mark.parametrize("at", [0, 100])
+def test_a_word_that_no_screen_holds(at: int, tmp_path: Path) -> None:
+    good = GOOD["log.csv"]
+    problem = refused(tmp_path, "log.csv", good[:at] + b"x" * 100_000 + good[at:])
+    assert len(str(problem)) < 3000 and "xxx ... xxx" in str(problem)
+
+
+def test_numbers_that_pass_for_a_matlab_file_of_a_gigabyte(tmp_path: Path) -> None:
+    problem = refused(tmp_path, "log.bin", GOOD["log.bin"], format="mat")
+    assert problem.code in ("log.empty", "log.unreadable")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from itertools import islice
 from pathlib import Path
@@ -46,7 +47,7 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
         return _blocks(path, dialect, columns, progress)
 
     def words(column: int) -> Iterator[list[str]]:
-        with open_bytes(path) as stream:
+        with open_bytes(path) as stream, _told(path, dialect, ()):
             yield from _words(stream, dialect, column, path.stat().st_size)
 
     known = dialect.marker, dialect.stamps, dialect.findings
@@ -56,15 +57,19 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
 def _blocks(
     path: Path, dialect: Dialect, columns: Sequence[int], progress: Progress | None
 ) -> Iterator[FloatArray]:
+    with open_bytes(path) as stream, _told(path, dialect, columns):
+        yield from parse(stream, dialect, columns, path.stat().st_size, progress)
+
+
+@contextmanager
+def _told(path: Path, dialect: Dialect, columns: Sequence[int]) -> Iterator[None]:
+    """Say which line cannot be read, where pyarrow says that one cannot."""
     import pyarrow as pa
 
-    with open_bytes(path) as stream:
-        try:
-            yield from parse(stream, dialect, columns, path.stat().st_size, progress)
-        except pa.ArrowInvalid as problem:
-            raise _first_fault(path, dialect, columns) or unreadable(
-                path, "text", problem
-            ) from problem
+    try:
+        yield
+    except pa.ArrowInvalid as problem:
+        raise _first_fault(path, dialect, columns) or unreadable(path, "text", problem) from problem
 
 
 def parse(

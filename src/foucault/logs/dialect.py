@@ -9,6 +9,7 @@ from itertools import chain, islice
 from typing import IO, TYPE_CHECKING
 
 from foucault.errors import Finding, error, finding
+from foucault.logs.layout import SPACES
 from foucault.logs.own import MARKER
 
 if TYPE_CHECKING:
@@ -164,8 +165,7 @@ def _names(
 
 def _delimiter(content: str, description: FileLayout) -> str:
     if description.delimiter != "auto":
-        spaces = ("space", "spaces", "whitespace", " ")
-        return SPACE if description.delimiter in spaces else description.delimiter
+        return SPACE if description.delimiter in SPACES else description.delimiter
     for candidate in (";", "\t", "|") if description.decimal == "," else (";", ",", "\t", "|"):
         if candidate in content:
             return candidate

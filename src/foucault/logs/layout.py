@@ -6,7 +6,7 @@ import re
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from foucault.errors import FoucaultError, error
 from foucault.tables import FloatArray
@@ -33,6 +33,9 @@ def scaled_unit(text: str, kind: str) -> float:
     """
     return parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
 
+
+SPACES = ("space", "spaces", "whitespace")
+"""Words for any number of spaces and tabs between two cells."""
 
 COUNTS = ("count", "counts", "LSB")
 """Units of readings that a count scale turns into SI."""
@@ -240,6 +243,16 @@ class FileLayout(Block):
     missing: Literal["error", "drop"] = Field(
         "error", description='"drop" leaves out rows with missing or infinite values'
     )
+
+    @field_validator("delimiter")
+    @classmethod
+    def _delimiter(cls, given: str) -> str:
+        mark = (
+            len(given) == 1 and given.isascii() and not given.isalnum() and given not in '"\r\n+-.'
+        )
+        if mark or given in ("auto", *SPACES):
+            return given
+        raise ValueError('it should be "auto", "space" or one character, such as \';\'')
 
     def dated(self, timed: bool) -> None:
         """Refuse a sample rate beside a time column (`timed`), or one that is not positive."""

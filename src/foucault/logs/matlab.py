@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import mmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +30,12 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
 
     with open_bytes(path) as stream:
         source: Any = stream  # the stubs know only paths, scipy also takes streams
+        if not isinstance(source, gzip.GzipFile):  # gives what there is, not room for any claim
+            source = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
         wanted = None if description.variable is None else [description.variable]
         contents = loadmat(source, variable_names=wanted)
         if wanted and wanted[0] not in contents:  # read again to tell which names there are
-            stream.seek(0)
+            source.seek(0)
             contents = loadmat(source)
     arrays = {
         name: value
