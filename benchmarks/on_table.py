@@ -13,8 +13,8 @@ import numpy as np
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.models.turntable import mean_rate
-from foucault.plans.turntable import table_plan
-from foucault.simulate.turntable import Fleet, Rig, simulate_readings
+from foucault.plans.table.plan import table_plan
+from foucault.simulate.table.readings import Fleet, Rig, simulate_readings
 site = Site.at(np.radians(45.0))
 plan = table_plan("icosahedron 12", spin_rate=np.radians(10), rest_time=60.0, turns=5)
 rig = Rig(lever_arm=np.array([0.1, -0.05, 0.02]), mounting=np.radians([0.2, -0.1, 0.1]))

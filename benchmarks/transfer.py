@@ -35,7 +35,7 @@ FILTERS = (
     + """
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import kalman
-from foucault.estimate.transfer_system import free_run
+from foucault.estimate.transfer.system import free_run
 def free(): return free_run(*at, p.prior, p.sd).system
 system = free()
 L = by_prior(system)
@@ -51,8 +51,8 @@ print(json.dumps([best(run) for run in (
 DELAY = (
     FLIGHT
     + """
-from foucault.estimate.delay import delay_of
-from foucault.estimate.transfer import likeliest_delay
+from foucault.estimate.delay.fit import delay_of
+from foucault.estimate.transfer.fit import likeliest_delay
 from foucault.models.earth import earth_rate_n, transport_rate
 t = p.table
 turning = earth_rate_n(t.latitude) + transport_rate(t.latitude, t.height, t.velocity_n)

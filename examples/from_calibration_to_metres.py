@@ -20,13 +20,14 @@ import numpy as np
 
 import foucault
 from foucault import campaign
-from foucault.campaign import navigation, navigation_folder
+from foucault.campaign import navigation
+from foucault.campaign.navigation import folder as navigation_folder
 from foucault.navigate.align import align
 from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State
 from foucault.navigate.strapdown import navigate
 from foucault.plans.manoeuvres import Accelerate, Rest, Start, Straight, Turn
-from foucault.plans.systematic_sequences import navigation_test
+from foucault.plans.systematic.built_in import navigation_test
 from foucault.procedures import systematic
 from foucault.procedures.navigation.settings import Settings
 from foucault.report import navigation as page

@@ -9,7 +9,7 @@ from foucault.models.dwells import Dwells
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import SEEKER, Compensation
-from foucault.simulate.north_seeking import Placement
+from foucault.simulate.north import Placement
 from foucault.tables import IndexedLog
 
 DEG_H = np.radians(1.0 / 3600.0)

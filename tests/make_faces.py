@@ -12,7 +12,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import grade
 from foucault.models.rotation import exp
 from foucault.procedures import ferraris
-from foucault.simulate.ferraris import face_plan, simulate
+from foucault.simulate.faces import face_plan, simulate
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import Log
 

@@ -10,7 +10,7 @@ from foucault.logs import indexed_own
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.simulate.north_seeking import (
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     SeekerErrors,

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from foucault.estimate import table_fit
-from foucault.estimate.turntable_likelihood import Observed, angle_start, fit, free_start
+from foucault.estimate.table import fit as table_fit
+from foucault.estimate.table.likelihood import Observed, angle_start, fit, free_start
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.table_geometry import Trust
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.plan import table_plan
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.turntable import Rig, simulate_readings
+from foucault.simulate.table.readings import Rig, simulate_readings
 
 SITE = Site(9.81, np.radians(45.0))
 ARCSEC = np.pi / 648000

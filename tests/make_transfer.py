@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.transfer_measured import Known, Slave
+from foucault.estimate.transfer.measured import Known, Slave
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -8,8 +8,8 @@ from foucault.models.attitude import matrix_of
 from foucault.models.geodesy import displaced
 from foucault.models.master import MasterTable
 from foucault.plans.manoeuvres import Accelerate, Climb, Start, Straight, STurn, Turn
-from foucault.plans.transfer_profiles import TransferProfile
-from foucault.simulate.transfer_link import MasterNoise
+from foucault.plans.transfer.profiles import TransferProfile
+from foucault.simulate.transfer.link import MasterNoise
 
 DEG = np.pi / 180
 ARCMIN = DEG / 60

@@ -96,7 +96,8 @@ def integrate_turns_rk4(
 
 def norm_observation(rest, f_spin, w_spin, h, g, lever_arm):
     """One instrument by the NumPy solutions: its 21 coefficients and the lever arm."""
-    from foucault.estimate import norm_observation, parallel_vectors
+    from foucault.estimate import norm_observation
+    from foucault.estimate.table import parallel_vectors
 
     Ma, ba = norm_observation.solve(rest, g)
     Lg, bg = norm_observation.solve(w_spin, h)

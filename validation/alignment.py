@@ -24,7 +24,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from foucault.diagnose.alignment.checks import checked  # noqa: E402
+from foucault.diagnose.alignment.input import checked  # noqa: E402
 from foucault.estimate.chi_square import chi_square_limits  # noqa: E402
 from foucault.logs import LogDescription, read  # noqa: E402
 from foucault.models.earth import Site  # noqa: E402

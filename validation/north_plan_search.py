@@ -25,19 +25,19 @@ from foucault import units
 from foucault.diagnose.north.dwells import find_dwells
 from foucault.diagnose.north.plan import HEADINGS, Conditions
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_reduction import Nuisance, reduce
-from foucault.estimate.north_seeking import Known as Told
-from foucault.estimate.north_seeking import solve
+from foucault.estimate.north.attitude import Known as Told
+from foucault.estimate.north.attitude import solve
+from foucault.estimate.north.reduction import Nuisance, reduce
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import turned
-from foucault.plans import north_seeking as orders
-from foucault.plans.north_bound import Known, seen
-from foucault.plans.north_moves import Rig, Schedule, schedule
-from foucault.plans.north_search import PLAIN, NorthSpace
+from foucault.plans.north import orders
+from foucault.plans.north.bound import Known, seen
+from foucault.plans.north.moves import Rig, Schedule, schedule
+from foucault.plans.north.search import PLAIN, NorthSpace
 from foucault.plans.optimise import descend
-from foucault.simulate.north_seeking import (
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     SeekerErrors,

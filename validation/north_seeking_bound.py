@@ -25,8 +25,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import Fixes, Known, closed_form, solve
+from foucault.estimate.north.attitude import Fixes, Known, closed_form, solve
+from foucault.estimate.north.reduction import Pairs
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import attitude, earth_rate_b, up_b
 from foucault.models.rotation import turned

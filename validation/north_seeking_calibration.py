@@ -22,8 +22,8 @@ from north_seeking_tables import (
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_calibration import calibrate_batch
-from foucault.estimate.north_seeking import Known, solve
+from foucault.estimate.north.attitude import Known, solve
+from foucault.estimate.north.calibration import calibrate_batch
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -24,17 +24,17 @@ from foucault import units
 from foucault.diagnose.north.dwells import find_dwells
 from foucault.diagnose.north.plan import Conditions, poses, predict, readings
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_reduction import Nuisance, reduce
-from foucault.estimate.north_seeking import Fixes, Known, solve
+from foucault.estimate.north.attitude import Fixes, Known, solve
+from foucault.estimate.north.reduction import Nuisance, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import turned
 from foucault.models.session_noise import window_covariance
-from foucault.plans import north_seeking as plans
-from foucault.plans.north_choice import Task, at_time
-from foucault.simulate.north_seeking import (
+from foucault.plans.north import orders as plans
+from foucault.plans.north.choice import Task, at_time
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     SeekerErrors,

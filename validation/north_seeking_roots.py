@@ -28,7 +28,7 @@ from north_seeking_bound import (
     right_root,
 )
 
-from foucault.estimate.north_seeking import Known, closed_form, solve
+from foucault.estimate.north.attitude import Known, closed_form, solve
 from foucault.models.earth import EARTH_RATE
 
 PRINTED_WRONG = {-30: 100, 0: 50, 10: 25, 20: 0}

@@ -27,8 +27,8 @@ import numpy as np
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.allan.log import measure_log
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import Fixes, Known, solve
+from foucault.estimate.north.attitude import Fixes, Known, solve
+from foucault.estimate.north.reduction import Pairs
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.north_seeker import SEEKER, Compensation

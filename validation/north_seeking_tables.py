@@ -21,8 +21,8 @@ import numpy as np
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_calibration import calibrate_batch
-from foucault.estimate.north_seeking import closed_form, compensated
+from foucault.estimate.north.attitude import closed_form, compensated
+from foucault.estimate.north.calibration import calibrate_batch
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_LEVEL, SEEKER, Compensation, earth_rate_b, up_b

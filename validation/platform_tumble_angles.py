@@ -25,14 +25,14 @@ from platform_tumble_setting import DEG, SEED, SETTINGS, SITE, Run, prior_of, ru
 from foucault import monte_carlo
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.errors import FoucaultError, Status
-from foucault.estimate import published_tumble as published
-from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble import fit as estimation
+from foucault.estimate.tumble import published
 from foucault.models.cluster import ClusterModel, angles_of, attitude_of
 from foucault.models.rotation import exp
-from foucault.plans import torquing
-from foucault.plans.torquing import PUBLISHED, TorquingPlan, nominal
+from foucault.plans.tumble import torquing
+from foucault.plans.tumble.torquing import PUBLISHED, TorquingPlan, nominal
 from foucault.procedures.platform_tumble.settings import NOISE, draw_printed
-from foucault.simulate.platform_tumble import Acquisition, simulate_tumble
+from foucault.simulate.tumble import Acquisition, simulate_tumble
 
 WORKERS = 2
 ANGLES = (0.003, 0.01, 0.05, 0.5, 5.0)

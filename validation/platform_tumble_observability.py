@@ -34,14 +34,14 @@ from platform_tumble_setting import (
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.observability import Observability
-from foucault.diagnose.tumble import shown as evidence
-from foucault.diagnose.tumble.shown import STATE
-from foucault.estimate import tumble as estimation
-from foucault.estimate.tumble import State
+from foucault.diagnose.tumble import observability as evidence
+from foucault.diagnose.tumble.observability import STATE
+from foucault.estimate.tumble import fit as estimation
+from foucault.estimate.tumble.fit import State
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel, angles_of, normalised
 from foucault.models.earth import Site
 from foucault.models.rotation import exp, log
-from foucault.plans.torquing import PUBLISHED, nominal
+from foucault.plans.tumble.torquing import PUBLISHED, nominal
 
 CUTS = {(1, 1, 1, 1): 24, (2, 2, 2, 2): 39, (8, 4, 8, 4): 45, (16, 8, 16, 8): 45}
 """Segments of each of the four steps, and the rank that is expected."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foucault.estimate.tumble import Prior, State, Tumble
+from foucault.estimate.tumble.fit import Prior, State, Tumble
 from foucault.models.cluster import (
     CONSTANTS,
     SOURCE_SYMBOLS,
@@ -24,7 +24,7 @@ from foucault.models.cluster import (
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log
-from foucault.plans.torquing import TorquingPlan
+from foucault.plans.tumble.torquing import TorquingPlan
 from foucault.procedures.platform_tumble.settings import (
     NOISE,
     PRIOR,
@@ -33,7 +33,7 @@ from foucault.procedures.platform_tumble.settings import (
     draw_printed,
 )
 from foucault.procedures.platform_tumble.settings import simulate as simulated
-from foucault.simulate.platform_tumble import Acquisition, TumbleSimulation, simulate_tumble
+from foucault.simulate.tumble import Acquisition, TumbleSimulation, simulate_tumble
 
 G = 9.80665
 DEG = np.radians(1.0)

@@ -46,8 +46,8 @@ from scipy.stats import binom, chi2, kstest
 from foucault import monte_carlo
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.errors import Status
-from foucault.estimate import published_tumble as published
-from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble import fit as estimation
+from foucault.estimate.tumble import published
 from foucault.models.cluster import SOURCE_SYMBOLS, angles_of, normalised
 from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble.settings import NOISE

@@ -24,11 +24,11 @@ from foucault.models.deflection import deflection_model
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.pose_search import best_poses
-from foucault.plans.spin_poses import poses, quality
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_sequences import action_sequences, nineteen_positions
-from foucault.plans.systematic_steps import turns_of
+from foucault.plans.systematic.built_in import action_sequences, nineteen_positions
+from foucault.plans.systematic.pose_search import best_poses
+from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.systematic.spin_poses import poses, quality
+from foucault.plans.systematic.steps import turns_of
 from foucault.procedures import systematic
 from foucault.procedures.systematic.plan import HERE
 from foucault.simulate.systematic import simulate_systematic

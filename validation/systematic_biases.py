@@ -37,7 +37,7 @@ from systematic_setting import (
     write,
 )
 
-from foucault.estimate.systematic import AtRest
+from foucault.estimate.systematic.fit import AtRest
 from foucault.models.ins_errors import Sensors
 from foucault.models.size_effect import with_size_effect
 from foucault.simulate.systematic import TableErrors, simulate_systematic

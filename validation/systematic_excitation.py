@@ -33,7 +33,7 @@ from systematic_setting import (
 )
 
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic import AtRest, solve
+from foucault.estimate.systematic.fit import AtRest, solve
 from foucault.models.deflection import MODELS, deflection_model, whole_turns
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
@@ -42,8 +42,8 @@ from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State
 from foucault.navigate.strapdown import navigate
 from foucault.plans.manoeuvres import Rest
-from foucault.plans.spin_poses import NAMES, poses, quality, spin_axis
-from foucault.plans.systematic import CalibrationSequence, spin
+from foucault.plans.systematic.sequence import CalibrationSequence, spin
+from foucault.plans.systematic.spin_poses import NAMES, poses, quality, spin_axis
 from foucault.simulate.systematic import simulate_systematic
 
 Page = tuple[list[str], bool]

@@ -41,8 +41,8 @@ from systematic_setting import (
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.estimate.ins_filter import FilterRun, Updates, run, start_cov
-from foucault.estimate.systematic import AtRest
-from foucault.estimate.systematic_published import second_step
+from foucault.estimate.systematic.fit import AtRest
+from foucault.estimate.systematic.published import second_step
 from foucault.models.geodesy import displaced
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp

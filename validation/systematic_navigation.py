@@ -41,8 +41,8 @@ from foucault.navigate.align import align
 from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State
 from foucault.navigate.strapdown import navigate
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_sequences import navigation_test
+from foucault.plans.systematic.built_in import navigation_test
+from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.procedures import systematic
 from foucault.procedures.systematic.settings import Settings
 from foucault.simulate.systematic import SystematicSimulation, simulate_systematic

@@ -17,15 +17,15 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic import AtRest, SystematicRun, solve
+from foucault.estimate.systematic.fit import AtRest, SystematicRun, solve
 from foucault.models.deflection import DeflectionModel, deflection_model
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.increments import Increments, increments_of
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_sequences import action_sequences, nineteen_positions
+from foucault.plans.systematic.built_in import action_sequences, nineteen_positions
+from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.procedures.systematic.settings import NAMES as INSTRUMENT
 from foucault.simulate.systematic import SystematicSimulation
 

@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from systematic_setting import DEG, UNITS, G, word, write
 
-from foucault.estimate.systematic import solve
+from foucault.estimate.systematic.fit import solve
 from foucault.logs import LogDescription, read
 from foucault.models.earth import Site
 from foucault.procedures import systematic

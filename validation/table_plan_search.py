@@ -16,11 +16,11 @@ import numpy as np
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.models.turntable import up_k
-from foucault.plans.efficiency import efficiency
 from foucault.plans.optimise import compare, descend
-from foucault.plans.pose_search import best_poses
-from foucault.plans.position_search import Wanted
-from foucault.plans.spin_poses import NAMES, poses, quality
+from foucault.plans.systematic.pose_search import best_poses
+from foucault.plans.systematic.spin_poses import NAMES, poses, quality
+from foucault.plans.table.efficiency import efficiency
+from foucault.plans.table.search import Wanted
 from foucault.procedures import norm_observation, turntable
 
 SITE = Site(9.81, np.radians(45.0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from transfer_setting import DEG, SITE, unit_of, write
 
 from foucault.plans.manoeuvres import Accelerate, Start, Straight, STurn
-from foucault.plans.transfer_profiles import TransferProfile, transfer_profile
+from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
 from foucault.procedures.transfer_alignment.foresight import shown
 from foucault.procedures.transfer_alignment.session import Session
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings

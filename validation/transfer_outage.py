@@ -25,7 +25,7 @@ from transfer_setting import (
 
 from foucault.estimate.h_infinity import h_infinity, least_gamma
 from foucault.plans.manoeuvres import Accelerate, Climb, Straight, STurn, Turn
-from foucault.plans.transfer_profiles import transfer_profile
+from foucault.plans.transfer.profiles import transfer_profile
 from foucault.procedures.transfer_alignment.session import Session, draw_errors, simulate_motion
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 

@@ -19,8 +19,8 @@ from foucault.diagnose.consistency import nees
 from foucault.estimate.h_infinity import by_prior
 from foucault.estimate.ins_filter import seen_at_place
 from foucault.estimate.linear_filter import LinearRun
-from foucault.estimate.transfer import HandOver, hand_over
-from foucault.estimate.transfer_outage import after_outage
+from foucault.estimate.transfer.fit import HandOver, hand_over
+from foucault.estimate.transfer.outage import after_outage
 from foucault.kernels.ins_filter import corrected
 from foucault.models.earth import Site
 from foucault.models.geodesy import displacement

@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from foucault.diagnose.transfer.evidence import autocorrelation  # noqa: E402
+from foucault.diagnose.transfer.checks import autocorrelation  # noqa: E402
 from foucault.estimate.chi_square import chi_square_limits  # noqa: E402
 from foucault.procedures.transfer_alignment.problem import problem_of  # noqa: E402
 from foucault.procedures.transfer_alignment.solution import Solution, solved  # noqa: E402

@@ -21,9 +21,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from foucault.diagnose.information import information
-from foucault.estimate import gauss_newton, turntable_likelihood
+from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.turntable_likelihood import Observed
+from foucault.estimate.table import likelihood as turntable_likelihood
+from foucault.estimate.table.likelihood import Observed
 from foucault.kernels.norm_observation import calibrate_batch
 from foucault.models import turntable
 from foucault.models.earth import Site
@@ -32,12 +33,12 @@ from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Trust
 from foucault.models.table_state import State
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.plan import table_plan
 from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings as NormSettings
 from foucault.procedures.norm_observation import task_of
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.turntable import Rig, simulate_readings
+from foucault.simulate.table.readings import Rig, simulate_readings
 
 SITE = Site.at(np.radians(45.0))
 PLANS = ("icosahedron 12", "dodecahedron 20", "26")

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from foucault.estimate import norm_observation, turntable_likelihood
+from foucault.estimate import norm_observation
+from foucault.estimate.table import likelihood as turntable_likelihood
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -23,11 +24,11 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.readings import Readings
 from foucault.models.rotation import log
 from foucault.models.table_geometry import Trust
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.plan import table_plan
 from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings, solve
 from foucault.procedures.norm_observation import task_of as norm_task
-from foucault.simulate.turntable import Rig, SimulatedReadings, simulate_readings
+from foucault.simulate.table.readings import Rig, SimulatedReadings, simulate_readings
 
 DPH = np.pi / 648000
 ARCSEC = np.pi / 648000

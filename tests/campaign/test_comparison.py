@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from foucault import campaign, run_folder
-from foucault.campaign import comparison, comparison_folder, tolerance
-from foucault.campaign.comparison_entries import entries, moment
+from foucault.campaign import comparison, tolerance
+from foucault.campaign.comparison import folder as comparison_folder
+from foucault.campaign.comparison.entries import entries, moment
 from foucault.errors import FoucaultError
 from make_compare import make_entries, make_results, moved
 

@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from foucault import campaign, run_folder
-from foucault.campaign import fleet, fleet_simulation, tolerance
+from foucault.campaign import fleet, tolerance
+from foucault.campaign.fleet import simulation as fleet_simulation
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.errors import FoucaultError
 from foucault.logs.serials import by_serial

@@ -9,7 +9,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from foucault.campaign import north, north_folder
+from foucault.campaign import north
+from foucault.campaign.north import folder as north_folder
 from foucault.errors import FoucaultError
 from foucault.models.noise import ImuNoise, TriadNoise
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, many, write_readings

@@ -45,7 +45,7 @@ def test_what_is_found_is_better_and_said_so(searched):
     assert found.evaluations == content(folder)["evaluations"].to_numpy().sum()
     assert found_plan.load(folder) == found
     best = content(folder)["cost"].to_numpy().min()
-    # What was searched by is a little pessimistic, see plans.torquing_search.FINEST.
+    # What was searched by is a little pessimistic, see plans.tumble.search.FINEST.
     assert np.log(found.geometric_mean[0]) == pytest.approx(best, abs=0.06)
 
 

@@ -14,10 +14,10 @@ from foucault.cli.sequences import sequence_of
 from foucault.errors import FoucaultError
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_file import read_sequence
-from foucault.plans.systematic_sequences import built_in
-from foucault.plans.systematic_steps import HEADINGS, write_steps
+from foucault.plans.systematic.built_in import built_in
+from foucault.plans.systematic.file import read_sequence
+from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.systematic.steps import HEADINGS, write_steps
 
 CAMPAIGN = """
 [site]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.alignment import checks as alignment_checks
-from foucault.diagnose.alignment.checks import (
+from foucault.diagnose.alignment import input as alignment_checks
+from foucault.diagnose.alignment.input import (
     azimuth,
     check_turns,
     checked,

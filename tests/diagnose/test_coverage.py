@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.session.coverage import coverage, direction_words
+from foucault.diagnose.coverage import coverage, direction_words
 from foucault.plans.hand_rotated import spread_directions
 
 SIX = np.concatenate([np.eye(3), -np.eye(3)])

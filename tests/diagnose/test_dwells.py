@@ -13,7 +13,7 @@ from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.simulate.north_seeking import (
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     Rotation,

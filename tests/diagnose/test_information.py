@@ -10,8 +10,8 @@ import pytest
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.budget import session_budget
 from foucault.diagnose.information import information
-from foucault.estimate import session_likelihood as likelihood
-from foucault.estimate.session_start import first_guess
+from foucault.estimate.hand_rotated import likelihood
+from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel, gravity_slope
 from foucault.models.noise import ImuNoise, TriadNoise, grade

@@ -16,7 +16,7 @@ from foucault.models.north_seeker import RATE_LEVEL, RATE_TILTED, Compensation
 from foucault.procedures.north_seeking import Session, Settings, calibrate, simulate
 from foucault.procedures.north_seeking.fix import find_north
 from foucault.result import Level
-from foucault.simulate.north_seeking import NorthPlan, Placement, Rotation, simulate_north
+from foucault.simulate.north import NorthPlan, Placement, Rotation, simulate_north
 from foucault.symptoms.north_seeking import ROWS
 from make_dwells import (
     DEG_H,

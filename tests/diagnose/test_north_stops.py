@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.north.stops import SIGNIFICANT, stop_offsets, without
-from foucault.estimate.north_reduction import Nuisance, reduce
+from foucault.estimate.north.reduction import Nuisance, reduce
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -12,8 +12,8 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.information import Information, information
 from foucault.diagnose.observability import LinearSegment, growth, observability
 from foucault.errors import FoucaultError
-from foucault.estimate import session_likelihood as likelihood
-from foucault.estimate.session_start import first_guess
+from foucault.estimate.hand_rotated import likelihood
+from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models import cluster
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import LINEAR_LOWER

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from foucault.diagnose.hand_rotated.published_rests import find_published_rests
 from foucault.diagnose.inspection import inspect
 from foucault.diagnose.rests import (
     Rests,
@@ -16,7 +17,6 @@ from foucault.diagnose.rests import (
     quiet_runs,
     rest_table,
 )
-from foucault.diagnose.session.published_rests import find_published_rests
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.systematic.checks import match_sequence
 from foucault.diagnose.systematic.input import check_readings
 from foucault.diagnose.systematic.rests import find_sequence
+from foucault.diagnose.systematic.sequence import match_sequence
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_sequences import quarter_turns
+from foucault.plans.systematic.built_in import quarter_turns
+from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.tables import Log
 from make_sequence import DEG, SITE, simulated
 

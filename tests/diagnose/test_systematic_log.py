@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.systematic.checks import match_sequence, recognised
 from foucault.diagnose.systematic.rests import find_sequence, net_rotation
+from foucault.diagnose.systematic.sequence import match_sequence, recognised
 from foucault.errors import FoucaultError
 from foucault.models.earth import earth_rate_n
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp, log
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic import CalibrationSequence, orientation, spin
-from foucault.plans.systematic_sequences import (
+from foucault.plans.systematic.built_in import (
     action_sequences,
     nine_positions,
     nineteen_positions,
     quarter_turns,
 )
+from foucault.plans.systematic.sequence import CalibrationSequence, orientation, spin
 from foucault.simulate.systematic import TableErrors
 from make_sequence import ARCSEC, DEG, DPH, SITE, simulated, third_party
 

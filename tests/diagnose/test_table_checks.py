@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.session.coverage import coverage
+from foucault.diagnose.coverage import coverage
 from foucault.diagnose.table.checks import TableEvidence, checks, detectable, name_of
 from foucault.diagnose.table.report import readings_table, rig_table, with_references
 from foucault.models.imu import LINEAR_LOWER, ImuModel

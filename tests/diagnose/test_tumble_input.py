@@ -17,8 +17,8 @@ from foucault.errors import FoucaultError, Status
 from foucault.models.cluster import CONSTANTS
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.plans.torquing import PUBLISHED as PUBLISHED_PLAN
-from foucault.plans.torquing import nominal
+from foucault.plans.tumble.torquing import PUBLISHED as PUBLISHED_PLAN
+from foucault.plans.tumble.torquing import nominal
 from foucault.procedures.platform_tumble import PRIOR
 from foucault.result import Level
 from foucault.symptoms.platform_tumble import ROWS
@@ -289,7 +289,7 @@ def test_a_log_that_is_shorter_or_longer_than_its_plan():
 
 
 def _nominal(made):
-    from foucault.plans.torquing import nominal
+    from foucault.plans.tumble.torquing import nominal
 
     return (nominal(made.settings.torquing, made.site.latitude),)
 

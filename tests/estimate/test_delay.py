@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.estimate import rate_matching
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.delay import Delay, delay_of
-from foucault.estimate.rate_matching import HELD, covariance, match, weigh, whitened
-from foucault.estimate.spectral_weights import filtered, spectrum_of, whitening
-from foucault.estimate.turned import SlaveAttitude, turns_of
+from foucault.estimate.delay import matching as rate_matching
+from foucault.estimate.delay.fit import Delay, delay_of
+from foucault.estimate.delay.matching import HELD, covariance, match, weigh, whitened
+from foucault.estimate.delay.spectral_weights import filtered, spectrum_of, whitening
+from foucault.estimate.delay.turned import SlaveAttitude, turns_of
 from foucault.models.attitude import matrix_of
 from foucault.models.earth import earth_rate_n, transport_rate
 from foucault.models.rotation import exp, log
 from foucault.navigate.increments import Increments, increments_of
 from foucault.plans.manoeuvres import Climb, Start, Straight, STurn, Turn
-from foucault.plans.transfer_profiles import TransferProfile
-from foucault.simulate.transfer import draw_slave, simulate_transfer
-from foucault.simulate.transfer_link import Link
-from foucault.simulate.transfer_slave import Flexure
+from foucault.plans.transfer.profiles import TransferProfile
+from foucault.simulate.transfer.link import Link
+from foucault.simulate.transfer.session import draw_slave, simulate_transfer
+from foucault.simulate.transfer.slave import Flexure
 from make_alignment import DPH, real
 from make_transfer import ARCMIN, DEG
 
@@ -43,7 +43,7 @@ def found(run, **words) -> Delay:
 
 
 def test_it_is_exact_without_noise() -> None:
-    from foucault.simulate.transfer_link import MasterNoise
+    from foucault.simulate.transfer.link import MasterNoise
 
     quiet = MasterNoise(velocity=0.0, attitude=(0.0, 0.0, 0.0), position=0.0)
     for delay in (0.0, 0.0613, 0.2):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate import four_positions
+from foucault.estimate.table import four_positions
 from foucault.models import turntable
 from foucault.models.readings import Readings
 

@@ -11,7 +11,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import nees
 from foucault.errors import Status
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_calibration import (
+from foucault.estimate.north.calibration import (
     Rig,
     build,
     calibrate_batch,
@@ -20,7 +20,7 @@ from foucault.estimate.north_calibration import (
     names_of,
     tilts,
 )
-from foucault.estimate.north_reduction import reduce
+from foucault.estimate.north.reduction import reduce
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.north_seeker import (
     RATE_LEVEL,

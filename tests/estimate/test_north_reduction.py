@@ -10,7 +10,7 @@ import pytest
 from foucault.diagnose.consistency import nees
 from foucault.diagnose.north.dwells import find_dwells
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_reduction import (
+from foucault.estimate.north.reduction import (
     GYRO_DRIFT,
     GYRO_NOISE,
     GYRO_OFFSET,
@@ -25,7 +25,7 @@ from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.simulate.north_seeking import (
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     Rotation,

@@ -9,8 +9,8 @@ import pytest
 
 from foucault.diagnose.consistency import nees
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_reduction import Nuisance, reduce
-from foucault.estimate.north_seeking import LATITUDE, Known, closed_form, solve
+from foucault.estimate.north.attitude import LATITUDE, Known, closed_form, solve
+from foucault.estimate.north.reduction import Nuisance, reduce
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.north_seeker import Compensation
 from make_dwells import (

@@ -10,8 +10,8 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.estimate import gauss_newton
-from foucault.estimate.rate_scatter import fit_scatter, scaled_noise
-from foucault.estimate.rate_table import State, Trust, build, covariance, fit
+from foucault.estimate.rate_table.likelihood import State, Trust, build, covariance, fit
+from foucault.estimate.rate_table.scatter import fit_scatter, scaled_noise
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.rate_steps import mean_force_of_steps

@@ -9,8 +9,8 @@ import pytest
 
 from foucault.diagnose.consistency import nees
 from foucault.estimate import gauss_newton
-from foucault.estimate.rate_scatter import fit_scatter
-from foucault.estimate.rate_table import State, Trust, build, drift_root, fit
+from foucault.estimate.rate_table.likelihood import State, Trust, build, drift_root, fit
+from foucault.estimate.rate_table.scatter import fit_scatter
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.procedures.rate_table import Settings, from_readings, names_of

@@ -9,14 +9,14 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.gauss_newton import huber, solve
-from foucault.estimate.session_likelihood import (
+from foucault.estimate.hand_rotated.likelihood import (
     HEADING_SD,
     KINDS,
     build,
     components,
     fit,
 )
-from foucault.estimate.session_start import first_guess
+from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
 from foucault.models.rotation import log

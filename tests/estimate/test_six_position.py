@@ -9,16 +9,16 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
-from foucault.estimate.face_covariance import (
+from foucault.estimate.faces.covariance import (
     Belief,
     FaceNoise,
     covariance_parts,
     noise_parts,
     placement_parts,
 )
-from foucault.estimate.face_scatter import believe, scatter
-from foucault.estimate.ferraris import published, scale_and_rotation, turn_spread
-from foucault.estimate.six_position import State, build, closed_form, predict, unbiased
+from foucault.estimate.faces.ferraris import published, scale_and_rotation, turn_spread
+from foucault.estimate.faces.likelihood import State, build, closed_form, predict, unbiased
+from foucault.estimate.faces.scatter import believe, scatter
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise

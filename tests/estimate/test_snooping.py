@@ -10,7 +10,7 @@ import pytest
 
 from foucault.estimate.snooping import ALIKE, POWER, SEEN, Snooping, snoop
 from foucault.models.imu import ImuModel
-from foucault.plans.directions import directions
+from foucault.plans.table.directions import directions
 from foucault.result import Linearised
 from make_table import ACCEL_NAMES, plan_of, silent, solved
 
@@ -30,7 +30,7 @@ def snooped(readings):
 
 
 def _jacobian(readings, estimate):
-    from foucault.estimate.turntable_likelihood import Observed, build
+    from foucault.estimate.table.likelihood import Observed, build
     from make_table import SITE
 
     observed = Observed.of(readings, SITE, estimate.state, gyro_at_rest=False)

@@ -8,7 +8,7 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic import BETWEEN, AtRest, solve
+from foucault.estimate.systematic.fit import BETWEEN, AtRest, solve
 from foucault.models.attitude import angles_of
 from foucault.models.earth import Site
 from foucault.models.geodesy import displaced

@@ -11,7 +11,7 @@ from scipy.stats import binom, chi2, f, kstest
 
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.estimate.snooping import POWER
-from foucault.estimate.table_fit import KINDS, inflated, kinds_of
+from foucault.estimate.table.fit import KINDS, inflated, kinds_of
 from foucault.simulate.hand_rotated import draw_errors
 from make_table import ACCEL_NAMES, ARCSEC, fitted, plan_of, simulated, trusting
 

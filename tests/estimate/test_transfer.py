@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.consistency import chi_square_limits
-from foucault.estimate import transfer_system
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import kalman
-from foucault.estimate.transfer import hand_over, likeliest_delay, solve
-from foucault.estimate.transfer_anew import Anew
-from foucault.estimate.transfer_system import free_run
+from foucault.estimate.transfer import system as transfer_system
+from foucault.estimate.transfer.anew import Anew
+from foucault.estimate.transfer.fit import hand_over, likeliest_delay, solve
+from foucault.estimate.transfer.system import free_run
 from foucault.models.geodesy import displaced, east_north_up, ecef
 from foucault.models.rotation import exp, log
 from foucault.models.transfer import Matching

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.estimate.transfer_outage import after_outage
+from foucault.estimate.transfer.outage import after_outage
 from foucault.models.earth import Site
 from foucault.navigate.state import states_of
 from foucault.procedures.transfer_alignment import Session, Settings

@@ -10,15 +10,15 @@ import pytest
 import reference
 from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import Status
-from foucault.estimate import tumble as estimation
-from foucault.estimate import tumble_pass
-from foucault.estimate.tumble import Prior, State, Tumble
+from foucault.estimate.tumble import fit as estimation
+from foucault.estimate.tumble import one_pass as tumble_pass
+from foucault.estimate.tumble.fit import Prior, State, Tumble
 from foucault.models.cluster import CONSTANTS, attitude_of
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp, log
-from foucault.plans import torquing
-from foucault.simulate.platform_tumble import Acquisition, simulate_tumble
+from foucault.plans.tumble import torquing
+from foucault.simulate.tumble import Acquisition, simulate_tumble
 from make_cluster import ARCSEC, DEG_H, G, make_cluster
 
 DEG = np.radians(1.0)

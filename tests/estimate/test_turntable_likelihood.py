@@ -10,12 +10,12 @@ import pytest
 
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.errors import Status
-from foucault.estimate.turntable_likelihood import Observed, angle_start, free_start, whitening
+from foucault.estimate.table.likelihood import Observed, angle_start, free_start, whitening
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.rotation import log as rotation_vector
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.turntable import Rig
+from foucault.simulate.table.readings import Rig
 from make_table import ARCSEC, SITE, plan_of, silent, simulated, solved, trusting
 
 DEG = np.pi / 180

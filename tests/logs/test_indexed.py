@@ -14,7 +14,7 @@ from foucault.logs.indexed_own import description_of, log_table, write
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.simulate.north_seeking import (
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     Rotation,

@@ -18,7 +18,7 @@ from foucault.models.north_seeker import (
     earth_rate_b,
     up_b,
 )
-from foucault.simulate.north_seeking import Placement
+from foucault.simulate.north import Placement
 from make_dwells import FOUR, attitudes, errors, four_numbers, make_dwells, size
 
 POSES = attitudes(40, 80.0)

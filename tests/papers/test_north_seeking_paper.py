@@ -20,8 +20,8 @@ import north_seeking_tables as paper
 
 import reference
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_calibration import calibrate_batch
-from foucault.estimate.north_seeking import Known, closed_form, solve
+from foucault.estimate.north.attitude import Known, closed_form, solve
+from foucault.estimate.north.calibration import calibrate_batch
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import earth_rate_b, up_b

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.session.coverage import coverage
+from foucault.diagnose.coverage import coverage
 from foucault.plans.hand_rotated import hand_plan, spread_directions
 
 

@@ -14,8 +14,8 @@ from foucault.diagnose.north.plan import Conditions
 from foucault.errors import FoucaultError
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.plans import north_seeking as plans
-from foucault.plans.north_choice import Task, at_time, compare
+from foucault.plans.north import orders as plans
+from foucault.plans.north.choice import Task, at_time, compare
 
 LATITUDE = np.radians(47.0)
 ARW = units.parse("0.003 deg/sqrt(h)", "angle random walk")

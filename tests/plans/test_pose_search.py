@@ -8,8 +8,15 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.models.rotation import exp
 from foucault.plans.hand_rotated import spread_directions
-from foucault.plans.pose_search import best_poses, poses_named
-from foucault.plans.spin_poses import COEFFICIENTS, NAMES, design, poses, quality, spin_axis
+from foucault.plans.systematic.pose_search import best_poses, poses_named
+from foucault.plans.systematic.spin_poses import (
+    COEFFICIENTS,
+    NAMES,
+    design,
+    poses,
+    quality,
+    spin_axis,
+)
 
 AXES = "xyz"
 

@@ -11,12 +11,12 @@ from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.models.turntable import up_k
-from foucault.plans.directions import named_angles
-from foucault.plans.efficiency import efficiency
 from foucault.plans.optimise import compare, descend
-from foucault.plans.periodic import Periodic
-from foucault.plans.position_search import Wanted
-from foucault.plans.table_reach import NEARLY
+from foucault.plans.table.directions import named_angles
+from foucault.plans.table.efficiency import efficiency
+from foucault.plans.table.periodic import Periodic
+from foucault.plans.table.reach import NEARLY
+from foucault.plans.table.search import Wanted
 from foucault.procedures import multi_position, norm_observation, turntable
 from foucault.procedures.norm_observation import Session, Settings
 from foucault.procedures.on_table.session import plan_of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.plans.systematic import pointing
-from foucault.plans.systematic_file import ActionTable, parse_sequence, read_sequence
+from foucault.plans.systematic.file import ActionTable, parse_sequence, read_sequence
+from foucault.plans.systematic.sequence import pointing
 
 DEG = np.pi / 180
 

@@ -8,15 +8,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.models.rotation import cross_matrix, exp, log
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.spin_poses import poses, spin_axis
-from foucault.plans.systematic import (
-    CalibrationSequence,
-    orientation,
-    pointing,
-    spin,
-    turns_to,
-)
-from foucault.plans.systematic_sequences import (
+from foucault.plans.systematic.built_in import (
     BUILT_IN,
     action_sequences,
     built_in,
@@ -26,6 +18,14 @@ from foucault.plans.systematic_sequences import (
     nineteen_positions,
     quarter_turns,
 )
+from foucault.plans.systematic.sequence import (
+    CalibrationSequence,
+    orientation,
+    pointing,
+    spin,
+    turns_to,
+)
+from foucault.plans.systematic.spin_poses import poses, spin_axis
 
 DEG = np.pi / 180
 

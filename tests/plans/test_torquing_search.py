@@ -11,13 +11,13 @@ import pytest
 from foucault import campaign
 from foucault.campaign.optimisation import space_of
 from foucault.errors import FoucaultError
-from foucault.estimate.tumble import Prior, State, Tumble
-from foucault.estimate.tumble_pass import look
+from foucault.estimate.tumble.fit import Prior, State, Tumble
+from foucault.estimate.tumble.one_pass import look
 from foucault.models.cluster import angles_of, attitude_of
 from foucault.models.earth import earth_rate_n
 from foucault.models.rotation import exp
-from foucault.plans.torquing import nominal
-from foucault.plans.torquing_limits import Allowed
+from foucault.plans.tumble.limits import Allowed
+from foucault.plans.tumble.torquing import nominal
 from make_cluster import G, make_cluster
 from make_tumble import campaign_text
 
@@ -70,7 +70,7 @@ def test_plans_keep_the_time_and_the_shortest_segment(usual):
 
 
 def test_the_fast_bound_is_that_of_the_filter_that_solves_readings(usual):
-    """`estimate.tumble_pass` solves by NumPy; the same plan as a log of means over the slots."""
+    """`estimate.tumble.one_pass` solves by NumPy: the same plan as a log of means over slots."""
     latitude, start = 0.7, np.array([0.3, -0.2, 0.5])
     conditions = replace(
         usual.conditions, w_ie_n=earth_rate_n(latitude), constants=make_cluster(1).packed(G),

@@ -7,7 +7,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.models.attitude import angles_of
-from foucault.plans.transfer_profiles import PROFILES, transfer_profile
+from foucault.plans.transfer.profiles import PROFILES, transfer_profile
 from foucault.simulate.motion import motion_of
 from make_transfer_flight import DEG
 

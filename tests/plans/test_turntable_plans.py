@@ -9,7 +9,7 @@ from foucault.errors import FoucaultError
 from foucault.estimate import norm_observation
 from foucault.models.imu import ImuModel
 from foucault.models.turntable import up_k
-from foucault.plans.directions import (
+from foucault.plans.table.directions import (
     DIRECTIONS,
     angles_of,
     canonical,
@@ -17,8 +17,14 @@ from foucault.plans.directions import (
     named_angles,
     positions,
 )
-from foucault.plans.efficiency import MODELS, NOTICED, efficiency, model_named, refuse_singular
-from foucault.plans.turntable import FOUR_POSITIONS, plan_rows, table_plan
+from foucault.plans.table.efficiency import (
+    MODELS,
+    NOTICED,
+    efficiency,
+    model_named,
+    refuse_singular,
+)
+from foucault.plans.table.plan import FOUR_POSITIONS, plan_rows, table_plan
 
 SPIN = {"spin_rate": np.radians(10.0), "rest_time": 60.0, "turns": 5}
 

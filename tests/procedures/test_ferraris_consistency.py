@@ -11,8 +11,8 @@ import pytest
 from foucault.diagnose.consistency import chi_square_limits, nees
 from foucault.models.noise import grade
 from foucault.procedures import ferraris, six_position
-from foucault.simulate.ferraris import face_plan
-from foucault.simulate.ferraris import simulate as simulate_plan
+from foucault.simulate.faces import face_plan
+from foucault.simulate.faces import simulate as simulate_plan
 from foucault.simulate.hand_rotated import draw_errors
 from make_faces import SITE, TURN
 

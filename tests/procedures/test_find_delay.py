@@ -13,17 +13,17 @@ from foucault.models.imu import ImuModel
 from foucault.models.master import MasterTable
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Climb, Start, Straight, STurn, Turn
-from foucault.plans.transfer_profiles import TransferProfile
+from foucault.plans.transfer.profiles import TransferProfile
 from foucault.procedures.delay import FoundDelay, find_delay
 from foucault.result import Level
-from foucault.simulate.transfer import (
+from foucault.simulate.transfer.link import Link, MasterNoise
+from foucault.simulate.transfer.session import (
     TransferSimulation,
     draw_slave,
     simulate_transfer,
     turn_on_grade,
 )
-from foucault.simulate.transfer_link import Link, MasterNoise
-from foucault.simulate.transfer_slave import Slave
+from foucault.simulate.transfer.slave import Slave
 from foucault.tables import Log
 from make_transfer import ARCMIN, DEG
 

@@ -12,10 +12,10 @@ from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
 from foucault.models.readings import Readings
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.plan import table_plan
 from foucault.procedures import norm_observation, on_table, turntable
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.turntable import Rig, simulate_readings
+from foucault.simulate.table.readings import Rig, simulate_readings
 
 SITE = Site.at(np.radians(48.8), 60.0)
 DPH = np.pi / 648000

@@ -10,7 +10,7 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import nees
-from foucault.diagnose.north import calibration as evidence
+from foucault.diagnose.north import calibration_checks as evidence
 from foucault.errors import FoucaultError, Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
@@ -253,8 +253,8 @@ def test_a_computation_that_fails_is_unusable():
 
 def checks_of(status):
     """The check of a calibration that ended otherwise."""
-    from foucault.estimate import north_calibration as estimation
-    from foucault.estimate.north_reduction import reduce
+    from foucault.estimate.north import calibration as estimation
+    from foucault.estimate.north.reduction import reduce
 
     pairs = reduce(make_dwells(level(), 0.8), FIELD)
     table = estimation.Rig(level()[:, 0], SITE, "one axis", True)

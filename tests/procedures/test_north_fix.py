@@ -11,7 +11,7 @@ import pytest
 from foucault.diagnose.consistency import nees
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_seeking import LATITUDE
+from foucault.estimate.north.attitude import LATITUDE
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -19,7 +19,7 @@ from foucault.procedures import north_seeking
 from foucault.procedures.north_seeking import Session, Settings
 from foucault.procedures.north_seeking.fix import find_north
 from foucault.result import Level
-from foucault.simulate.north_seeking import (
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     Rotation,

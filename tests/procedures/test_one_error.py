@@ -15,8 +15,8 @@ import pytest
 from foucault.diagnose.rests import find_rests
 from foucault.errors import Status
 from foucault.estimate.gauss_newton import solve
-from foucault.estimate.session_likelihood import build
-from foucault.estimate.session_start import first_guess
+from foucault.estimate.hand_rotated.likelihood import build
+from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise

@@ -18,7 +18,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET
-from foucault.plans.systematic_sequences import quarter_turns
+from foucault.plans.systematic.built_in import quarter_turns
 from foucault.procedures import systematic
 from foucault.procedures.systematic.settings import NAMES, PRIOR, Settings
 from foucault.procedures.systematic.solution import exchanged

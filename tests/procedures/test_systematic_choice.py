@@ -16,7 +16,7 @@ from foucault.diagnose.systematic import deflection_choice as choices
 from foucault.diagnose.systematic import deflection_verdict as verdicts
 from foucault.diagnose.systematic.deflection_choice import GENERAL18, UNIT, Told
 from foucault.errors import FoucaultError
-from foucault.estimate.systematic import solve
+from foucault.estimate.systematic.fit import solve
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.procedures import systematic

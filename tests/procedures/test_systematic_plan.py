@@ -15,8 +15,8 @@ from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.plans import optimise
 from foucault.plans.optimise import descend
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_sequences import action_sequences, nine_positions, quarter_turns
+from foucault.plans.systematic.built_in import action_sequences, nine_positions, quarter_turns
+from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.procedures import systematic
 from foucault.procedures.systematic import plan as systematic_plan
 from foucault.procedures.systematic.bound import bound, foreseen

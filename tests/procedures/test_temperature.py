@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from foucault.errors import FoucaultError
-from foucault.estimate.temperature import Fit
+from foucault.estimate.temperature.fit import Fit
 from foucault.models.temperature import TemperatureModel
 from foucault.procedures.temperature import Ramp, Session, Settings, calibrate
 from foucault.procedures.temperature.task import model_of, solved, task_of

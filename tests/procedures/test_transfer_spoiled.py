@@ -13,7 +13,7 @@ from foucault.errors import FoucaultError
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
-from foucault.plans.transfer_profiles import transfer_profile
+from foucault.plans.transfer.profiles import transfer_profile
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import moved, simulate, simulate_motion

@@ -10,7 +10,8 @@ from html import unescape
 import numpy as np
 import pytest
 
-from foucault.campaign import comparison, comparison_folder, tolerance
+from foucault.campaign import comparison, tolerance
+from foucault.campaign.comparison import folder as comparison_folder
 from foucault.report import compare
 from make_compare import make_entries, make_results, moved
 

@@ -9,7 +9,7 @@ from html import unescape
 import numpy as np
 import pytest
 
-from foucault.campaign.fleet_table import FleetTable, Row
+from foucault.campaign.fleet.table import FleetTable, Row
 from foucault.campaign.tolerance import Entry, Tolerance
 from foucault.errors import error
 from foucault.models.imu import LINEAR_LOWER

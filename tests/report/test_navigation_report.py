@@ -9,7 +9,7 @@ from html import unescape
 import numpy as np
 import pytest
 
-from foucault.campaign import navigation_folder
+from foucault.campaign.navigation import folder as navigation_folder
 from foucault.plans.manoeuvres import Rest
 from foucault.procedures.navigation import navigate_log
 from foucault.procedures.navigation.settings import Settings

@@ -10,12 +10,13 @@ from html import unescape
 import numpy as np
 import pytest
 
-from foucault.campaign import north, north_folder
+from foucault.campaign import north
+from foucault.campaign.north import folder as north_folder
 from foucault.report import figures_north
 from foucault.report import north as page_of
 from foucault.report.figures_north import Needle
 from foucault.report.north_detail import Setup, angle_unit, common, grouped, own, twice
-from foucault.simulate.north_seeking import Placement
+from foucault.simulate.north import Placement
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, ONE, many, write_readings
 
 SAID = north.Said({"latitude": LATITUDE}, {}, GYRO_WHITE, ACCEL_WHITE)
@@ -162,7 +163,7 @@ def test_units_follow_the_size():
 
 
 def test_the_calibration_is_named(one):
-    from foucault.campaign.north_folder import NorthRecord
+    from foucault.campaign.north.folder import NorthRecord
 
     used = {"instrument": {"name": "Seeker", "serial": "SN 4", "note": ""}, "verdict": "pass",
             "created": "2026-01-02T03:04:05+00:00", "site": {"latitude": 0.5}}  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 from foucault.models.earth import EARTH_RATE, earth_rate_n
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.simulate.ferraris import face_plan, simulate
+from foucault.simulate.faces import face_plan, simulate
 from make_faces import SITE, TURN, short_plan
 
 QUIET = ImuNoise()

@@ -13,7 +13,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import SEEKER, Compensation, earth_rate_b, up_b
 from foucault.models.readings import mean_variance
-from foucault.simulate.north_seeking import (
+from foucault.simulate.north import (
     NorthPlan,
     Placement,
     Rotation,

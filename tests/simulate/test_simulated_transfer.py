@@ -19,15 +19,15 @@ from foucault.models.transfer import LIVELY
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import navigate
 from foucault.plans.manoeuvres import Start, Turn
-from foucault.plans.transfer_profiles import TransferProfile
-from foucault.simulate.transfer import (
+from foucault.plans.transfer.profiles import TransferProfile
+from foucault.simulate.transfer.link import Link, MasterNoise
+from foucault.simulate.transfer.session import (
     Barometer,
     draw_slave,
     simulate_transfer,
     turn_on_grade,
 )
-from foucault.simulate.transfer_link import Link, MasterNoise
-from foucault.simulate.transfer_slave import (
+from foucault.simulate.transfer.slave import (
     Flexure,
     Slave,
     Vibration,

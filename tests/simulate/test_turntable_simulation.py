@@ -18,12 +18,12 @@ from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.rotation import exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.turntable import RIG, TableErrors, TablePlan, chain, mean_force
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.plan import table_plan
 from foucault.procedures.on_table import session as turntable_session
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.turntable import Fleet, Rig, simulate_readings
-from foucault.simulate.turntable_log import simulate, simulate_means
+from foucault.simulate.table.log import simulate, simulate_means
+from foucault.simulate.table.readings import Fleet, Rig, simulate_readings
 
 SITE = Site.at(np.radians(48.8462), 60.0)
 QUIET = ImuNoise()

@@ -12,7 +12,7 @@ from foucault import logs
 from foucault.campaign.mistakes import validate
 from foucault.campaign.navigation import read
 from foucault.errors import error
-from foucault.estimate.delay import BRACKET
+from foucault.estimate.delay.fit import BRACKET
 from foucault.logs import master as masters
 from foucault.logs.layout import FileLayout
 from foucault.logs.master_description import MasterDescription

@@ -12,7 +12,7 @@ from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
     from foucault.campaign.comparison import Comparison
-    from foucault.campaign.comparison_verdict import Judged
+    from foucault.campaign.comparison.verdict import Judged
 
 EXIT_CODES = {"pass": 0, "doubtful": 3, "fail": 4}
 COLOURS = {"pass": "bold green", "doubtful": "bold yellow", "fail": "bold red"}
@@ -57,8 +57,9 @@ def compare(
     """
     import time
 
-    from foucault.campaign import comparison, comparison_folder
+    from foucault.campaign import comparison
     from foucault.campaign import tolerance as tolerances
+    from foucault.campaign.comparison import folder as comparison_folder
     from foucault.report import compare as page
     from foucault.run_folder import REPORT_FILE
 
@@ -97,7 +98,7 @@ def _show(screen: Screen, found: Comparison) -> None:
 
 def _changes(one: Judged) -> tuple[str, tuple[str, ...], list[tuple[Any, ...]]]:
     """Return the table of changes from the first result to the last."""
-    from foucault.campaign.comparison_verdict import said
+    from foucault.campaign.comparison.verdict import said
 
     past = one.history
     assert past is not None

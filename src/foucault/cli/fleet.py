@@ -12,7 +12,7 @@ from foucault.cli.cluster import Workers
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from foucault.campaign.fleet_table import FleetTable
+    from foucault.campaign.fleet.table import FleetTable
 
 DOUBTFUL, UNUSABLE = 3, 4
 MOST = 12

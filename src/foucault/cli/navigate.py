@@ -13,7 +13,7 @@ from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 if TYPE_CHECKING:
-    from foucault.campaign.navigation_folder import NavigationRecord
+    from foucault.campaign.navigation.folder import NavigationRecord
 
 MOST = 8
 """Coefficients that are listed on the screen."""
@@ -127,7 +127,7 @@ def navigate(
 
 def _kept(found: Any, folder: Path | None) -> NavigationRecord:
     """Write the folder, if one is wanted."""
-    from foucault.campaign import navigation_folder
+    from foucault.campaign.navigation import folder as navigation_folder
     from foucault.report import navigation as page
     from foucault.run_folder import REPORT_FILE
 

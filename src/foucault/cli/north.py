@@ -13,7 +13,7 @@ from foucault.cli.options import parsed
 from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
 
 if TYPE_CHECKING:
-    from foucault.campaign.north_folder import NorthRecord
+    from foucault.campaign.north.folder import NorthRecord
     from foucault.report.north_detail import Setup
 
 MOST = 12
@@ -134,7 +134,7 @@ def _refuse_both(unknown: bool, given: list[str | None]) -> None:
 
 def _kept(survey: Any, folder: Path | None) -> NorthRecord:
     """Write the folder, if one is wanted."""
-    from foucault.campaign import north_folder
+    from foucault.campaign.north import folder as north_folder
     from foucault.report import north as page
     from foucault.run_folder import REPORT_FILE
 

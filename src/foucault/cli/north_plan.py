@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from foucault.errors import Finding
     from foucault.models.noise import ImuNoise
     from foucault.models.north_seeker import Compensation
-    from foucault.plans.north_choice import Choice, Row
+    from foucault.plans.north.choice import Choice, Row
 
 EPILOG = words.epilog(
     'foucault north plan --latitude "47 deg" --gyro-noise "0.003 deg/sqrt(h)" --accuracy "0.1 deg"',
@@ -103,8 +103,8 @@ def plan(
     """Say how long north seeking takes, and in which order to stop."""
     from foucault.diagnose.north.plan import Conditions
     from foucault.errors import error
-    from foucault.plans.north_choice import Task, compare
-    from foucault.plans.north_seeking import NAMES, write_stops
+    from foucault.plans.north.choice import Task, compare
+    from foucault.plans.north.orders import NAMES, write_stops
 
     screen: Screen = ctx.obj
     if accuracy is None and time is None:
@@ -267,7 +267,7 @@ def _tilted(choice: Choice) -> float | None:
     from dataclasses import replace
 
     from foucault import units
-    from foucault.plans.north_choice import at_time
+    from foucault.plans.north.choice import at_time
 
     c, best = choice.task.conditions, choice.best
     if c.tilt or c.level_sd is not None or best.at is None:
@@ -315,7 +315,7 @@ def _advice(choice: Choice) -> list[str]:
 
 
 def _per_stop(row: Row, move: float) -> str:
-    from foucault.plans.north_seeking import StopOrder
+    from foucault.plans.north.orders import StopOrder
 
     if not isinstance(row.order, StopOrder):
         return ""
@@ -335,7 +335,7 @@ def _budget(at: Prediction) -> list[tuple[str, ...]]:
 
 def _findings(choice: Choice) -> list[Finding]:
     from foucault.errors import finding
-    from foucault.plans.north_choice import SEEN, SHORTEST
+    from foucault.plans.north.choice import SEEN, SHORTEST
 
     task, best = choice.task, choice.best
     out = []

@@ -11,8 +11,8 @@ from foucault.cli import sequences, words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from foucault.plans.directions import FloatArray
-    from foucault.plans.efficiency import Efficiency
+    from foucault.plans.table.directions import FloatArray
+    from foucault.plans.table.efficiency import Efficiency
 
 SAMPLE = "fibonacci 24"
 """Stands in the list for the plans of any number of positions."""
@@ -79,7 +79,7 @@ def plans(
     A plan is printed with its table angles or its actions, and what it cannot tell apart.
     """
     from foucault.errors import error
-    from foucault.plans.efficiency import model_named
+    from foucault.plans.table.efficiency import model_named
 
     screen: Screen = ctx.obj
     if model.strip().lower() == DEFLECTION:
@@ -98,8 +98,8 @@ def plans(
 
 
 def _all(screen: Screen, model: str) -> None:
-    from foucault.plans.directions import DIRECTIONS, directions
-    from foucault.plans.efficiency import efficiency
+    from foucault.plans.table.directions import DIRECTIONS, directions
+    from foucault.plans.table.efficiency import efficiency
 
     judged = {name: efficiency(directions(name), model) for name in (*DIRECTIONS, SAMPLE)}
     first = next(iter(judged.values()))
@@ -128,8 +128,8 @@ def _row(name: str, found: Efficiency) -> tuple[str, ...]:
 
 def _one(screen: Screen, name: str, model: str, angles: bool, output: Path | None) -> None:
     from foucault.models.turntable import up_k
-    from foucault.plans.efficiency import refuse_singular
-    from foucault.plans.position_files import write_positions
+    from foucault.plans.table.efficiency import refuse_singular
+    from foucault.plans.table.file import write_positions
 
     known, at = _positions(name)
     found = refuse_singular(known, up_k(at), model)
@@ -154,9 +154,9 @@ def _poses(screen: Screen, name: str | None, angles: bool, output: Path | None) 
     import numpy as np
 
     from foucault.errors import error
-    from foucault.plans.pose_search import poses_named
-    from foucault.plans.position_files import write_positions
-    from foucault.plans.spin_poses import COEFFICIENTS, NAMES, quality
+    from foucault.plans.systematic.pose_search import poses_named
+    from foucault.plans.systematic.spin_poses import COEFFICIENTS, NAMES, quality
+    from foucault.plans.table.file import write_positions
 
     if name is None and output is not None:
         raise error("plan.which", path=output)
@@ -193,8 +193,8 @@ def _poses(screen: Screen, name: str | None, angles: bool, output: Path | None) 
 
 
 def _positions(name: str) -> tuple[str, FloatArray]:
-    from foucault.plans.directions import positions
-    from foucault.plans.position_files import read_positions
+    from foucault.plans.table.directions import positions
+    from foucault.plans.table.file import read_positions
 
     if name.lower().endswith(".csv") or Path(name).is_file():
         return Path(name).name, read_positions(name)

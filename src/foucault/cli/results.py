@@ -90,14 +90,10 @@ def report(
 ) -> None:
     """Write the report again from what the folder holds."""
     from foucault import report as reports
-    from foucault.campaign import (
-        comparison_folder,
-        found,
-        navigation_folder,
-        north_folder,
-        optimisation,
-        study,
-    )
+    from foucault.campaign import found, optimisation, study
+    from foucault.campaign.comparison import folder as comparison_folder
+    from foucault.campaign.navigation import folder as navigation_folder
+    from foucault.campaign.north import folder as north_folder
     from foucault.report import compare, navigation, north
     from foucault.report import optimisation as search
     from foucault.report import study as study_page

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from foucault.plans.systematic import CalibrationSequence
+    from foucault.plans.systematic.sequence import CalibrationSequence
     from foucault.procedures.systematic.quick import Stills
 
 MODEL = "systematic"
@@ -51,9 +51,9 @@ def sequence_of(name: str) -> CalibrationSequence:
     """Return the sequence that `name` stands for."""
     from foucault import campaign
     from foucault.errors import error
-    from foucault.plans.systematic import CalibrationSequence
-    from foucault.plans.systematic_file import read_sequence
-    from foucault.plans.systematic_sequences import built_in
+    from foucault.plans.systematic.built_in import built_in
+    from foucault.plans.systematic.file import read_sequence
+    from foucault.plans.systematic.sequence import CalibrationSequence
     from foucault.procedures.systematic.settings import planned
 
     path = Path(name)
@@ -82,7 +82,7 @@ def _all(screen: Screen) -> None:
     from foucault.models.deflection import MODELS
     from foucault.models.earth import Site
     from foucault.models.noise import grade
-    from foucault.plans.systematic_sequences import BUILT_IN
+    from foucault.plans.systematic.built_in import BUILT_IN
     from foucault.procedures.systematic.foresight import shown
 
     site, noise = Site.at(radians(LATITUDE)), grade(CLASS).noise
@@ -133,8 +133,8 @@ def _document(s: CalibrationSequence) -> dict[str, Any]:
 
 
 def _one(screen: Screen, s: CalibrationSequence, steps: bool, output: Path | None) -> None:
-    from foucault.plans.systematic import pointing
-    from foucault.plans.systematic_steps import rows, write_steps
+    from foucault.plans.systematic.sequence import pointing
+    from foucault.plans.systematic.steps import rows, write_steps
 
     if output is not None:
         write_steps(s, output)

@@ -86,7 +86,7 @@ def simulate(
 def _simulate_fleet(
     screen: Screen, described: Campaign, output: Path, seed: int | None, instruments: int
 ) -> None:
-    from foucault.campaign import fleet_simulation
+    from foucault.campaign.fleet import simulation as fleet_simulation
 
     with screen.progress() as tell:
         tell(0.1, "simulating")

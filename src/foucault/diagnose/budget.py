@@ -41,7 +41,7 @@ def session_budget(
     at : Prediction
         The model linearised at the solution.
     estimate : Estimate
-        The solution of `estimate.session_likelihood`.
+        The solution of `estimate.hand_rotated.likelihood`.
     noise : SessionNoise
         Its noise, with the scatter that was added [SI].
 

@@ -220,7 +220,7 @@ def align(
 
     Notes
     -----
-    What can be wrong with the data is looked for by `diagnose.alignment.checks.checked`.
+    What can be wrong with the data is looked for by `diagnose.alignment.input.checked`.
     """
     check_method(method)
     latitude = known_latitude(site)

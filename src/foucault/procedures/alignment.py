@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from foucault.diagnose.alignment import agreement as alignment_agreement
-from foucault.diagnose.alignment import checks as alignment_checks
+from foucault.diagnose.alignment import input as alignment_checks
 from foucault.diagnose.rest_noise import noise_of
 from foucault.errors import Finding
 from foucault.models.earth import Site

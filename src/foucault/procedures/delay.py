@@ -10,8 +10,8 @@ import numpy.typing as npt
 from foucault.diagnose.transfer import delay as delay_checks
 from foucault.diagnose.transfer.delay import signed_axes
 from foucault.errors import Finding, error, finding
-from foucault.estimate.delay import BRACKET, FEWEST, Delay, delay_of
-from foucault.estimate.turned import SlaveAttitude
+from foucault.estimate.delay.fit import BRACKET, FEWEST, Delay, delay_of
+from foucault.estimate.delay.turned import SlaveAttitude
 from foucault.models.attitude import matrix_of
 from foucault.models.earth import earth_rate_n, transport_rate
 from foucault.models.master import MasterTable

@@ -26,18 +26,19 @@ from pydantic import Field, field_validator
 from foucault.diagnose.faces.moves import check_moves
 from foucault.diagnose.faces.whole_turns import find_turns
 from foucault.errors import error
-from foucault.estimate.ferraris import published, scale_and_rotation
-from foucault.estimate.six_position import Scene, State
+from foucault.estimate.faces.ferraris import published, scale_and_rotation
+from foucault.estimate.faces.likelihood import Scene, State
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.procedures import face_settings, on_faces
-from foucault.procedures.face_settings import Angle, FaceSession, FaceSettings, Seconds
+from foucault.procedures import on_faces
 from foucault.procedures.hand_rotated import Progress, silent
 from foucault.procedures.on_faces import Solution
+from foucault.procedures.on_faces import settings as face_settings
+from foucault.procedures.on_faces.settings import Angle, FaceSession, FaceSettings, Seconds
 from foucault.result import Result
-from foucault.simulate.ferraris import face_plan
-from foucault.simulate.ferraris import simulate as simulate_plan
+from foucault.simulate.faces import face_plan
+from foucault.simulate.faces import simulate as simulate_plan
 from foucault.simulate.hand_rotated import Simulation
 from foucault.tables import Log
 

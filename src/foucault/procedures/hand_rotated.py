@@ -30,7 +30,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.budget import session_budget
+from foucault.diagnose.coverage import coverage
 from foucault.diagnose.earth import vertical_check
+from foucault.diagnose.hand_rotated import checks as judge
+from foucault.diagnose.hand_rotated import report as session_report
+from foucault.diagnose.hand_rotated.held_out import hold_out
+from foucault.diagnose.hand_rotated.input import check_input, enough_rests
 from foucault.diagnose.rests import (
     Rests,
     detection_table,
@@ -39,15 +44,10 @@ from foucault.diagnose.rests import (
     rest_levels,
     rest_table,
 )
-from foucault.diagnose.session import checks as judge
-from foucault.diagnose.session import report as session_report
-from foucault.diagnose.session.coverage import coverage
-from foucault.diagnose.session.held_out import hold_out
-from foucault.diagnose.session.input import check_input, enough_rests
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
-from foucault.estimate import session_likelihood as likelihood
-from foucault.estimate.session_start import first_guess
+from foucault.estimate.hand_rotated import likelihood
+from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise

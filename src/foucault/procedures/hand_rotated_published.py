@@ -22,13 +22,14 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.hand_rotated import checks as judge
+from foucault.diagnose.hand_rotated.held_out import norm_columns
+from foucault.diagnose.hand_rotated.input import check_input, enough_rests
+from foucault.diagnose.hand_rotated.published_rests import find_published_rests
 from foucault.diagnose.rests import rest_table
-from foucault.diagnose.session import checks as judge
-from foucault.diagnose.session.held_out import norm_columns
-from foucault.diagnose.session.input import check_input, enough_rests
-from foucault.diagnose.session.published_rests import find_published_rests
 from foucault.errors import Status, error
-from foucault.estimate import norm_observation, published_hand_rotated
+from foucault.estimate import norm_observation
+from foucault.estimate.hand_rotated import published as published_hand_rotated
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise

@@ -19,8 +19,8 @@ from foucault.logs.streaming import OnDisk
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.table_geometry import Trust
-from foucault.plans.position_search import PositionSpace
-from foucault.plans.position_search import Wanted as Wanted
+from foucault.plans.table.search import PositionSpace
+from foucault.plans.table.search import Wanted as Wanted
 from foucault.procedures import on_table
 from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent

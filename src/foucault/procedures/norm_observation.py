@@ -28,8 +28,9 @@ from pydantic import Field
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import error
-from foucault.estimate import four_positions, norm_observation, parallel_vectors
-from foucault.estimate.table_fit import TableFit
+from foucault.estimate import norm_observation
+from foucault.estimate.table import four_positions, parallel_vectors
+from foucault.estimate.table.fit import TableFit
 from foucault.logs.streaming import OnDisk
 from foucault.models import turntable
 from foucault.models.earth import Site
@@ -37,8 +38,8 @@ from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.table_state import State
-from foucault.plans.position_search import PositionSpace
-from foucault.plans.position_search import Wanted as Wanted
+from foucault.plans.table.search import PositionSpace
+from foucault.plans.table.search import Wanted as Wanted
 from foucault.procedures import on_table
 from foucault.procedures.on_table import STREAMS as STREAMS
 from foucault.procedures.on_table import Progress, Task, silent

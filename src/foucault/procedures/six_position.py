@@ -24,12 +24,13 @@ from foucault.diagnose.faces.moves import check_moves
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.procedures import face_settings, on_faces
-from foucault.procedures.face_settings import FaceSession, FaceSettings
+from foucault.procedures import on_faces
 from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures.on_faces import settings as face_settings
+from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
 from foucault.result import Result
-from foucault.simulate.ferraris import face_plan
-from foucault.simulate.ferraris import simulate as simulate_plan
+from foucault.simulate.faces import face_plan
+from foucault.simulate.faces import simulate as simulate_plan
 from foucault.simulate.hand_rotated import Simulation
 from foucault.tables import Log
 

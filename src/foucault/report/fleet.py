@@ -23,7 +23,7 @@ from foucault.result import Level
 from foucault.units import display_unit, factor, plain
 
 if TYPE_CHECKING:
-    from foucault.campaign.fleet_table import FleetTable
+    from foucault.campaign.fleet.table import FleetTable
     from foucault.diagnose.fleet import Outlying
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,7 +15,7 @@ from foucault.report.uncertainty import shown
 from foucault.units import display_unit, factor
 
 if TYPE_CHECKING:
-    from foucault.campaign.fleet_table import FleetTable
+    from foucault.campaign.fleet.table import FleetTable
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from foucault.report.page import Block, Column, Facts, Figure, Section, Table
 from foucault.result import Level
 
 if TYPE_CHECKING:
-    from foucault.campaign.navigation_folder import NavigationRecord
+    from foucault.campaign.navigation.folder import NavigationRecord
 
 FloatArray = npt.NDArray[np.float64]
 

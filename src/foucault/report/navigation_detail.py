@@ -22,7 +22,7 @@ from foucault.report.uncertainty import shown
 from foucault.units import plain
 
 if TYPE_CHECKING:
-    from foucault.campaign.navigation_folder import NavigationRecord
+    from foucault.campaign.navigation.folder import NavigationRecord
 
 FloatArray = npt.NDArray[np.float64]
 Table_ = Mapping[str, npt.NDArray[Any]]

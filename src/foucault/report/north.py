@@ -28,7 +28,7 @@ from foucault.report.uncertainty import shown
 from foucault.result import Level
 
 if TYPE_CHECKING:
-    from foucault.campaign.north_folder import NorthRecord
+    from foucault.campaign.north.folder import NorthRecord
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from foucault.result import Check, Level
 from foucault.units import plain
 
 if TYPE_CHECKING:
-    from foucault.campaign.north_folder import NorthRecord
+    from foucault.campaign.north.folder import NorthRecord
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 In each placement one axis is along the vertical spin axis; between placements the instrument is
 taken off and mounted anew, a little out of square. What happens in one placement is what
-`simulate.turntable_log` simulates on a table whose other two axes stand still.
+`simulate.table.log` simulates on a table whose other two axes stand still.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.readings import mean_variance
 from foucault.models.turntable import TablePlan
-from foucault.simulate.turntable import Rig, simulate_readings
-from foucault.simulate.turntable_log import simulate
+from foucault.simulate.table.log import simulate
+from foucault.simulate.table.readings import Rig, simulate_readings
 from foucault.tables import Log, TableColumns
 
 FloatArray = npt.NDArray[np.float64]

@@ -1,8 +1,8 @@
 """Simulate a systematic calibration: a table turns the instrument through a sequence, at one place.
 
 In every action of a sequence the body turns about an axis a that is fixed in it, by an angle s(t)
-of known profile (`plans.systematic`). Gravity and the Earth's rate are constant vectors of the
-level frame, so that with their components f_k, e_k in the body when the action begins::
+of known profile (`plans.systematic.sequence`). Gravity and the Earth's rate are constant vectors of
+the level frame, so that with their components f_k, e_k in the body when the action begins::
 
     f_b    = Exp(-a s) f_k             w_ib_b = a s' + Exp(-a s) e_k
     w_ib_b' = a s'' - a s' x Exp(-a s) e_k
@@ -30,7 +30,7 @@ from foucault.models.rotation import exp
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.manoeuvres import Rotate
 from foucault.plans.profiles import Profile
-from foucault.plans.systematic import CalibrationSequence
+from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.simulate.noise import noisy_log
 from foucault.tables import Log
 

@@ -19,7 +19,7 @@ from itertools import combinations
 
 import numpy as np
 
-from foucault.diagnose.alignment.checks import FALSE_ALARM
+from foucault.diagnose.alignment.input import FALSE_ALARM
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models import rotation

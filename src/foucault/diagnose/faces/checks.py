@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.faces.rests import Faces
-from foucault.diagnose.session.checks import plausible_scales, prior_check, status_check
+from foucault.diagnose.hand_rotated.checks import plausible_scales, prior_check, status_check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.face_covariance import Belief, FaceNoise
-from foucault.estimate.face_scatter import Scatter
-from foucault.estimate.six_position import Scene
+from foucault.estimate.faces.covariance import Belief, FaceNoise
+from foucault.estimate.faces.likelihood import Scene
+from foucault.estimate.faces.scatter import Scatter
 from foucault.estimate.snooping import Snooping
 from foucault.models.earth import EARTH_RATE
 from foucault.models.faces import face_name, turn_name

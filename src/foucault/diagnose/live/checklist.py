@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from foucault.diagnose.coverage import coverage, direction_words, named_directions
+from foucault.diagnose.hand_rotated.checks import ENOUGH_RESTS
 from foucault.diagnose.live.rests import LiveRests
-from foucault.diagnose.session.checks import ENOUGH_RESTS
-from foucault.diagnose.session.coverage import coverage, direction_words, named_directions
 from foucault.errors import Finding
 from foucault.tables import FloatArray, IntArray
 

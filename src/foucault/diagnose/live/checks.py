@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.diagnose import axes
+from foucault.diagnose.hand_rotated.input import first_rest_orientation
 from foucault.diagnose.live.checklist import up_of
 from foucault.diagnose.live.rests import LiveRests
 from foucault.diagnose.rests import turning
-from foucault.diagnose.session.input import first_rest_orientation
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.logs import axes as log_axes
 from foucault.logs import checks

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.information import information
-from foucault.diagnose.north.calibration import leftovers
-from foucault.estimate.north_calibration import Rig, covariance_parts, tilts
-from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import Known, solve
+from foucault.diagnose.north.calibration_checks import leftovers
+from foucault.estimate.north.attitude import Known, solve
+from foucault.estimate.north.calibration import Rig, covariance_parts, tilts
+from foucault.estimate.north.reduction import Pairs
 from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
 from foucault.models.rotation import turned

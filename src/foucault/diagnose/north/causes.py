@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north_reduction import Pairs
-from foucault.estimate.north_seeking import PLAUSIBLE, Fixes, Hemisphere, Known, solve
+from foucault.estimate.north.attitude import PLAUSIBLE, Fixes, Hemisphere, Known, solve
+from foucault.estimate.north.reduction import Pairs
 from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
 from foucault.models.rotation import turned

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from foucault.errors import Finding, FoucaultError, error, finding
-from foucault.estimate.north_reduction import UNSEEN, Pairs, turn_rate
-from foucault.estimate.north_seeking import Known, compensated
+from foucault.estimate.north.attitude import Known, compensated
+from foucault.estimate.north.reduction import UNSEEN, Pairs, turn_rate
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
-from foucault.estimate.north_seeking import Fixes
+from foucault.estimate.north.attitude import Fixes
+from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
-from foucault.estimate.north_seeking import Fixes, Known, solve
+from foucault.estimate.north.attitude import Fixes, Known, solve
+from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import ImuNoise

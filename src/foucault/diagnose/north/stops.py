@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from foucault.diagnose.north.validity import NEAR_STOP
 from foucault.errors import Finding, finding
-from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import turned

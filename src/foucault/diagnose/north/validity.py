@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding, finding
-from foucault.estimate.north_seeking import Fixes
+from foucault.estimate.north.attitude import Fixes
 from foucault.models.dwells import Dwells
 from foucault.models.rotation import turned
 from foucault.units import ZERO_CELSIUS

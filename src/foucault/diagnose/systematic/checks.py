@@ -1,254 +1,351 @@
-"""Compare the rests and turns of a log with the sequence that was to be done.
+"""Judge a systematic calibration: do noise, model and sequence explain what was seen at rest?
 
-Turns are compared by axis in the body and by angle, one by one. Where they do not agree, all ways
-to exchange the axes that the sequence names, and to turn them the other way, are tried; if one
-explains every turn, it is named.
+Innovations of a filter are independent, with the variance it says. Where the instrument stands
+stiller than `velocity_sd` and `position_sd` allow they are smaller, and that is no fault: only
+their upper limit is tested. The same holds of the velocity at the end of every rest. What a session
+tells of some coefficients by itself, whatever was known of them, is the difference of information
+after it and before it, ``P^-1 - P_0^-1`` of their part of the covariances.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import permutations, product
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.systematic.rests import FoundSequence, Move
-from foucault.errors import Finding, error, finding
-from foucault.models.rotation import exp
-from foucault.plans.manoeuvres import TABLE_AXES, Rotate
-from foucault.plans.systematic import CalibrationSequence, Position, pointing
-from foucault.plans.systematic_sequences import BUILT_IN
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.consistency import chi_square_limits
+from foucault.diagnose.hand_rotated.checks import prior_check, status_check
+from foucault.diagnose.information import largest_shares, terms
+from foucault.diagnose.systematic.legs import Legs
+from foucault.errors import Finding, Status, error, finding
+from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.estimate.ins_filter import FilterRun
+from foucault.models.deflection import DeflectionModel
+from foucault.navigate.increments import Increments
+from foucault.result import Check
 from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 
-START = np.radians(20.0)
-"""The first rest may lean this far from its declared orientation [rad]."""
+EACH = FALSE_ALARM / 5
+"""False-alarm rate of each of five tests, so that all together keep 1 % [1]."""
 
-AXIS = np.radians(8.0)
-"""The axis of a turn may be this far from its declared one [rad]."""
+HARDLY = 0.7
+"""A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
 
-ANGLE = (np.radians(1.5), 0.03)
-"""Its angle may be off by this, and by this part of it [rad], [1]."""
+LIKE = ("accel.asymmetry", "accel.quadratic")
+"""What looks the same where every axis is up, down or level: ``g |f|`` and ``f^2`` are equal."""
 
-HEADING = np.radians(5.0)
-"""A declared heading may be this far off before it is said [rad]."""
+WORTH = np.radians(3.0 / 3600.0) / 9.80665
+"""A combination of deflections counts as seen if the session alone tells it better than this, the
+usual size of one [rad/(m/s^2)]."""
+
+WANTED = {
+    "gyro.bias": "rests of two minutes or more with each axis of the body up, level east and north",
+    "gyro.scale": "quarter turns about each axis of the body, both ways, with rests between them",
+    "gyro.misalignment": "quarter turns about each axis of the body, with either of the others up",
+    "gyro.asymmetry": "turns about each axis of the body both ways, unlike in number",
+    "accel.bias": "rests with each axis of the body up and down",
+    "accel.scale": "rests with each axis of the body up and down",
+    "accel.misalignment": "rests with each axis of the body up and down",
+    "accel.asymmetry": "rests with each axis of the body up, down and level",
+    "accel.quadratic": "rests with each axis of the body up, down and slanting, such as at 45 deg",
+    "accel.lever": "turns about each axis of the body at 10 deg/s or more",
+    "accel.delay": "turns about level axes at 10 deg/s or more",
+    "deflection": "spins of ten turns about a level axis in six poses, three of them slanting",
+}
+"""Group of coefficients -> what shows them."""
 
 
 @dataclass(frozen=True)
-class Matched:
-    """A log against its sequence.
+class Evidence:
+    """Everything the checks look at.
 
     Attributes
     ----------
-    positions : tuple of Position
-        The rests of the sequence that the log has.
-    rests : ndarray of int, shape (m,)
-        The number of the rest of the log that each of them is.
-    angle_err : ndarray, shape (k,)
-        Angle of each turn as the gyros say, minus the one of the sequence [rad].
-    axis_err : ndarray, shape (k,)
-        Angle between the axis of each turn and the one of the sequence [rad].
-    findings : tuple of Finding
-        What was noticed.
+    increments : Increments
+        The session as measured.
+    rests : tuple of (int, int)
+        First and last row of each rest that was used [1].
+    run : FilterRun
+        The last pass of the filter.
+    coefficients : CoefficientVector
+        The states that are coefficients, with covariance and prior [SI].
+    mean : ndarray, shape (p,)
+        Mean of their prior [SI].
+    usual : ndarray, shape (p,)
+        Standard deviation of each where the user says nothing [SI].
+    legs : Legs
+        Velocities at the end of every rest.
+    status : Status
+        How the passes ended.
     """
 
-    positions: tuple[Position, ...]
-    rests: npt.NDArray[np.int64]
-    angle_err: FloatArray
-    axis_err: FloatArray
-    findings: tuple[Finding, ...]
+    increments: Increments
+    rests: tuple[tuple[int, int], ...]
+    run: FilterRun
+    coefficients: CoefficientVector
+    mean: FloatArray
+    usual: FloatArray
+    legs: Legs
+    status: Status
 
 
-def match_sequence(found: FoundSequence, sequence: CalibrationSequence) -> Matched:
-    """Check that a log is one of `sequence`, and say which rest is which.
+def checks(e: Evidence) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason.
 
     Parameters
     ----------
-    found : FoundSequence
-        Rests and turns of the log.
-    sequence : CalibrationSequence
-        What was to be done.
-
-    Raises
-    ------
-    FoucaultError
-        The start, the number of turns, their axes or their angles are not those of the sequence.
+    e : Evidence
+        Session, filter and coefficients.
     """
-    _check_start(found, sequence)
-    _check_moves(found, sequence)
-    axis_err, angle_err = _misses(found.moves, *_told(sequence))
-    positions, rests, notes = _rests(found, sequence)
-    return Matched(positions, rests, angle_err, axis_err, (*_heading(found, sequence), *notes))
-
-
-def recognised(found: FoundSequence) -> str | None:
-    """Return the name of the built-in sequence whose turns a log has, None if there is none."""
-    for name, make in BUILT_IN.items():
-        if _fits(found.moves, make()):
-            return name
-    return None
-
-
-def _check_start(found: FoundSequence, sequence: CalibrationSequence) -> None:
-    up, declared = found.accel[0] / np.linalg.norm(found.accel[0]), sequence.start[2]
-    angle = float(np.arccos(np.clip(up @ declared, -1.0, 1.0)))
-    if angle > START:
-        raise error(
-            "systematic.start", name=sequence.name, declared=", ".join(pointing(sequence.start)),
-            up=_along(declared), measured=_along(up), angle=f"{np.degrees(angle):.0f}",
-        )  # fmt: skip
-
-
-def _check_moves(found: FoundSequence, sequence: CalibrationSequence) -> None:
-    moves = found.moves
-    if _fits(moves, sequence):
-        return
-    off_by = _heading_off(found, sequence)
-    if off_by is not None:
-        turned = replace(sequence, start=exp(np.array([0.0, 0.0, -off_by[0]])) @ sequence.start)
-        if _fits(moves, turned):
-            more, sd = (np.degrees(x) for x in off_by)
-            raise error("systematic.heading_start", name=sequence.name, angle=f"{more:+.1f}",
-                        sd=f"{sd:.2g}")  # fmt: skip
-    for words, other in _relabelled(sequence) if len(moves) == len(sequence.moves) else ():
-        if _fits(moves, other):
-            raise error("systematic.axes", name=sequence.name, words=words)
-    axis, angle = _told(sequence)
-    n = min(len(angle), len(moves))
-    off = np.flatnonzero(_off(*_misses(moves[:n], axis[:n], angle[:n]), angle[:n]))
-    number = int(off[0]) if len(off) else n
-    if len(moves) != len(angle):
-        first = "Up to the end of the shorter one they agree."
-        if len(off):
-            at = moves[number]
-            first = (
-                f"The first that differs is turn {number + 1}, at {at.start:.1f} s in the log: "
-                f"{_said(at.axis_b, at.angle)}."
-            )
-        raise error(
-            "systematic.count", name=sequence.name, declared=len(angle), given=len(moves),
-            first=first,
-        )  # fmt: skip
-    at, k = moves[number], sequence.moves[number]
-    action = sequence.actions[k]
-    assert isinstance(action, Rotate)
-    raise error(
-        "systematic.move", number=number + 1, name=sequence.name, time=f"{at.start:.1f}",
-        action=f"action {k + 1}, {np.degrees(action.angle):.5g} deg about {action.axis}",
-        declared=_said(axis[number], angle[number]), measured=_said(at.axis_b, at.angle),
+    miss = (e.coefficients.values - e.mean) / e.coefficients.prior_sd
+    return (
+        status_check(e.status, ()), _innovations(e), _rests(e), _velocities(e),
+        prior_check(e.coefficients, miss), _seen(e),
     )  # fmt: skip
 
 
-def _told(sequence: CalibrationSequence) -> tuple[FloatArray, FloatArray]:
-    """Return axes of the turns, counter-clockwise, shape (k, 3), and angles, (k,) [rad]."""
-    some = [(sequence.axis_b[k], sequence.actions[k]) for k in sequence.moves]
-    turns = [(axis, a.angle) for axis, a in some if isinstance(a, Rotate)]
-    axes = np.array([np.sign(angle) * axis for axis, angle in turns]).reshape(-1, 3)
-    return axes, np.array([abs(angle) for _, angle in turns])
+def _innovations(e: Evidence) -> Check:
+    total, dof = float(e.run.nis.sum()), int(e.run.measured.sum())
+    limit = chi_square_limits(dof, 2 * EACH)[1]
+    fine = total <= limit
+    words = f"What is seen at rest scatters {np.sqrt(total / dof):.3f} times as much as allowed for"
+    if total < dof / 2:
+        words += "; it stands stiller than velocity_sd and position_sd say, which does no harm"
+    if not fine:
+        words += (
+            ": the instrument stands less still than velocity_sd and position_sd say, is noisier, "
+            "or has errors that are not estimated, so that the uncertainties are too small"
+        )
+    return Check("innovations", total / dof, None, limit / dof, fine, words + ".")
 
 
-def _misses(
-    moves: tuple[Move, ...], axis: FloatArray, angle: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return by how much axes and angles of turns miss, shape (k,) each [rad]."""
-    found = np.array([m.axis_b for m in moves]).reshape(-1, 3)
-    cosine = np.einsum("ki,ki->k", axis, found)
-    return np.arccos(np.clip(cosine, -1.0, 1.0)), np.array([m.angle for m in moves]) - angle
+def squares(e: Evidence) -> tuple[FloatArray, FloatArray]:
+    """Return the sum of squared normalised innovations of each rest, and their number.
+
+    Parameters
+    ----------
+    e : Evidence
+        Session, filter and coefficients.
+    """
+    time = e.increments.time
+    total, count = np.zeros((2, len(e.rests)))
+    for k, (a, b) in enumerate(e.rests):
+        rows = (e.run.time >= time[a] - 1e-9) & (e.run.time <= time[b] + 1e-9)
+        total[k], count[k] = e.run.nis[rows].sum(), e.run.measured[rows].sum()
+    return total, count
 
 
-def _off(axis: FloatArray, angle: FloatArray, declared: FloatArray) -> npt.NDArray[np.bool_]:
-    limit = ANGLE[0] + ANGLE[1] * np.abs(declared)
-    return np.asarray((axis > AXIS) | (np.abs(angle) > limit))
+def _rests(e: Evidence) -> Check:
+    total, count = squares(e)
+    used = np.flatnonzero(count)
+    limit = np.array([chi_square_limits(count[k], 2 * EACH, len(used))[1] for k in used])
+    share = total[used] / limit
+    worst = int(used[np.argmax(share)])
+    out = int(np.count_nonzero(share > 1.0))
+    a, b = (float(e.increments.time[row]) for row in e.rests[worst])
+    words = "No rest scatters more than allowed for."
+    if out:
+        words = (
+            f"{out} of {len(used)} rests scatter more than allowed for; the farthest is rest "
+            f"{worst + 1}, {a:.0f} to {b:.0f} s: it moved, or the turn before it shows an error "
+            "that is not estimated."
+        )
+    return Check("rests", float(share.max()), None, 1.0, out == 0, words)
 
 
-def _fits(moves: tuple[Move, ...], sequence: CalibrationSequence) -> bool:
-    if len(moves) != len(sequence.moves):
-        return False
-    axis, angle = _told(sequence)
-    return not _off(*_misses(moves, axis, angle), angle).any()
+def _velocities(e: Evidence) -> Check:
+    from scipy.special import ndtri
+
+    z = np.abs(e.legs.after) / e.legs.sd
+    limit = float(ndtri((1 - EACH) ** (1 / z.size) / 2 + 0.5))
+    worst, axis = (int(k) for k in np.unravel_index(np.argmax(z), z.shape))
+    fine = bool(z.max() <= limit)
+    run = "through each rest" if e.legs.anew else "from rest to rest"
+    words = (
+        f"Navigated {run} with the calibration, the velocity is at most {z.max():.1f} times what "
+        "is promised from zero"
+    )
+    if not fine:
+        words += (
+            f": {('east', 'north', 'up')[axis]} in rest {int(e.legs.rest[worst]) + 1}, at "
+            f"{e.legs.end[worst]:.0f} s"
+        )
+    return Check("velocities", float(z.max()), None, limit, fine, words + ".")
 
 
-def _relabelled(sequence: CalibrationSequence) -> Iterator[tuple[str, CalibrationSequence]]:
-    """Yield the sequence with its axes exchanged or reversed, few changes first, in words."""
-    used = tuple(sequence.turned)
-    orders = [*permutations(TABLE_AXES, len(used))]
-    # One axis taken for another that is used as well: a spin about east in place of north.
-    orders += [
-        tuple(axis if name == wrong else name for name in used)
-        for wrong, axis in product(used, TABLE_AXES)
-    ]
-    ways = [
-        dict(zip(used, zip(order, signs, strict=True), strict=True))
-        for order, signs in product(orders, product((1.0, -1.0), repeat=len(used)))
-    ]
-    for way in sorted(ways, key=lambda w: sum(2 * (a != b) + (s < 0) for a, (b, s) in w.items())):
-        words = [
-            f"{'minus ' if sign < 0 else ''}{axis} where it says {name}"
-            for name, (axis, sign) in way.items()
-            if axis != name or sign < 0
-        ]
-        actions = tuple(
-            replace(a, axis=way[a.axis][0], angle=way[a.axis][1] * a.angle)
-            if isinstance(a, Rotate) else a
-            for a in sequence.actions
-        )  # fmt: skip
-        if words:
-            yield ", ".join(words), replace(sequence, actions=actions)
+def hardly(coefficients: CoefficientVector) -> list[str]:
+    """Return the names of `coefficients` that are hardly better known than before."""
+    c = coefficients
+    return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
 
 
-def _rests(
-    found: FoundSequence, sequence: CalibrationSequence
-) -> tuple[tuple[Position, ...], npt.NDArray[np.int64], list[Finding]]:
-    """Give each rest of the sequence the one of the log with as many turns before it."""
-    before = np.array([sum(m.after < k for m in found.moves) for k in range(len(found.rests))])
-    positions, rests, notes = [], [], []
-    for position in sequence.positions:
-        same = np.flatnonzero(before == position.moves)
-        if len(same):
-            positions.append(position)
-            rests.append(int(same[np.argmax((found.rests.last - found.rests.first)[same])]))
-        else:
-            notes.append(
-                finding(
-                    "systematic.rest_missing", label=position.label, name=sequence.name,
-                    moves=position.moves,
-                )
-            )  # fmt: skip
-    return tuple(positions), np.array(rests, np.int64), notes
+def only_sums(coefficients: CoefficientVector) -> list[str]:
+    """Return the axes of which asymmetry and quadratic term are seen as a sum alone.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance, and prior standard deviations that were not correlated [SI].
+    """
+    assert coefficients.cov is not None
+    out = []
+    for axis in AXES:
+        names = [f"{group}.{axis}" for group in LIKE]
+        if all(name in coefficients.layout for name in names):
+            at = [coefficients.layout.index(name) for name in names]
+            unit = coefficients.prior_sd[at]
+            some, none = np.linalg.eigvalsh(coefficients.cov[np.ix_(at, at)] / np.outer(unit, unit))
+            if some < HARDLY**2 < none:
+                out.append(axis)
+    return out
 
 
-def _heading(found: FoundSequence, sequence: CalibrationSequence) -> list[Finding]:
-    """Say where the declared heading is not the one that the Earth's rate shows."""
-    off_by = _heading_off(found, sequence)
-    if off_by is None:
+@dataclass(frozen=True)
+class Unseen:
+    """What the session does not show.
+
+    Attributes
+    ----------
+    names : list of str
+        Coefficients that are hardly better known than is usual.
+    sums : list of str
+        Axes of which asymmetry and quadratic term are seen as a sum alone.
+    known : list of str
+        Coefficients hardly better known than before, which the user knows better than is usual.
+    """
+
+    names: list[str]
+    sums: list[str]
+    known: list[str]
+
+    @classmethod
+    def of(cls, c: CoefficientVector, usual: FloatArray) -> Unseen:
+        """Sort what is hardly seen.
+
+        Parameters
+        ----------
+        c : CoefficientVector
+            With covariance and prior [SI].
+        usual : ndarray, shape (p,)
+            Standard deviation of each where the user says nothing [SI].
+        """
+        told = c.prior_sd < usual * (1.0 - 1e-9)
+        better = {name for name, yes in zip(c.names, told, strict=True) if yes}
+        names = hardly(c)
+        pairs = {axis: [f"{group}.{axis}" for group in LIKE] for axis in only_sums(c)}
+        # What is known of the one tells the other.
+        sums = [a for a, pair in pairs.items() if not better & {*pair} and {*names} & {*pair}]
+        summed = {name for axis in sums for name in pairs[axis]}
+        return cls(
+            [n for n in names if n not in better | summed], sums, [n for n in names if n in better]
+        )
+
+
+def _seen(e: Evidence) -> Check:
+    unseen = Unseen.of(e.coefficients, e.usual)
+    words = []
+    if unseen.names:
+        words.append(
+            f"The session tells hardly anything of {', '.join(unseen.names)}: what is said of them "
+            "is what was known before."
+        )
+    if unseen.sums:
+        words.append(_summed(unseen.sums))
+    count = len(unseen.names) + len(unseen.sums)
+    said = " ".join(words) or "The session tells something of every coefficient."
+    return Check("seen", float(count), None, 0.0, not count, said)
+
+
+def _summed(axes: Sequence[str]) -> str:
+    return (
+        f"Of asymmetry and quadratic term of the accelerometers {', '.join(axes)} the session "
+        "tells only the sum, accel.asymmetry + g accel.quadratic: in its rests the two look alike."
+    )
+
+
+def findings(e: Evidence) -> list[Finding]:
+    """Return what the user should know: coefficients that the sequence does not show.
+
+    Parameters
+    ----------
+    e : Evidence
+        Session, filter and coefficients.
+    """
+    return unseen_of(e.coefficients, e.usual)
+
+
+def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Finding]:
+    """Say which coefficients are hardly better known than before, and what would show them.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance and prior [SI].
+    usual : ndarray, shape (p,)
+        Standard deviation of each where the user says nothing [SI].
+    """
+    unseen, out = Unseen.of(coefficients, usual), []
+    if unseen.names:
+        groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in unseen.names)]
+        wanted = "; ".join(dict.fromkeys(WANTED[g] for g in groups))
+        out.append(finding("systematic.unseen", names=", ".join(unseen.names), wanted=wanted))
+    if unseen.sums:
+        out.append(finding("systematic.only_sum", sentence=_summed(unseen.sums),
+                           wanted=WANTED["accel.quadratic"]))  # fmt: skip
+    if unseen.known:
+        out.append(finding("systematic.only_prior", names=", ".join(unseen.known)))
+    return out
+
+
+def told_of(coefficients: CoefficientVector, names: Sequence[str]) -> tuple[int, list[str]]:
+    """Return how many combinations of deflections a session tells, and the others in words.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        With covariance, and prior standard deviations that were not correlated [SI].
+    names : sequence of str
+        The deflections among them.
+    """
+    part = [coefficients.layout.index(name) for name in names]
+    assert coefficients.cov is not None
+    unit = coefficients.prior_sd[part]
+    after = coefficients.cov[np.ix_(part, part)] / np.outer(unit, unit)
+    # Of the session alone, in units of WORTH.
+    information = (np.linalg.inv(after) - np.eye(len(part))) * WORTH**2 / np.outer(unit, unit)
+    values, vectors = np.linalg.eigh((information + information.T) / 2)
+    layout = coefficients.layout.subset(names)
+    blind = [terms(largest_shares(layout, v), dots=True) for v in vectors[:, values < 1.0].T]
+    return int(np.count_nonzero(values >= 1.0)), blind
+
+
+def require_deflection(
+    coefficients: CoefficientVector, model: DeflectionModel, *, known: bool
+) -> list[Finding]:
+    """Refuse a model of deflection that the session cannot see.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The result [SI].
+    model : DeflectionModel
+        The model.
+    known : bool
+        Whether the user has said what is known of its parameters beforehand: then it is only said.
+    """
+    rank, blind = told_of(coefficients, model.layout.names)
+    if not blind:
         return []
-    angle, sd = (np.degrees(x) for x in off_by)
-    return [finding("systematic.heading", angle=f"{angle:+.1f}", sd=f"{sd:.2g}")]
-
-
-def _heading_off(found: FoundSequence, sequence: CalibrationSequence) -> tuple[float, float] | None:
-    """Return by how much the heading at the start is more than declared, and its sd [rad]."""
-    if found.earth_b is None or found.earth_cov is None:
-        return None
-    east, north, _ = sequence.start @ found.earth_b
-    cov = (sequence.start @ found.earth_cov @ sequence.start.T)[:2, :2]
-    level = float(np.hypot(east, north))
-    across = np.array([north, -east]) / max(level, 1e-300)
-    sd = float(np.sqrt(across @ cov @ across)) / max(level, 1e-300)
-    angle = float(np.arctan2(-east, north))
-    return None if abs(angle) <= max(HEADING, 4.0 * sd) else (angle, sd)
-
-
-def _said(axis: FloatArray, angle: float) -> str:
-    return f"{np.degrees(angle):.1f} deg about {_along(axis)}"
-
-
-def _along(direction: FloatArray) -> str:
-    """Say which axis of the body a direction is along."""
-    k = int(np.abs(direction).argmax())
-    if abs(direction[k]) > np.cos(AXIS):
-        return ("minus " if direction[k] < 0 else "") + AXES[k]
-    return "(" + ", ".join(f"{x:.2f}" for x in direction) + ") in body axes"
+    words = {
+        "model": model.name, "rank": rank, "count": len(model),
+        "blind": "; ".join(blind[:6]) + ("; ..." if len(blind) > 6 else ""),
+        "wanted": WANTED["deflection"],
+    }  # fmt: skip
+    if not known:
+        raise error("systematic.deflection_unseen", **words)
+    return [finding("systematic.deflection_prior", **words)]

@@ -47,7 +47,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.diagnose.systematic.evidence import EACH, WANTED, WORTH
+from foucault.diagnose.systematic.checks import EACH, WANTED, WORTH
 from foucault.errors import error
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.models.deflection import MODELS, DeflectionModel, deflection_model

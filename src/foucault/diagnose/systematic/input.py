@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.alignment.checks import SURE
+from foucault.diagnose.alignment.input import SURE
 from foucault.diagnose.axes import SUSPICIOUS, explain_turns, mistake
 from foucault.diagnose.force_at_rest import wrong_force
 from foucault.diagnose.systematic.rests import FoundSequence

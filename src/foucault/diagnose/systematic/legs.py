@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from foucault.estimate.ins_filter import FilterRun, Updates, run
 from foucault.estimate.smoother import smooth
-from foucault.estimate.systematic import AtRest
+from foucault.estimate.systematic.fit import AtRest
 from foucault.models.earth import Site, gravity
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import Increments

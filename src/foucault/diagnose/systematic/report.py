@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.systematic.evidence import Evidence, squares
+from foucault.diagnose.systematic.checks import Evidence, squares
 from foucault.models.earth import Site
 from foucault.tables import AXES
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.diagnose.table.checks import LARGE, UNITS
-from foucault.estimate.table_fit import ENOUGH
+from foucault.estimate.table.fit import ENOUGH
 from foucault.result import Check, Level
 from foucault.units import plain
 

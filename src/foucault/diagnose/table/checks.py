@@ -8,11 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.session.checks import CONDITION, plausible_scales, prior_check, status_check
-from foucault.diagnose.session.coverage import Coverage
+from foucault.diagnose.coverage import Coverage
+from foucault.diagnose.hand_rotated.checks import (
+    CONDITION,
+    plausible_scales,
+    prior_check,
+    status_check,
+)
 from foucault.estimate import norm_observation
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.table_fit import ENOUGH, GROUPS, KINDS, TableFit
+from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles
@@ -310,7 +315,7 @@ def name_of(readings: Readings, block: int) -> str:
     readings : Readings
         The readings.
     block : int, shape ()
-        Number of the observation, see `estimate.turntable_likelihood.build` [1].
+        Number of the observation, see `estimate.table.likelihood.build` [1].
     """
     n = len(readings)
     j = block % n

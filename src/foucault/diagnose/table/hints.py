@@ -8,7 +8,7 @@ import numpy as np
 
 from foucault.diagnose.table.checks import TableEvidence, name_of, rest_slope
 from foucault.errors import Finding, finding
-from foucault.estimate.table_fit import fit as fit_readings
+from foucault.estimate.table.fit import fit as fit_readings
 from foucault.tables import AXES
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.hand_rotated.held_out import norm_with_cov
 from foucault.diagnose.information import information
-from foucault.diagnose.rate_table.norm import rate_norm_sd
-from foucault.diagnose.session.held_out import norm_with_cov
+from foucault.diagnose.norm import rate_norm_sd
 from foucault.diagnose.table.checks import TableEvidence, detectable
-from foucault.estimate.table_fit import Options, TableFit, inflated
-from foucault.estimate.turntable_likelihood import Observed, build
+from foucault.estimate.table.fit import Options, TableFit, inflated
+from foucault.estimate.table.likelihood import Observed, build
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import coefficient_slot, gravity_slope

@@ -12,8 +12,8 @@ from scipy import linalg, stats
 from foucault.coefficients import Layout
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.estimate.temperature import Evidence, solve
-from foucault.estimate.temperature_order import Choice, Spaces, against, refit
+from foucault.estimate.temperature.fit import Evidence, solve
+from foucault.estimate.temperature.order import Choice, Spaces, against, refit
 from foucault.result import Check
 from foucault.units import ZERO_CELSIUS
 

@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.transfer.evidence import Evidence, Spread, spreads, standardised
+from foucault.diagnose.transfer.checks import Evidence, Spread, spreads, standardised
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.linear_filter import LinearSystem, kalman
-from foucault.estimate.transfer import solve
+from foucault.estimate.transfer.fit import solve
 from foucault.models.rotation import cross_matrix, exp
 from foucault.units import plain
 

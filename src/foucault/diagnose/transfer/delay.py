@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding, finding
-from foucault.estimate.delay import SEEN, UNLIKE, Delay
+from foucault.estimate.delay.fit import SEEN, UNLIKE, Delay
 from foucault.models.rotation import log as rotation_vector
 from foucault.tables import AXES
 from foucault.units import plain

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from foucault.diagnose.transfer.causes import narrow, of_lever, of_outliers, of_priors
-from foucault.diagnose.transfer.evidence import BLOCKS, NEAR, Evidence, bracket, hardly, spreads
+from foucault.diagnose.transfer.checks import BLOCKS, NEAR, Evidence, bracket, hardly, spreads
 from foucault.errors import Finding, Status, finding
 from foucault.models.rotation import log as rotation_vector
 from foucault.units import plain

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding, finding
-from foucault.estimate.delay import Delay
+from foucault.estimate.delay.fit import Delay
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.transfer import Messages
 from foucault.navigate.increments import Increments

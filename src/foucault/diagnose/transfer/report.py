@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer import stretches as transfer_stretches
-from foucault.diagnose.transfer.evidence import Evidence
+from foucault.diagnose.transfer.checks import Evidence
 from foucault.estimate.ins_filter import seen_at_place
 from foucault.estimate.linear_filter import LinearSmoothed
-from foucault.estimate.transfer import HandOver, Transfer
+from foucault.estimate.transfer.fit import HandOver, Transfer
 from foucault.kernels.ins_filter import corrected
 from foucault.models.attitude import angles_of
 from foucault.models.rotation import exp, turned

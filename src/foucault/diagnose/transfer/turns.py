@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from foucault.diagnose.transfer import delay as delay_checks
 from foucault.errors import Finding, finding
-from foucault.estimate.delay import Delay, delay_of
+from foucault.estimate.delay.fit import Delay, delay_of
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.transfer import Messages

@@ -10,7 +10,7 @@ from foucault.diagnose.tumble.motion import nearest
 from foucault.errors import Finding, error, finding
 from foucault.models.cluster import attitude_of
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.plans.torquing import Nominal, TorquingPlan
+from foucault.plans.tumble.torquing import Nominal, TorquingPlan
 from foucault.tables import AXES, Log
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,10 +15,10 @@ import numpy.typing as npt
 from foucault.diagnose.north.noise import noise_json
 from foucault.diagnose.observability import Observability
 from foucault.diagnose.tumble import checks as tumble_checks
-from foucault.diagnose.tumble import shown as evidence
+from foucault.diagnose.tumble import observability as evidence
 from foucault.diagnose.tumble.checks import Evidence
-from foucault.diagnose.tumble.shown import STATE
-from foucault.estimate.tumble import Tumble, attitudes
+from foucault.diagnose.tumble.observability import STATE
+from foucault.estimate.tumble.fit import Tumble, attitudes
 from foucault.models.cluster import CONSTANTS, angles_of, normalised
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.alignment.checks import POOR
+from foucault.diagnose.alignment.input import POOR
 from foucault.diagnose.navigation import schuler
 from foucault.diagnose.navigation.budget import Budget, budget, normalised_square
 from foucault.diagnose.navigation.errors import NavigationError

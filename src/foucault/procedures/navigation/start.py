@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.alignment import checks as alignment_checks
-from foucault.diagnose.alignment.checks import POOR
+from foucault.diagnose.alignment import input as alignment_checks
+from foucault.diagnose.alignment.input import POOR
 from foucault.diagnose.rest_noise import noise_of
 from foucault.diagnose.rests import Rests, find_rests
 from foucault.errors import Finding, error

@@ -22,14 +22,14 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.foresight import Foresight
-from foucault.diagnose.north import calibration as evidence
+from foucault.diagnose.north import calibration_checks as evidence
 from foucault.diagnose.north import calibration_report as shown
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, stops, units_first
 from foucault.diagnose.north.noise import noise_json
 from foucault.errors import error
-from foucault.estimate import north_calibration as estimation
-from foucault.estimate.north_seeking import Known
+from foucault.estimate.north import calibration as estimation
+from foucault.estimate.north.attitude import Known
 from foucault.logs import indexed, indexed_own
 from foucault.logs.indexed_description import IndexedDescription
 from foucault.models.dwells import Dwells

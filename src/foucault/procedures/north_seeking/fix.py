@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north import fix as evidence
+from foucault.diagnose.north import fix_checks as evidence
 from foucault.diagnose.north.causes import causes
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, require_plausible, stops, units_first
@@ -24,8 +24,8 @@ from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals, noise
 from foucault.diagnose.north.stops import without
 from foucault.diagnose.north.validity import contradicted, other_conditions
 from foucault.errors import Finding, error, finding
-from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
-from foucault.estimate.north_seeking import Fixes, Known, level_square, solve
+from foucault.estimate.north.attitude import Fixes, Known, level_square, solve
+from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise

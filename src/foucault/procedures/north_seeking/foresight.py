@@ -19,7 +19,7 @@ from foucault.diagnose.information import information
 from foucault.diagnose.north.dwells import find_dwells
 from foucault.diagnose.north.input import stops
 from foucault.errors import Finding, error, finding
-from foucault.estimate.north_seeking import Known, solve
+from foucault.estimate.north.attitude import Known, solve
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
@@ -34,7 +34,7 @@ from foucault.procedures.north_seeking.solution import (
     require_latitude,
     solved,
 )
-from foucault.simulate.north_seeking import NorthPlan, NorthSimulation, Stops
+from foucault.simulate.north import NorthPlan, NorthSimulation, Stops
 from foucault.units import span
 
 FloatArray = npt.NDArray[np.float64]

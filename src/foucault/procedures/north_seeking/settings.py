@@ -11,14 +11,14 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_val
 from foucault import units
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
-from foucault.estimate.north_roots import NEAR_SD
+from foucault.estimate.north.roots import NEAR_SD
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
 from foucault.models.rotation import turned
-from foucault.plans.north_seeking import PALINDROME, PUBLISHED, SEQUENTIAL
-from foucault.simulate.north_seeking import (
+from foucault.plans.north.orders import PALINDROME, PUBLISHED, SEQUENTIAL
+from foucault.simulate.north import (
     NorthPlan,
     NorthSimulation,
     Placement,

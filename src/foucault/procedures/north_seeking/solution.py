@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north import calibration as evidence
+from foucault.diagnose.north import calibration_checks as evidence
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import spent, stop_offsets, without, words
 from foucault.errors import Finding, error
-from foucault.estimate import north_calibration as estimation
-from foucault.estimate.north_calibration import Rig
-from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north import calibration as estimation
+from foucault.estimate.north.calibration import Rig
+from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise

@@ -13,9 +13,9 @@ from foucault.diagnose.north.plan import Conditions
 from foucault.errors import error
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.plans.north_bound import Known
-from foucault.plans.north_moves import Rig, schedule
-from foucault.plans.north_search import NorthSpace
+from foucault.plans.north.bound import Known
+from foucault.plans.north.moves import Rig, schedule
+from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
 from foucault.procedures.north_seeking.foresight import silent
 from foucault.procedures.north_seeking.settings import Angle, Ramp, Seconds, Session, Settings

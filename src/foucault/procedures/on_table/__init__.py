@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.coverage import Coverage, coverage
+from foucault.diagnose.hand_rotated.input import first_as_declared
+from foucault.diagnose.hand_rotated.report import coverage_json
 from foucault.diagnose.positions.readings import find_readings, stream_readings
-from foucault.diagnose.session.coverage import Coverage, coverage
-from foucault.diagnose.session.input import first_as_declared
-from foucault.diagnose.session.report import coverage_json
 from foucault.diagnose.table import checks as table_checks
 from foucault.diagnose.table import hints as table_hints
 from foucault.diagnose.table import report as table_report
@@ -26,8 +26,8 @@ from foucault.diagnose.table.checks import TableEvidence
 from foucault.diagnose.table.gyro_axes import check_gyro_axes
 from foucault.diagnose.table.input import check_readings, enough_readings
 from foucault.errors import Finding, error, finding
-from foucault.estimate import turntable_likelihood
-from foucault.estimate.table_fit import Options, TableFit, fit
+from foucault.estimate.table import likelihood as turntable_likelihood
+from foucault.estimate.table.fit import Options, TableFit, fit
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
@@ -36,8 +36,8 @@ from foucault.models.readings import Readings
 from foucault.models.table_geometry import Trust
 from foucault.models.table_state import State
 from foucault.models.turntable import up_k
-from foucault.plans.efficiency import refuse_singular
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.efficiency import refuse_singular
+from foucault.plans.table.plan import table_plan
 from foucault.procedures.on_table.session import TableSettings
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import AXES, Log

@@ -15,24 +15,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.coverage import coverage
+from foucault.diagnose.hand_rotated.checks import plausible_scales, status_check
+from foucault.diagnose.hand_rotated.report import coverage_json
 from foucault.diagnose.positions import match as position_match
-from foucault.diagnose.session.checks import plausible_scales, status_check
-from foucault.diagnose.session.coverage import coverage
-from foucault.diagnose.session.report import coverage_json
-from foucault.diagnose.table import batch_checks, batch_tables
+from foucault.diagnose.table import batch_checks
+from foucault.diagnose.table import batch_report as batch_tables
 from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.checks import UNKNOWN_NOISE
 from foucault.errors import FoucaultError, Status, error
-from foucault.estimate import fleet
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.estimate.fleet import FleetEstimate, FleetReadings
+from foucault.estimate.table import fleet
+from foucault.estimate.table.fleet import FleetEstimate, FleetReadings
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, Gauge
 from foucault.models.readings import Readings
 from foucault.models.turntable import TablePlan, up_k
-from foucault.plans.efficiency import refuse_singular
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.efficiency import refuse_singular
+from foucault.plans.table.plan import table_plan
 from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings, task_of
 from foucault.result import Check, Result, Verdict

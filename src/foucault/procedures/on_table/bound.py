@@ -22,8 +22,8 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.information import Information, information
 from foucault.diagnose.table.report import with_references
-from foucault.estimate.table_fit import Options
-from foucault.estimate.turntable_likelihood import Observed, build
+from foucault.estimate.table.fit import Options
+from foucault.estimate.table.likelihood import Observed, build
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
@@ -31,8 +31,8 @@ from foucault.models.readings import Readings, mean_variance
 from foucault.models.table_geometry import Angles, Free, Geometry
 from foucault.models.table_state import State, Unknowns
 from foucault.models.turntable import TablePlan, chain
-from foucault.plans.position_information import without
-from foucault.plans.turntable import table_plan
+from foucault.plans.table.information import without
+from foucault.plans.table.plan import table_plan
 from foucault.procedures.on_table import Task, common_rate_sd, names_of, options_of
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.result import Linearised

@@ -21,20 +21,20 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.turntable import up_k
-from foucault.plans.directions import positions, spread_outer
 from foucault.plans.hand_rotated import spread_directions
 from foucault.plans.optimise import DRAWS
-from foucault.plans.periodic import Periodic
-from foucault.plans.position_information import Parts, half_covariance, without
-from foucault.plans.position_search import Plan, PositionSpace, Wanted
-from foucault.plans.table_reach import NEARLY, Position, Reach
+from foucault.plans.table.directions import positions, spread_outer
+from foucault.plans.table.information import Parts, half_covariance, without
+from foucault.plans.table.periodic import Periodic
+from foucault.plans.table.reach import NEARLY, Position, Reach
+from foucault.plans.table.search import Plan, PositionSpace, Wanted
 from foucault.plans.weights import require_seen, weights_of
 from foucault.procedures import on_table
 from foucault.procedures.on_table import Task
 from foucault.procedures.on_table.bound import Bench
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.turntable_log import timetable
+from foucault.simulate.table.log import timetable
 
 FloatArray = npt.NDArray[np.float64]
 Prior = Mapping[str, tuple[float, float]]

@@ -13,13 +13,13 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.turntable import TablePlan, up_k
-from foucault.plans.directions import Positions, canonical
-from foucault.plans.directions import positions as angles_of_positions
-from foucault.plans.efficiency import refuse_singular
-from foucault.plans.turntable import table_plan
-from foucault.simulate.turntable import Rig
-from foucault.simulate.turntable_log import Simulation, simulate_means
-from foucault.simulate.turntable_log import simulate as simulate_log
+from foucault.plans.table.directions import Positions, canonical
+from foucault.plans.table.directions import positions as angles_of_positions
+from foucault.plans.table.efficiency import refuse_singular
+from foucault.plans.table.plan import table_plan
+from foucault.simulate.table.log import Simulation, simulate_means
+from foucault.simulate.table.log import simulate as simulate_log
+from foucault.simulate.table.readings import Rig
 from foucault.units import Quantity
 
 LOG_LINES = """\
@@ -235,7 +235,7 @@ def plan_of(
     spins : bool
         Whether there are spins at all.
     judged : str or None
-        What the positions must determine, a key of `plans.efficiency.MODELS`; with
+        What the positions must determine, a key of `plans.table.efficiency.MODELS`; with
         `accel_quadratic` "accel" becomes "accel quadratic". None does not judge them.
 
     Raises

@@ -23,13 +23,13 @@ from foucault.diagnose.tumble import input as tumble_input
 from foucault.diagnose.tumble import report as tumble_report
 from foucault.diagnose.tumble.checks import Evidence
 from foucault.errors import Finding, error, finding
-from foucault.estimate import tumble as estimation
-from foucault.estimate.tumble import Fit, Prior, State, Tumble
+from foucault.estimate.tumble import fit as estimation
+from foucault.estimate.tumble.fit import Fit, Prior, State, Tumble
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.plans.torquing import Step, TorquingPlan
-from foucault.plans.torquing_reach import needs
+from foucault.plans.tumble.reach import needs
+from foucault.plans.tumble.torquing import Step, TorquingPlan
 from foucault.procedures.platform_tumble.problem import is_slow, noise_of, prior_of, tumble_of
 from foucault.procedures.platform_tumble.settings import (
     NOISE,
@@ -40,7 +40,7 @@ from foucault.procedures.platform_tumble.settings import (
     simulate,
 )
 from foucault.procedures.platform_tumble.solution import Solution, coefficients, owed_by
-from foucault.simulate.platform_tumble import TumbleSimulation
+from foucault.simulate.tumble import TumbleSimulation
 from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]

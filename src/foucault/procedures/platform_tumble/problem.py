@@ -11,7 +11,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.tumble import input as tumble_input
 from foucault.errors import Finding, error, finding
-from foucault.estimate.tumble import Prior, State, Tumble
+from foucault.estimate.tumble.fit import Prior, State, Tumble
 from foucault.models import cluster
 from foucault.models.cluster import CONSTANTS, LAYOUT, attitude_of
 from foucault.models.earth import Site, earth_rate_n

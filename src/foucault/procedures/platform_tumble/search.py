@@ -14,10 +14,10 @@ from foucault.errors import error
 from foucault.models.cluster import CONSTANTS
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise
-from foucault.plans.torquing import TorquingPlan
-from foucault.plans.torquing_limits import Allowed
-from foucault.plans.torquing_reach import needs
-from foucault.plans.torquing_search import Conditions, TorquingSpace
+from foucault.plans.tumble.limits import Allowed
+from foucault.plans.tumble.reach import needs
+from foucault.plans.tumble.search import Conditions, TorquingSpace
+from foucault.plans.tumble.torquing import TorquingPlan
 from foucault.plans.weights import weights_of
 from foucault.procedures.platform_tumble import foresight as tumble_foresight
 from foucault.procedures.platform_tumble.settings import (

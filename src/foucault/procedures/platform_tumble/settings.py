@@ -16,14 +16,14 @@ from foucault.errors import FoucaultError, error
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.plans import torquing
-from foucault.plans.torquing import TorquingPlan
-from foucault.plans.torquing_reach import Limits
+from foucault.plans.tumble import torquing
+from foucault.plans.tumble.reach import Limits
+from foucault.plans.tumble.torquing import TorquingPlan
 from foucault.procedures.platform_tumble.usual import NOISE as NOISE
 from foucault.procedures.platform_tumble.usual import PRIOR as PRIOR
 from foucault.procedures.platform_tumble.usual import TYPICAL as TYPICAL
 from foucault.procedures.platform_tumble.usual import WHITE as WHITE
-from foucault.simulate.platform_tumble import (
+from foucault.simulate.tumble import (
     Acquisition,
     TumbleSimulation,
     simulate_tumble,

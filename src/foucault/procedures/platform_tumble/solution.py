@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, Status, error, finding
-from foucault.estimate import published_tumble as published
-from foucault.estimate import tumble as estimation
-from foucault.estimate.tumble import Fit, Prior, Tumble
-from foucault.estimate.tumble_budget import sources
+from foucault.estimate.tumble import fit as estimation
+from foucault.estimate.tumble import published
+from foucault.estimate.tumble.budget import sources
+from foucault.estimate.tumble.fit import Fit, Prior, Tumble
 from foucault.models import cluster
 from foucault.models.cluster import LAYOUT, angle_rates, angles_of
 from foucault.models.earth import Site

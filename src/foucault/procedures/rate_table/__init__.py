@@ -25,15 +25,15 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.hand_rotated.input import first_as_declared
 from foucault.diagnose.positions.readings import find_readings
-from foucault.diagnose.rate_table import report as rate_report
-from foucault.diagnose.rate_table.report import RateEvidence
+from foucault.diagnose.rate_table import checks as rate_report
+from foucault.diagnose.rate_table.checks import RateEvidence
 from foucault.diagnose.rate_table.steps import Commanded, rate_steps, require_determined
-from foucault.diagnose.session.input import first_as_declared
 from foucault.errors import Finding, error
 from foucault.estimate import gauss_newton
-from foucault.estimate.rate_scatter import fit_scatter, scaled_noise
-from foucault.estimate.rate_table import Trust, build, fit
+from foucault.estimate.rate_table.likelihood import Trust, build, fit
+from foucault.estimate.rate_table.scatter import fit_scatter, scaled_noise
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
 from foucault.models.noise import ImuNoise

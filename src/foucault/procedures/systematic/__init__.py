@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.session.report import with_gravity
-from foucault.diagnose.systematic import deflection_verdict, evidence
+from foucault.diagnose.hand_rotated.report import with_gravity
+from foucault.diagnose.systematic import checks as evidence
+from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
 from foucault.errors import error

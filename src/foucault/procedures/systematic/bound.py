@@ -18,16 +18,16 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.information import Information
 from foucault.errors import error
-from foucault.estimate.systematic import solve
+from foucault.estimate.systematic.fit import solve
 from foucault.models import imu
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
 from foucault.plans.manoeuvres import Rotate
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_file import ActionTable
-from foucault.plans.systematic_steps import plain_action, plain_start
+from foucault.plans.systematic.file import ActionTable
+from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.systematic.steps import plain_action, plain_start
 from foucault.procedures.systematic.problem import SystematicProblem, prior_of, problem_of
 from foucault.procedures.systematic.settings import Settings
 from foucault.procedures.systematic.solution import Solution, public, solved

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.systematic.checks import require_deflection
 from foucault.diagnose.systematic.deflection_choice import (
     GENERAL18,
     Choice,
@@ -19,9 +20,8 @@ from foucault.diagnose.systematic.deflection_choice import (
     known_of,
 )
 from foucault.diagnose.systematic.deflection_verdict import findings
-from foucault.diagnose.systematic.evidence import require_deflection
 from foucault.errors import Finding
-from foucault.estimate.systematic import attitude_at_start
+from foucault.estimate.systematic.fit import attitude_at_start
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.procedures.systematic.problem import SystematicProblem, prior_of, problem_of

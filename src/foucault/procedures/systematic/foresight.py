@@ -9,19 +9,19 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
+from foucault.diagnose.hand_rotated.report import with_gravity
 from foucault.diagnose.information import largest_shares, terms
-from foucault.diagnose.session.report import with_gravity
-from foucault.diagnose.systematic import evidence
+from foucault.diagnose.systematic import checks as evidence
 from foucault.errors import Finding, finding
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic import AtRest
+from foucault.estimate.systematic.fit import AtRest
 from foucault.models.deflection import MODELS
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic import CalibrationSequence
-from foucault.plans.systematic_search import table_needs
-from foucault.plans.systematic_steps import turns_of
+from foucault.plans.systematic.search import table_needs
+from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.systematic.steps import turns_of
 from foucault.procedures.systematic.bound import Foreseen, Prior, without_prior
 from foucault.procedures.systematic.left_out import foreseen_of
 from foucault.procedures.systematic.plan import (

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.systematic.checks import LIKE, WANTED, only_sums
 from foucault.diagnose.systematic.deflection_choice import Choice
 from foucault.diagnose.systematic.deflection_verdict import likely
-from foucault.diagnose.systematic.evidence import LIKE, WANTED, only_sums
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.procedures.systematic.choice import Decided, compared, widened, with_settings

@@ -24,7 +24,7 @@ from foucault.navigate.align import align
 from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State
 from foucault.navigate.strapdown import navigate
-from foucault.plans.systematic_sequences import navigation_test
+from foucault.plans.systematic.built_in import navigation_test
 from foucault.simulate.systematic import SystematicSimulation, simulate_systematic
 
 FloatArray = npt.NDArray[np.float64]

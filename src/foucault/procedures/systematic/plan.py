@@ -16,10 +16,10 @@ from foucault.errors import error
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, grade
 from foucault.plans.manoeuvres import Rotate
-from foucault.plans.systematic import RATE, CalibrationSequence
-from foucault.plans.systematic_moves import Allowed
-from foucault.plans.systematic_search import SystematicSpace, sd_limit
-from foucault.plans.systematic_sequences import SPIN_RATE, built_in
+from foucault.plans.systematic.built_in import SPIN_RATE, built_in
+from foucault.plans.systematic.moves import Allowed
+from foucault.plans.systematic.search import SystematicSpace, sd_limit
+from foucault.plans.systematic.sequence import RATE, CalibrationSequence
 from foucault.plans.weights import weights_of
 from foucault.procedures.platform_tumble.settings import at
 from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen

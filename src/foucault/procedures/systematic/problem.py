@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.rests import measure_noise
-from foucault.diagnose.systematic.checks import Matched, match_sequence, recognised
 from foucault.diagnose.systematic.input import check_readings
 from foucault.diagnose.systematic.rests import FoundSequence, find_sequence
+from foucault.diagnose.systematic.sequence import Matched, match_sequence, recognised
 from foucault.errors import Finding, error, finding
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic import AtRest
+from foucault.estimate.systematic.fit import AtRest
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -24,14 +24,14 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.estimate.ins_filter import Updates, run
-from foucault.estimate.systematic import BETWEEN, STAYS, AtRest
+from foucault.estimate.systematic.fit import BETWEEN, STAYS, AtRest
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.ins_errors import Sensors, dynamics
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic import CalibrationSequence
+from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.simulate.systematic import simulate_systematic
 
 FloatArray = npt.NDArray[np.float64]

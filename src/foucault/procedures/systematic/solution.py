@@ -11,10 +11,10 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status, error
 from foucault.estimate.ins_filter import FilterRun
-from foucault.estimate.systematic import SystematicRun, attitude_at_start, solve
-from foucault.estimate.systematic_published import second_step
+from foucault.estimate.systematic.fit import SystematicRun, attitude_at_start, solve
+from foucault.estimate.systematic.published import second_step
 from foucault.models import imu, size_effect
-from foucault.plans.systematic_sequences import built_in
+from foucault.plans.systematic.built_in import built_in
 from foucault.procedures.systematic.problem import SystematicProblem
 from foucault.procedures.systematic.settings import Settings
 

@@ -1,8 +1,8 @@
 """Coefficients as functions of temperature, from calibrations at several temperatures or a ramp.
 
 It glues: what sessions and ramps say (`temperature.evidence`), which functions are fitted to it
-(`temperature.task`), the fit and how many terms it needs (`estimate.temperature`,
-`estimate.temperature_order`), and whether to trust it (`diagnose.temperature.checks`). The result
+(`temperature.task`), the fit and how many terms it needs (`estimate.temperature.fit`,
+`estimate.temperature.order`), and whether to trust it (`diagnose.temperature.checks`). The result
 is like any other: its coefficients are those at a reference temperature, the functions are beside
 them, and `Result.apply` uses the functions.
 """
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose.temperature import checks as diagnose
-from foucault.diagnose.temperature import tables
+from foucault.diagnose.temperature import report as tables
 from foucault.errors import Finding, Status, error, finding
 from foucault.models.imu import INVERSES
 from foucault.models.temperature import TemperatureModel

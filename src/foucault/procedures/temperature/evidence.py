@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error
-from foucault.estimate.temperature import Evidence
+from foucault.estimate.temperature.fit import Evidence
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import is_imu, of_sensors
 from foucault.models.temperature import KELVIN_IN_CELSIUS

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from foucault.coefficients import Coefficient, Layout
 from foucault.errors import error, suggestion
-from foucault.estimate.temperature import Evidence
-from foucault.estimate.temperature_order import Choice, Spaces, choose
+from foucault.estimate.temperature.fit import Evidence
+from foucault.estimate.temperature.order import Choice, Spaces, choose
 from foucault.models import size_effect
 from foucault.models.temperature import TemperatureModel, basis
 from foucault.procedures.temperature import evidence

@@ -36,8 +36,9 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.transfer import evidence, findings, report
-from foucault.diagnose.transfer.evidence import Evidence
+from foucault.diagnose.transfer import checks as evidence
+from foucault.diagnose.transfer import findings, report
+from foucault.diagnose.transfer.checks import Evidence
 from foucault.errors import error
 from foucault.logs.master_description import MasterDescription
 from foucault.models.earth import Site

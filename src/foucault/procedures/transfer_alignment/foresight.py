@@ -15,17 +15,17 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.information import largest_shares, terms
-from foucault.diagnose.transfer.evidence import HARDLY
+from foucault.diagnose.transfer.checks import HARDLY
 from foucault.diagnose.transfer.findings import WANTED
 from foucault.errors import Finding, finding
 from foucault.estimate.linear_filter import kalman
-from foucault.estimate.transfer_outage import after_outage
-from foucault.estimate.transfer_system import Free, free_run
+from foucault.estimate.transfer.outage import after_outage
+from foucault.estimate.transfer.system import Free, free_run
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.plans.manoeuvres import Accelerate, Segment, Straight, STurn, Turn
-from foucault.plans.transfer_profiles import TransferProfile
+from foucault.plans.transfer.profiles import TransferProfile
 from foucault.procedures.transfer_alignment.problem import (
     TransferProblem,
     assumed_noise,

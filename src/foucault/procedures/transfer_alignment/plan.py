@@ -13,9 +13,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from foucault.errors import error
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.plans.transfer_moves import Flyable
-from foucault.plans.transfer_profiles import TransferProfile
-from foucault.plans.transfer_search import POSITION, TransferSpace
+from foucault.plans.transfer.moves import Flyable
+from foucault.plans.transfer.profiles import TransferProfile
+from foucault.plans.transfer.search import POSITION, TransferSpace
 from foucault.plans.weights import weights_of
 from foucault.procedures.transfer_alignment.foresight import Shown, shown
 from foucault.procedures.transfer_alignment.session import Session, moved

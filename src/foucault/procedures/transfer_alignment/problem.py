@@ -13,8 +13,8 @@ from foucault.diagnose.transfer import delay as delay_checks
 from foucault.diagnose.transfer.forces import forces
 from foucault.diagnose.transfer.turns import turning
 from foucault.errors import Finding, error, finding
-from foucault.estimate.delay import Delay, delay_of
-from foucault.estimate.transfer_measured import Known, Slave
+from foucault.estimate.delay.fit import Delay, delay_of
+from foucault.estimate.transfer.measured import Known, Slave
 from foucault.models.earth import Site, earth_rate_n, gravity, transport_rate
 from foucault.models.geodesy import displaced
 from foucault.models.layouts import BESIDE

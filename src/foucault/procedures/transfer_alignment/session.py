@@ -21,17 +21,17 @@ from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise, grade
 from foucault.plans.manoeuvre_table import ManoeuvreTable
-from foucault.plans.transfer_profiles import TransferProfile, transfer_profile
+from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
-from foucault.simulate.transfer import (
+from foucault.simulate.transfer.link import Link, MasterNoise
+from foucault.simulate.transfer.session import (
     INSTALLATION,
     TransferSimulation,
     simulate_transfer,
     turn_on_grade,
 )
-from foucault.simulate.transfer_link import Link, MasterNoise
-from foucault.simulate.transfer_slave import Flexure, Slave, Vibration
+from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
 from foucault.tables import Log
 from foucault.units import Quantity
 

@@ -11,7 +11,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import LinearSmoothed, kalman, smoothed
-from foucault.estimate.transfer import (
+from foucault.estimate.transfer.fit import (
     DelayFit,
     HandOver,
     Transfer,
@@ -19,7 +19,7 @@ from foucault.estimate.transfer import (
     likeliest_delay,
     solve,
 )
-from foucault.estimate.transfer_outage import after_outage
+from foucault.estimate.transfer.outage import after_outage
 from foucault.models.transfer import states_of_transfer
 from foucault.navigate.state import State
 from foucault.procedures.transfer_alignment.input import stamp

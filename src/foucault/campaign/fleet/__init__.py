@@ -1,0 +1,344 @@
+"""The same campaign over many instruments: read, calibrate, decide, and one folder for all.
+
+::
+
+    fleet.json                          what was asked, versions, counts, broken instruments
+    fleet.parquet                       a row per instrument
+    report.html                         the summary page, written by `report.fleet`
+    campaign.toml                       the campaign with every default filled in
+    instruments/SERIAL/result.json ...  a run folder per instrument
+
+`log.file` is a pattern ("logs/*.csv"; the name of a file is the serial number), or one file with a
+column `log.serial`. An instrument that cannot be read or calibrated is listed with its reason and
+does not stop the others.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import io
+import json
+import re
+import time as clock
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from foucault import logs, monte_carlo, procedures, run_folder
+from foucault.campaign import earlier
+from foucault.campaign.fleet.table import FleetTable, Row
+from foucault.campaign.reading import Campaign
+from foucault.campaign.study import names_of
+from foucault.campaign.tolerance import Tolerance
+from foucault.campaign.writing import resolved
+from foucault.diagnose.table import report as table_report
+from foucault.errors import Finding, FoucaultError, error
+from foucault.files import atomic, unwritable
+from foucault.logs.serials import by_serial
+from foucault.models.readings import Readings
+from foucault.procedures import on_table
+from foucault.procedures.norm_observation import task_of
+from foucault.procedures.on_table import batch as on_table_batch
+from foucault.result import Result, provenance
+from foucault.tables import Log
+
+Progress = Callable[[float, str], None]
+Report = Callable[[Path], Path]
+Entry = tuple[str, "Log | FoucaultError"]
+
+SCHEMA = "foucault.fleet/1"
+FLEET_FILE, TABLE_FILE, PAGE_FILE, INSTRUMENTS = (
+    "fleet.json", "fleet.parquet", "report.html", "instruments",
+)  # fmt: skip
+
+LONGEST = 80
+"""Longest name of a folder that is made of a serial number [1]."""
+
+
+def _silent(_fraction: float, _words: str) -> None:
+    """Tell nobody."""
+
+
+@dataclass
+class _Reduced:
+    """An instrument that waits for the batch: its means, and what its log leaves behind."""
+
+    serial: str
+    readings: Readings
+    findings: tuple[Finding, ...]
+    validity: dict[str, Any]
+    provenance: dict[str, Any]
+
+
+@dataclass
+class _Work:
+    """What all steps need."""
+
+    campaign: Campaign
+    folder: Path
+    report: Report | None
+    batch: bool
+    folders: dict[str, str] = field(default_factory=dict)
+
+    def named(self, entries: Iterable[Entry]) -> Iterator[Entry]:
+        """Give every instrument a folder of its own, in the order of the logs."""
+        taken: set[str] = set()
+        for serial, log in entries:
+            name = folder_name(serial)
+            if name.casefold() in taken:  # not all systems tell a from A
+                name += "-" + _digest(serial)
+            taken.add(name.casefold())
+            self.folders[serial] = f"{INSTRUMENTS}/{name}"
+            yield serial, log
+
+
+def _digest(serial: str) -> str:
+    return hashlib.sha256(serial.encode()).hexdigest()[:8]
+
+
+def folder_name(serial: str) -> str:
+    """Return a name for the folder of an instrument that no path can hide in.
+
+    Parameters
+    ----------
+    serial : str
+        Serial number; characters other than letters, digits, "." (not first), "_" and "-" are
+        replaced, and a digest is then added so that different numbers stay different.
+    """
+    name = re.sub(r"[^A-Za-z0-9._-]", "_", serial)
+    name = re.sub(r"^\.+|\.+$", "_", name)[:LONGEST]
+    return name if name == serial and name else f"{name}-{_digest(serial)}".lstrip("-")
+
+
+def run(
+    campaign: Campaign,
+    folder: str | Path,
+    *,
+    tolerance: Tolerance | None = None,
+    report: Report | None = None,
+    workers: int = 2,
+    progress: Progress = _silent,
+) -> FleetTable:
+    """Calibrate all instruments of a campaign and write one folder.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What was done with every instrument.
+    folder : str or Path
+        The folder; results in it are replaced.
+    tolerance : Tolerance or None
+        What coefficients may be; None decides nothing.
+    report : callable or None
+        Writes the report of a run folder and returns its path; None writes none.
+    workers : int, shape ()
+        Threads [1].
+    progress : callable
+        Called with the fraction done and what is being done.
+
+    Returns
+    -------
+    FleetTable
+        A row per instrument, those without a result last.
+
+    Raises
+    ------
+    FoucaultError
+        Mistakes in the campaign, and ``fleet.nothing`` where no instrument has a result.
+    """
+    earlier.refuse(campaign, "a fleet")
+    started, folder = clock.monotonic(), Path(folder)
+    names = names_of(campaign)
+    if tolerance is not None:
+        tolerance.refuse_unknown(names, campaign.procedure)
+    batch = on_table_batch.suits(campaign.settings, campaign.site, campaign.prior)
+    work = _Work(campaign, folder, report, batch)
+    entries = work.named(_entries(campaign, progress))
+    try:
+        (folder / INSTRUMENTS).mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise unwritable(folder, problem) from None
+    rows = list(_rows(work, entries, monte_carlo.threads(workers), progress))
+    table = FleetTable.of(names, rows)
+    _refuse_nothing(table)
+    table = table.decided(tolerance)
+    _write(work, table, tolerance, clock.monotonic() - started)
+    return table
+
+
+def _rows(
+    work: _Work, entries: Iterable[Entry], over: monte_carlo.Map, progress: Progress
+) -> Iterator[Row]:
+    if not work.batch:
+        yield from over(lambda e: _calibrated(work, *e), entries)
+        return
+    reduced: list[_Reduced] = []
+    for item in over(lambda e: _reduced(work, *e), entries):
+        if isinstance(item, _Reduced):
+            reduced.append(item)
+        else:
+            yield item
+    if not reduced:
+        return
+    progress(0.5, f"solving {len(reduced)} instruments")
+    solved = on_table_batch.solve(
+        [r.readings for r in reduced], work.campaign.settings, work.campaign.site
+    )
+    numbered = list(enumerate(reduced))
+    rows = over(lambda n: _from_batch(work, solved, *n), numbered)
+    for done, row in enumerate(rows, 1):
+        progress(0.5 + 0.45 * done / len(reduced), f"writing {done} of {len(reduced)}")
+        yield row
+
+
+def _refuse_nothing(table: FleetTable) -> None:
+    if table.problems and not table.good.any():
+        serial, problem = next(iter(table.problems.items()))
+        raise error(
+            "fleet.nothing", count=len(table.problems), serial=serial, message=problem.message,
+            cure=problem.cure,
+        )  # fmt: skip
+
+
+# -- the instruments -----------------------------------------------------------------------
+
+
+def _entries(campaign: Campaign, progress: Progress) -> Iterator[Entry]:
+    """Return serial numbers and logs, one after the other; mistakes of the campaign raise now."""
+    files = campaign.imu_log.files()
+    if len(files) != 1:
+        raise error("fleet.files", count=len(files), files=", ".join(files))
+    name = next(iter(files))
+    if glob.has_magic(name) and not (campaign.folder / name).exists():
+        return _of_files(campaign, name, progress)
+    told = lambda done: progress(0.5 * done, "reading the log")  # noqa: E731
+    return by_serial(campaign.log, campaign.folder, told)
+
+
+def _of_files(campaign: Campaign, pattern: str, progress: Progress) -> Iterator[Entry]:
+    paths = sorted(p for p in campaign.folder.glob(pattern) if p.is_file())
+    if not paths:
+        raise error("fleet.no_files", pattern=pattern, folder=campaign.folder)
+    serials: dict[str, Path] = {}
+    for path in paths:
+        serial = path.name.split(".")[0] if path.name.endswith(".csv.gz") else path.stem
+        if serial in serials:
+            files = f"{serials[serial].name} and {path.name}"
+            raise error("fleet.serial_twice", serial=serial, files=files)
+        serials[serial] = path
+    return _read_each(campaign, serials, progress)
+
+
+def _read_each(campaign: Campaign, serials: dict[str, Path], progress: Progress) -> Iterator[Entry]:
+    for number, (serial, path) in enumerate(serials.items()):
+        progress(0.5 * number / len(serials), f"instrument {number + 1} of {len(serials)}")
+        own = campaign.log.model_copy(update={"file": str(path.relative_to(campaign.folder))})
+        try:
+            yield serial, logs.read(own, campaign.folder)
+        except FoucaultError as problem:
+            yield serial, problem
+
+
+def _reduced(work: _Work, serial: str, log: Log | FoucaultError) -> _Reduced | Row:
+    if isinstance(log, FoucaultError):
+        return Row.broken(serial, log)
+    c = work.campaign
+    try:
+        readings = on_table.read_positions(log, task_of(c.settings), c.noise)
+        readings = on_table_batch.arranged(readings, on_table_batch.plan_of(c.settings))
+    except FoucaultError as problem:
+        return Row.broken(serial, problem)
+    validity = table_report.validity(readings, log, c.site)
+    found = c.findings + log.findings
+    return _Reduced(serial, readings, found, validity, provenance(log.source, 0.0))
+
+
+def _from_batch(work: _Work, batch: on_table_batch.Batch, i: int, own: _Reduced) -> Row:
+    problem = batch.problem(i)
+    if problem is not None:
+        return Row.broken(own.serial, problem)
+    result = batch.result(i)
+    result = replace(
+        result, findings=own.findings + result.findings, validity=own.validity,
+        provenance=own.provenance,
+    )  # fmt: skip
+    return _saved(work, own.serial, result)
+
+
+def _calibrated(work: _Work, serial: str, log: Log | FoucaultError) -> Row:
+    if isinstance(log, FoucaultError):
+        return Row.broken(serial, log)
+    c = work.campaign
+    log = replace(log, findings=c.findings + log.findings)
+    try:
+        result: Result = procedures.load(c.procedure).calibrate(
+            log, site=c.site, settings=c.settings, noise=c.noise, prior=c.prior
+        )
+    except FoucaultError as problem:
+        return Row.broken(serial, problem)
+    except np.linalg.LinAlgError:  # of one instrument among many it is only a reason
+        return Row.broken(serial, error("fleet.unsolved", why=on_table_batch.WHY["singular"]))
+    return _saved(work, serial, result)
+
+
+def _saved(work: _Work, serial: str, result: Result) -> Row:
+    instrument = work.campaign.instrument | {"serial": serial}
+    result = replace(result, instrument=instrument)
+    where = work.folders[serial]
+    run_folder.save(result, work.folder / where)
+    page = "" if work.report is None else f"{where}/{work.report(work.folder / where).name}"
+    return Row.of(serial, result, where, page)
+
+
+# -- the folder ----------------------------------------------------------------------------
+
+
+def _write(work: _Work, table: FleetTable, tolerance: Tolerance | None, seconds: float) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    folder, campaign = work.folder, work.campaign
+    _remove_stale(work, table)
+    text = resolved(campaign, folder)
+    columns = table.columns()
+    known = pa.schema([pa.field(k, pa.array(v).type, metadata={"unit": u})
+                       for k, (v, u) in columns.items()])  # fmt: skip
+    buffer = io.BytesIO()
+    arrays = [pa.array(v) for v, _ in columns.values()]
+    pq.write_table(pa.Table.from_arrays(arrays, schema=known), buffer)
+    document = table.document() | {
+        "schema": SCHEMA,
+        "procedure": campaign.procedure,
+        "solved_in_batch": int(table.good.sum()) if work.batch else 0,
+        "campaign": {"file": "campaign.toml", "sha256": hashlib.sha256(text.encode()).hexdigest()},
+        "tolerance": None if tolerance is None else tolerance.as_json(),
+        "provenance": _provenance(seconds),
+    }
+    for name, data in (
+        ("campaign.toml", text.encode()),
+        (TABLE_FILE, buffer.getvalue()),
+        (FLEET_FILE, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()),
+    ):
+        with atomic(folder / name) as temporary:
+            temporary.write_bytes(data)
+
+
+def _remove_stale(work: _Work, table: FleetTable) -> None:
+    """Remove the result of an earlier run where this one has none; nothing else is touched."""
+    for serial in table.problems:
+        folder = work.folder / work.folders[serial]
+        run_folder.clear(folder)
+
+
+def _provenance(seconds: float) -> dict[str, Any]:
+    return {k: v for k, v in provenance({}, seconds).items() if k != "input"}
+
+
+def about(folder: str | Path) -> dict[str, Any]:
+    """Return what fleet.json in a folder says."""
+    said: dict[str, Any] = json.loads((Path(folder) / FLEET_FILE).read_text(encoding="utf-8"))
+    return said

@@ -1,0 +1,342 @@
+"""Judge the calibration of a session: every check, with its limits and its sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.coverage import Coverage
+from foucault.errors import ADVICE, Status
+from foucault.estimate import norm_observation
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.hand_rotated.likelihood import Component
+from foucault.models.rests_and_turns import Session
+from foucault.models.session_noise import SessionNoise
+from foucault.result import Check, Estimate, Level
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+ENOUGH_RESTS = 12
+"""Fewer rests leave too little redundancy to notice that one is wrong [1]."""
+
+CONDITION = (20.0, 500.0)
+"""Condition number of the norm equations: doubtful and unusable beyond [1]. Even coverage has
+1.6, a half-space 18 (uncertainties up to 8 times larger), rests within 45 degrees of one axis
+550 (160 times)."""
+
+SHAKEN, SHAKEN_SHARE = 3.0, 0.2
+"""A rest is shaken beyond this level [1]; more than this share of the rests is too much [1]."""
+
+UNSTILL = {"accel": 0.05, "turn": np.radians(1.0)}
+"""Scatter that is no longer a calibration: 5 mg at rest [m/s^2], 1 deg in a turn [rad]."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Everything the checks look at.
+
+    Attributes
+    ----------
+    session : Session
+        What was observed [SI].
+    estimate : Estimate
+        The solution.
+    noise : SessionNoise
+        Its noise, with the scatter that was added [SI].
+    declared : bool
+        Whether the noise was declared, not measured.
+    before, after : mapping of str to Component
+        Fit of each kind of observation by the noise alone, and with the scatter.
+    coverage : Coverage
+        Orientations visited.
+    up_b : ndarray, shape (n, 3)
+        Direction of up at each rest, frame b [1].
+    held_out : tuple of ndarray, shape (n,) each
+        Error and predicted sd of the norm at rests left out [m/s^2], and white errors [1].
+    rest_level : ndarray, shape (n,)
+        How noisy each rest is; 1 is quiet [1].
+    """
+
+    session: Session
+    estimate: Estimate
+    noise: SessionNoise
+    declared: bool
+    before: Mapping[str, Component]
+    after: Mapping[str, Component]
+    coverage: Coverage
+    up_b: FloatArray
+    held_out: tuple[FloatArray, FloatArray, FloatArray]
+    rest_level: FloatArray
+
+
+def checks(e: Evidence) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason.
+
+    Parameters
+    ----------
+    e : Evidence
+        Data, estimate and diagnostics.
+    """
+    ended = status_checks(e.estimate.status, len(e.up_b), e.estimate.weakest)
+    out = [*ended, _half_space(e), _condition(e), *plausible_scales(e.estimate.coefficients)]
+    out += [_explained(e, name, what) for name, what in _KINDS.items() if name in e.before]
+    out += _unstill(e)
+    out += _even(e)
+    out.append(_still(e))
+    if np.isfinite(e.estimate.coefficients.prior_sd).any():
+        known = int(np.isfinite(e.estimate.coefficients.prior_sd).sum())
+        rows = e.estimate.residuals[-known:]  # the prior's rows come last
+        out.append(prior_check(e.estimate.coefficients, rows))
+    if np.isfinite(e.held_out[0]).any():
+        out.append(_held_out(e))
+    return tuple(out)
+
+
+_KINDS = {
+    "accel_repeatability": "specific force at rest",
+    "gyro_repeatability": "angular rate at rest",
+    "turn_repeatability": "turns",
+}
+
+
+def status_checks(status: Status, rests: int, weakest: tuple[str, ...] = ()) -> tuple[Check, ...]:
+    """Return the checks that every cost has: it converged, and there were rests enough.
+
+    Parameters
+    ----------
+    status : Status
+        How the estimation ended.
+    rests : int, shape ()
+        Number of rests [1].
+    weakest : tuple of str
+        Combinations of coefficients that were not seen.
+    """
+    return status_check(status, weakest), _rests(rests)
+
+
+def status_check(status: Status, weakest: tuple[str, ...]) -> Check:
+    """Return the check that the estimation converged and saw everything.
+
+    Parameters
+    ----------
+    status : Status
+        How the estimation ended.
+    weakest : tuple of str
+        Combinations of coefficients that were not seen.
+    """
+    fine = status is Status.CONVERGED
+    words = ADVICE[status]
+    if weakest:
+        words += " Not seen: " + "; ".join(weakest) + "."
+    return Check("converged", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
+
+
+def _rests(n: int) -> Check:
+    fine = n >= ENOUGH_RESTS
+    words = (
+        f"{n} rests were used."
+        if fine
+        else f"Only {n} rests: at least {ENOUGH_RESTS} are needed to notice a bad one."
+    )
+    return Check("rests", n, ENOUGH_RESTS, None, fine, words)
+
+
+def _half_space(e: Evidence) -> Check:
+    value = e.coverage.half_space
+    fine = value < 0.0
+    missing = ", ".join(words for _, words in e.coverage.missing) or "nothing"
+    words = (
+        "The orientations lie on all sides."
+        if fine
+        else f"All rests lie in one half-space: bias and scale are hard to tell apart. "
+        f"Add rests with {missing}."
+    )
+    return Check("half-space", value, None, 0.0, fine, words)
+
+
+def _condition(e: Evidence) -> Check:
+    rows = norm_observation.design(e.up_b, 1.0)
+    value = float(np.linalg.cond(rows / np.linalg.norm(rows, axis=0)))
+    doubtful, unusable = CONDITION
+    fine = value <= doubtful
+    level = Level.UNUSABLE if value > unusable else Level.DOUBTFUL
+    missing = ", ".join(words for _, words in e.coverage.missing) or "more directions"
+    words = (
+        f"The orientations determine the accelerometer coefficients well (condition {value:.0f})."
+        if fine
+        else f"The orientations determine the accelerometer coefficients poorly (condition "
+        f"{value:.0f}, even coverage has 2). Add rests with {missing}."
+    )
+    return Check("condition", value, None, doubtful, fine, words, level)
+
+
+def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
+    """Return the checks of size: a scale factor error of a third is a wrong unit.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate.
+    """
+    out = []
+    for triad, words in (("accel", "accelerometer"), ("gyro", "gyro")):
+        names = [n for n in coefficients.names if n.startswith(f"{triad}.scale.")]
+        if not names:
+            continue
+        values = [coefficients.value(n) for n in names]
+        value = float(max(values, key=abs))
+        fine = abs(value) < 0.3
+        sentence = (
+            f"The largest {words} scale factor error is {100 * value:.2g} %."
+            if fine
+            else f"A {words} scale factor error of {100 * value:.0f} % is a wrong unit or count "
+            f"scale, not an instrument: check [log.{triad}]."
+        )
+        out.append(Check(f"{triad} scale", value, -0.3, 0.3, fine, sentence, Level.UNUSABLE))
+    return out
+
+
+def _explained(e: Evidence, name: str, what: str) -> Check:
+    added = getattr(e.noise, name) > 0
+    others = any(getattr(e.noise, other) > 0 for other in e.before)
+    # Scatter of one kind shows in the others too until it is known.
+    c = e.after[name] if others and not added else e.before[name]
+    inside = c.low <= c.chi_square <= c.high
+    ratio = np.sqrt(c.ratio)
+    if inside:
+        words = f"The residuals of {what} are as large as the noise says ({ratio:.2f} times)."
+    elif c.chi_square < c.low:
+        words = (
+            f"The residuals of {what} are only {ratio:.2f} times what the noise says: the noise "
+            f"is overstated and so are the uncertainties."
+        )
+    elif added:
+        words = f"The residuals of {what} are {ratio:.1f} times what the noise explains"
+        words += (
+            ": the declared noise is too small. The uncertainties include the scatter."
+            if e.declared
+            else "; the scatter was estimated and is part of the uncertainties."
+        )
+    else:
+        words = (
+            f"The residuals of {what} are {ratio:.1f} times what the noise explains, and the "
+            f"uncertainties do not know it."
+        )
+    # Noise measured in the rests is a lower limit, and scatter beyond it is accounted for;
+    # noise that was declared and is contradicted makes the result doubtful. Measured noise that
+    # is too large (hands shake in the rests) only makes the uncertainties careful.
+    fine = inside or (not e.declared and (added or c.chi_square < c.low))
+    return Check(f"noise of {what}", c.chi_square, c.low, c.high, fine, words)
+
+
+def _unstill(e: Evidence) -> list[Check]:
+    rows = (
+        ("accel", e.noise.accel_repeatability, 1 / 9.80665e-3, "mg", "The rests"),
+        ("turn", e.noise.turn_repeatability, 180 / np.pi, "deg", "The turns"),
+    )
+    out = []
+    for key, value, scale, unit, what in rows:
+        limit = UNSTILL[key]
+        fine = value <= limit
+        words = f"{what} scatter by {value * scale:.2g} {unit} beyond the noise" + (
+            "."
+            if fine
+            else f", more than {limit * scale:.2g} {unit}: the instrument moved in its rests, or "
+            f"the log is damaged (lost samples, wrong sample rate)."
+        )
+        out.append(Check(f"scatter of {what[4:]}", value, None, limit, fine, words))
+    return out
+
+
+def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check:
+    """Compare the estimate with what was said to be known beforehand.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate.
+    residuals : ndarray, shape (k,)
+        White residuals of the k priors, in order [1].
+    """
+    known = np.flatnonzero(np.isfinite(coefficients.prior_sd))
+    miss = np.abs(residuals)
+    limit = float(np.sqrt(chi_square_limits(1, tests=len(known))[1]))
+    worst = int(np.argmax(miss))
+    fine = bool(miss[worst] <= limit)
+    name = coefficients.names[known[worst]]
+    words = f"{name} is {miss[worst]:.1f} standard deviations from what was known before" + (
+        "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
+    )
+    return Check("prior", float(miss[worst]), None, limit, fine, words)
+
+
+def _still(e: Evidence) -> Check:
+    """Count the rests that were shaken: their mean may be right, their noise is not."""
+    shaken = int(np.sum(e.rest_level > SHAKEN))
+    share = shaken / len(e.rest_level)
+    fine = share <= SHAKEN_SHARE
+    words = (
+        f"{shaken} of {len(e.rest_level)} rests are more than {SHAKEN:g} times as noisy as the "
+        f"quietest part of the log"
+    ) + (
+        "."
+        if fine
+        else ": the instrument was held or shaken there, and the noise measured in the rests, "
+        "with every uncertainty that follows from it, is that of the hand."
+    )
+    return Check("shaken rests", share, None, SHAKEN_SHARE, fine, words)
+
+
+def _even(e: Evidence) -> list[Check]:
+    """Compare the residuals of the first and the second half of the session."""
+    from scipy.special import fdtri
+
+    n = len(e.up_b)
+    kinds = {"rests": np.arange(n)}
+    if e.session.gyro_mean is not None:
+        kinds["turns"] = np.arange(2 * n, 3 * n - 1)
+    out = []
+    # An outlier counts up to the limit of the robust loss: it has a finding of its own.
+    clipped = e.estimate.residuals**2 * e.estimate.weights[e.estimate.blocks]
+    for what, mine in kinds.items():
+        halves = [np.isin(e.estimate.blocks, part) for part in np.array_split(mine, 2)]
+        square = [float(np.sum(clipped[h])) for h in halves]
+        dof = [max(float(np.sum(1 - e.estimate.leverage[h])), 1.0) for h in halves]
+        ratio = (square[0] / dof[0]) / max(square[1] / dof[1], 1e-300)
+        alpha = FALSE_ALARM / len(kinds)
+        low = 1 / float(fdtri(dof[1], dof[0], 1 - alpha / 2))
+        high = float(fdtri(dof[0], dof[1], 1 - alpha / 2))
+        fine = low <= ratio <= high
+        worse = "first" if ratio > 1 else "second"
+        times = np.sqrt(max(ratio, 1 / ratio))
+        words = (
+            f"Both halves of the session fit alike ({what})."
+            if fine
+            else f"The {what} of the {worse} half of the session fit {times:.1f} times worse than "
+            f"the others: it was disturbed, warming up, or lost samples, and no single "
+            f"uncertainty describes all of it."
+        )
+        out.append(Check(f"evenness of {what}", ratio, low, high, fine, words))
+    return out
+
+
+def _held_out(e: Evidence) -> Check:
+    error, _, white = e.held_out
+    used = np.isfinite(white)
+    score = float(np.sum(white[used] ** 2))
+    dof = int(used.sum())
+    # One-sided: a prediction that is better than promised is no fault of the result.
+    high = chi_square_limits(dof, 2 * FALSE_ALARM)[1]
+    inside = score <= high
+    ratio = np.sqrt(score / dof)
+    rms = np.sqrt(np.mean(error[used] ** 2)) / 9.80665e-6
+    words = (
+        f"Rests that the fit did not see are predicted to {rms:.0f} ug, {ratio:.2f} times their "
+        f"predicted uncertainty."
+    )
+    return Check("held-out rests", score, None, high, inside, words)

@@ -1,0 +1,178 @@
+"""What can be wrong with a session of rests before anything is estimated.
+
+Norms at rest show a wrong unit of specific force; the directions of up show rests in a plane;
+the turns show exchanged axes and a wrong unit of the gyros. What none of them can show is said.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose import axes
+from foucault.diagnose.coverage import coverage, direction_words
+from foucault.diagnose.rests import Rests, find_rests
+from foucault.errors import Finding, error, finding
+from foucault.estimate import norm_observation
+from foucault.logs.description import LogDescription
+from foucault.models.readings import Readings
+from foucault.models.rests_and_turns import Session
+from foucault.tables import AXES, Log
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:
+    """Refuse a log without numbers, or with fewer rests than coefficients.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    rests : Rests
+        The rests found.
+    needed : int, shape ()
+        Number of accelerometer coefficients [1].
+    shortest : float
+        Length that was asked of a rest [s].
+    """
+    if log.accel is None:
+        raise error("session.no_accel")
+    for what, x in (("accel", log.accel), ("gyro", log.gyro)):
+        bad = None if x is None else np.flatnonzero(~np.isfinite(x).all(axis=1))
+        if bad is not None and len(bad):
+            raise error("session.not_finite", what=what, index=int(bad[0]))
+    if len(rests) < needed:
+        short = find_rests(log, window=shortest / 2, shortest=shortest / 4)
+        hint = (
+            f" {len(short)} quiet times are shorter than that or were left out."
+            if len(short) > len(rests)
+            else ""
+        )
+        raise error(
+            "rests.too_few",
+            given=len(rests),
+            shortest=f"{shortest:g}",
+            names=needed,
+            needed=needed,
+            hint=hint,
+        )
+
+
+def check_input(data: Session) -> list[Finding]:
+    """Refuse what cannot be right; say what cannot be known.
+
+    Parameters
+    ----------
+    data : Session
+        The session, reduced to its rests [SI].
+
+    Raises
+    ------
+    FoucaultError
+        A wrong unit, rests in a plane, exchanged axes, a declared orientation that is not so.
+    """
+    norm = float(np.median(np.linalg.norm(data.accel_mean, axis=1)))
+    ratio = norm / data.site.gravity
+    if not 0.5 < ratio < 2.0:
+        raise error("accel.scale_impossible", given=f"{norm:.4g}", ratio=f"{ratio:.3g}")
+    solved = norm_observation.solve(data.accel_mean, data.site.gravity)
+    raw = data.accel_mean / np.linalg.norm(data.accel_mean, axis=1)[:, None]
+    spread = coverage(raw)
+    if solved is None or spread.flatness < 0.05:
+        why = (
+            "up stays in one plane of the body"
+            if spread.flatness < 0.05
+            else "the directions of up are too much alike to fit an ellipsoid"
+        )
+        missing = ", ".join(words for _, words in spread.missing) or "more directions"
+        raise error("rests.plane", given=len(raw), why=why, missing=missing)
+    f_b = np.linalg.solve(solved[0], (data.accel_mean - solved[1]).T).T
+    up_b = np.asarray(f_b / np.linalg.norm(f_b, axis=1)[:, None])
+    findings = first_rest_orientation(data.log, up_b[0])
+    if data.gyro_mean is None:
+        return [*findings, finding("session.no_gyro")]
+    turns = (data.last[:-1] - 1, data.first[1:])
+    declared, best = axes.explain_turns(data.log, up_b, data.gyro_mean.mean(axis=0), *turns)
+    problem = axes.mistake(data.log, declared, best)
+    if problem is not None:
+        raise problem
+    return findings
+
+
+def first_rest_orientation(log: Log, up_b: FloatArray) -> list[Finding]:
+    """Compare the first rest with its declared orientation.
+
+    Parameters
+    ----------
+    log : Log
+        The log; its source keeps the description it was read with.
+    up_b : ndarray, shape (3,)
+        Direction of up at the first rest, frame b [1].
+
+    Raises
+    ------
+    FoucaultError
+        It is another than declared.
+    """
+    description = log.source.get("description") or {}
+    declared = (description.get("accel") or {}).get("first_rest")
+    if declared is None:
+        return [finding("accel.sign_unknown")]
+    as_declared(declared, up_b)
+    return []
+
+
+def as_declared(declared: str, up_b: FloatArray) -> None:
+    """Refuse a first rest whose orientation is another than declared.
+
+    Parameters
+    ----------
+    declared : str
+        As in a description, such as "z up".
+    up_b : ndarray, shape (3,)
+        Direction of up at the first rest, frame b [1].
+
+    Raises
+    ------
+    FoucaultError
+        ``accel.orientation``.
+    """
+    axis, sense = str(declared).split()
+    want = np.zeros(3)
+    want[AXES.index(axis)] = 1.0 if sense == "up" else -1.0
+    cosine = float(want @ up_b)
+    if cosine > np.cos(np.radians(45)):
+        return
+    advice = (
+        'All signs are turned: set reads = "gravity" in [log.accel], or correct first_rest.'
+        if cosine < -np.cos(np.radians(45))
+        else "Correct the order of `columns` in [log.accel] and [log.gyro], or first_rest."
+    )
+    raise error(
+        "accel.orientation", declared=declared, measured=direction_words(up_b), advice=advice
+    )
+
+
+def first_as_declared(readings: Readings, described: Log | LogDescription) -> None:
+    """Refuse readings on a table of which the first is in another orientation than declared.
+
+    Parameters
+    ----------
+    readings : Readings
+        One mean per rest and spin [SI].
+    described : Log or LogDescription
+        What says `first_rest`, or says nothing.
+
+    Raises
+    ------
+    FoucaultError
+        ``accel.orientation``.
+    """
+    if isinstance(described, Log):
+        said = (described.source.get("description") or {}).get("accel") or {}
+        declared = said.get("first_rest")
+    else:
+        declared = described.accel and described.accel.first_rest
+    if declared and readings.accel is not None:
+        as_declared(declared, readings.accel[0] / np.linalg.norm(readings.accel[0]))

@@ -1,0 +1,334 @@
+"""Judge north fixes: gross mistakes of readings, checks of every set-up, what to do next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.north.noise import signal_to_noise
+from foucault.errors import Finding, finding
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.north.attitude import (
+    Fixes,
+    Known,
+    solve,
+)
+from foucault.estimate.north.reduction import Pairs
+from foucault.models.dwells import Dwells
+from foucault.models.earth import EARTH_RATE
+from foucault.models.noise import ImuNoise
+from foucault.models.north_seeker import Compensation
+from foucault.models.rotation import turned
+from foucault.result import Check, Level
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+
+SEES = 3.0
+"""Horizontal Earth rate over its sd below which heading is guesswork [1]."""
+
+TESTS = 4
+"""Statistical tests of a set-up, which share its false alarms: scatter of gyro and accelerometer,
+rate and latitude, level [1]."""
+
+FAR_OUT = 6.0
+"""A set-up whose readings scatter by more than this was disturbed [sd]."""
+
+STEEP = np.radians(89.5)
+"""At a tilt beyond this heading is hardly defined [rad]."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the judgement looks at.
+
+    Attributes
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    pairs : Pairs
+        Four numbers of every set-up [SI].
+    fixes : Fixes
+        Solutions [rad].
+    known : Known
+        Place, and what decided between solutions.
+    noise : ImuNoise
+        Noise that was taken [SI].
+    noise_source : str
+        Where it comes from.
+    accuracy : float or None
+        Wanted standard deviation of the heading [rad].
+    level : ndarray, shape (m,), or None
+        How far the accelerometers depart from level, of `level_square` [1]; None where there are
+        none, or nothing was said of the level.
+    """
+
+    dwells: Dwells
+    pairs: Pairs
+    fixes: Fixes
+    known: Known
+    noise: ImuNoise
+    noise_source: str
+    accuracy: float | None
+    level: FloatArray | None = None
+
+
+def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...]:
+    """Return the tests of every set-up.
+
+    Parameters
+    ----------
+    j : Judged
+        Readings and solutions.
+    calibration : Level or None
+        Verdict of the calibration that was used.
+    """
+    ratio = signal_to_noise(j.fixes, j.pairs)
+    shared: list[Check] = []
+    if j.noise_source != "from the residuals" and len(j.fixes) > 1:
+        shared = [c for k in (0, 1) if (c := _scatter_of_all(j, k)) is not None]
+    return tuple(_checks(j, i, float(ratio[i]), calibration, shared) for i in range(len(j.fixes)))
+
+
+def _checks(
+    j: Judged, i: int, ratio: float, calibration: Level | None, shared: list[Check]
+) -> tuple[Check, ...]:
+    if not np.isfinite(j.fixes.angles[i]).all():
+        return (_solved(j, i),)
+    out = [_solved(j, i), _sees(ratio)]
+    if j.noise_source != "from the residuals":
+        out += [c for k in (0, 1) if (c := _scatter(j, i, k)) is not None] + shared
+    elif (fitting := _fitting(j, i)) is not None:
+        out.append(fitting)
+    if j.known.latitude is not None:
+        out.append(_norm(j, i))
+    if j.level is not None:
+        out.append(_level(float(j.level[i])))
+    out.append(_ambiguous(j, i))
+    out.append(_upright(j, i))
+    if j.accuracy is not None:
+        out.append(_accurate(j, i))
+    if calibration is not None and calibration is not Level.PASS:
+        words = f"The calibration that was used is {calibration.value}."
+        out.append(Check("calibration", 0.0, 1.0, None, False, words, calibration))
+    return tuple(out)
+
+
+def _solved(j: Judged, i: int) -> Check:
+    status, finite = int(j.fixes.status[i]), bool(np.isfinite(j.fixes.angles[i]).all())
+    fine = status in (0, 1) and finite
+    words = {
+        0: "The solution converged.",
+        1: "The rate along the axis of the base is lost in the noise: both its signs are covered "
+        "by the uncertainty.",
+        2: "The solution did not settle.",
+        3: "The readings do not determine the attitude.",
+    }.get(status, "A reading is not a finite number.")
+    return Check("solved", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
+
+
+def _sees(ratio: float) -> Check:
+    fine = ratio >= SEES
+    words = f"The Earth's horizontal rate is {plain(ratio, 3)} times the uncertainty of the rates"
+    if not fine:
+        words += (
+            f": the gyro is too noisy by a factor of {SEES / max(ratio, 1e-9):.2g}; dwell "
+            f"{(SEES / max(ratio, 1e-9)) ** 2:.2g} times as long, or take a better gyro"
+        )
+    return Check("sees the Earth", ratio, SEES, None, fine, words + ".", Level.UNUSABLE)
+
+
+def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
+    dof = int(j.pairs.dof[i, sensor])
+    if dof < 1 or (sensor == 1 and not j.noise.accel.white):
+        return None
+    value = float(j.pairs.chi_square[i, sensor])
+    _, high = chi_square_limits(dof, tests=TESTS)
+    fine = value <= high
+    what = ("gyro", "accelerometer")[sensor]
+    words = f"The readings of the {what} scatter by {np.sqrt(value / dof):.2f} times their noise"
+    if not fine:
+        words += ": a disturbance, a drift, too few digits, or more noise than was said"
+    return Check(f"{what} over index angle", value, None, high, fine, words + ".")
+
+
+def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
+    """Test all set-ups together, but those far out: a little too much noise in each."""
+    dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
+    usual = (dof > 0) & (value <= FAR_OUT**2 * dof)
+    total, n = float(value[usual].sum()), int(dof[usual].sum())
+    if n < 2 or (sensor == 1 and not j.noise.accel.white):
+        return None
+    high = chi_square_limits(n, tests=TESTS)[1]
+    fine = total <= high
+    what = ("gyro", "accelerometer")[sensor]
+    words = (
+        f"Over all set-ups the readings of the {what} scatter by {np.sqrt(total / n):.2f} times "
+        "their noise"
+    )
+    words += "." if fine else ": there is more noise than was said, or the bias wanders."
+    return Check(f"{what} over all set-ups", total, None, high, fine, words)
+
+
+def _norm(j: Judged, i: int) -> Check:
+    value, high = float(j.fixes.square[i]), chi_square_limits(1, tests=TESTS)[1]
+    fine = value <= high
+    words = f"The Earth's rate as measured fits the latitude to {np.sqrt(value):.2f} sd"
+    if not fine:
+        words += ": latitude, scale factor or sign of the accelerometer may be wrong"
+    return Check("rate and latitude", value, None, high, fine, words + ".")
+
+
+def _level(value: float) -> Check:
+    high = chi_square_limits(2, tests=TESTS)[1]
+    fine = value <= high
+    words = f"The tilt that the accelerometers say is {np.sqrt(value / 2):.2f} times level_sd"
+    words += "." if fine else ": the case is less level than was said."
+    return Check("level", value, None, high, fine, words)
+
+
+def _ambiguous(j: Judged, i: int) -> Check:
+    fine = not bool(j.fixes.ambiguous[i])
+    words = "No other heading fits." if fine else (
+        f"Heading {np.degrees(j.fixes.other[i, 0]):.3f} deg, at latitude "
+        f"{np.degrees(j.fixes.other[i, 3]):.2f} deg, fits as well."
+    )  # fmt: skip
+    return Check("one heading", float(fine), 1.0, None, fine, words)
+
+
+def _upright(j: Judged, i: int) -> Check:
+    _, pitch, roll, _ = j.fixes.angles[i]
+    tilt = float(np.arccos(np.clip(np.cos(pitch) * np.cos(roll), -1.0, 1.0)))
+    fine = tilt < STEEP
+    words = f"The tilt is {np.degrees(tilt):.2f} deg"
+    words += "." if fine else ": heading is hardly defined there."
+    limit = float(np.degrees(STEEP))
+    return Check("tilt", float(np.degrees(tilt)), None, limit, fine, words)
+
+
+def _accurate(j: Judged, i: int) -> Check:
+    assert j.accuracy is not None
+    sd = float(j.fixes.sd[i, 0])
+    fine = sd <= j.accuracy
+    words = f"The heading has a standard deviation of {np.degrees(sd):.4g} deg"
+    words += "." if fine else f"; {np.degrees(j.accuracy):.4g} deg was wanted."
+    return Check("accuracy", float(np.degrees(sd)), None, float(np.degrees(j.accuracy)), fine,
+                 words)  # fmt: skip
+
+
+def findings(j: Judged) -> tuple[tuple[Finding, ...], ...]:
+    """Return what was noticed of every set-up.
+
+    Parameters
+    ----------
+    j : Judged
+        Readings and solutions.
+    """
+    return tuple(tuple(_findings(j, i)) for i in range(len(j.fixes)))
+
+
+def _findings(j: Judged, i: int) -> list[Finding]:
+    name, f = j.dwells.names[i], j.fixes
+    found = []
+    if f.ambiguous[i]:
+        other, latitude = np.degrees(f.other[i, [0, 3]])
+        found.append(finding("north.ambiguous", name=name, other=f"{other:.3f}",
+                             latitude=f"{latitude:.2f}"))  # fmt: skip
+    if f.clamped[i] and j.known.latitude is None:
+        size = np.linalg.norm(j.pairs.values[i, :2]) / EARTH_RATE
+        found.append(finding("north.clamped", name=name, size=f"{size:.4f}"))
+    if j.known.near is not None:
+        near = np.broadcast_to(j.known.near, len(f))[i]
+        away = abs(float(turned(f.angles[i, 0] - near)))
+        if away > 3 * j.known.near_sd:
+            found.append(finding("north.far", name=name, away=f"{np.degrees(away):.0f}"))
+    if j.accuracy is not None and not f.sd[i, 0] <= j.accuracy:
+        sd, wanted = (f"{np.degrees(v):.4g}" for v in (f.sd[i, 0], j.accuracy))
+        cure = _longer(j, i)
+        found.append(finding("north.dwell_short", name=name, sd=sd, wanted=wanted, cure=cure))
+    return found + _outlier(j, i)
+
+
+def _longer(j: Judged, i: int) -> str:
+    """Say how long to dwell, where that helps."""
+    assert j.accuracy is not None
+    white = sum(v[i, 0] for k, v in j.fixes.sources.items() if k in ("gyro noise", "tilt: noise"))
+    rest = float(j.fixes.cov[i, 0, 0] - white)
+    room = j.accuracy**2 - rest
+    if room <= 0:
+        sources = {k: v[i, 0] for k, v in j.fixes.sources.items() if "noise" not in k}
+        largest = max(sources, key=lambda k: float(sources[k]))
+        return (
+            f"Longer dwells do not help: {np.degrees(np.sqrt(rest)):.4g} deg come from other "
+            f"sources, most of all '{largest}'."
+        )
+    dwell = float(np.median(j.dwells.of(i).time)) * float(white) / room
+    return f"Dwell at least {dwell:.0f} s at each stop, with the same order."
+
+
+def _worst(j: Judged, i: int) -> tuple[int, float, float] | None:
+    """Return the reading that fits worst: its row, its test over the limit, and its size [sd].
+
+    Noise measured by the residuals of the file is measured anew without it.
+    """
+    from scipy.special import fdtri
+
+    rows = np.flatnonzero(j.dwells.setup == i)
+    total = int(j.pairs.dof[:, 0].sum())
+    if j.pairs.dof[i, 0] < 1:
+        return None
+    square = np.nan_to_num(j.pairs.residuals[rows]) ** 2
+    limit = chi_square_limits(1, tests=len(rows))[1]
+    if j.noise_source == "from the residuals":
+        square = square * total / (total - 2.0)  # as it was before Student's factor
+        square = square * (total - 1.0) / np.maximum(total - square, 1e-9)
+        limit = float(fdtri(1.0, total - 1.0, 1 - 0.01 / len(j.dwells)))
+    worst = int(np.argmax(square))
+    return int(rows[worst]), float(square[worst] / limit), float(np.sqrt(square[worst]))
+
+
+def _fitting(j: Judged, i: int) -> Check | None:
+    found = _worst(j, i)
+    if found is None:
+        return None
+    fine = found[1] <= 1
+    words = f"The reading that fits worst is {found[2]:.1f} standard deviations from the fit"
+    words += "." if fine else ": more than chance gives."
+    return Check("every reading fits", found[1], None, 1.0, fine, words)
+
+
+def _outlier(j: Judged, i: int) -> list[Finding]:
+    """Name the reading that stands out; with one redundant reading all look alike."""
+    found = _worst(j, i)
+    if found is None or found[1] <= 1 or j.pairs.dof[i, 0] < 2:
+        return []
+    stop = f"{np.degrees(j.dwells.index[found[0]]) % 360:.1f}"
+    return [finding("north.reading_outlier", name=j.dwells.names[i], stop=stop,
+                    size=f"{found[2]:.1f}")]  # fmt: skip
+
+
+def drift_effect(
+    pairs: Pairs, fixes: Fixes, known: Known, compensation: Compensation, drift: float
+) -> FloatArray:
+    """Return what a linear drift that is not estimated does to each heading, shape (m,) [rad].
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Set-ups, with what a drift does to the four numbers [SI].
+    fixes : Fixes
+        Their solutions [rad].
+    known : Known
+        Place.
+    compensation : Compensation
+        Errors of the instrument.
+    drift : float
+        [rad/s^2].
+    """
+    near = np.where(np.isfinite(fixes.angles[:, 0]), fixes.angles[:, 0], 0.0)
+    step = 1e-3 * drift
+    moved = replace(pairs, values=pairs.values + step * pairs.drift_slope)
+    again = solve(moved, known, compensation)
+    return np.asarray(turned(again.angles[:, 0] - near) / 1e-3)

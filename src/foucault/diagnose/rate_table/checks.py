@@ -1,0 +1,393 @@
+"""Judge a calibration on a rate table: can it be made, is it right, what the standards ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.diagnose.information import information
+from foucault.diagnose.rate_table.steps import name_of
+from foucault.errors import ADVICE, Finding, Status, finding
+from foucault.estimate import gauss_newton
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.rate_table.likelihood import (
+    Trust,
+    Unknowns,
+    build,
+    covariance,
+    true_rate,
+    whitening,
+)
+from foucault.models.imu import ImuModel
+from foucault.models.rate_steps import Steps
+from foucault.result import Check, Estimate, Level, Problem
+from foucault.tables import AXES
+from foucault.units import plain
+
+FloatArray = npt.NDArray[np.float64]
+
+ENOUGH = 6
+"""Fewer readings beyond those that the coefficients need hardly show a bad step [1]."""
+
+LARGE_DRIFT = 3.0
+"""A bias that moves by more than this many times the noise of a step is no constant [1]."""
+
+LARGE_TERM = 0.05
+"""A scale factor that changes by more over its range is a wrong reading, not a gyro [1]."""
+
+
+@dataclass(frozen=True)
+class RateEvidence:
+    """Everything the checks look at.
+
+    Attributes
+    ----------
+    steps : Steps
+        What was measured [SI].
+    names : tuple of str
+        The coefficients.
+    trust : Trust
+        What was believed of table, fixture and place, with the scatter that was added.
+    problem : Problem
+        What was solved.
+    estimate : Estimate
+        Its solution.
+    declared : bool
+        Whether the noise was declared.
+    unknown : bool
+        Whether the noise was taken from the residuals.
+    before : tuple of float
+        Sum of squares without added scatter, and its limits [1].
+    added : float
+        Relative scatter of the steps that was added [1].
+    """
+
+    steps: Steps
+    names: tuple[str, ...]
+    trust: Trust
+    problem: Problem
+    estimate: Estimate
+    declared: bool
+    unknown: bool
+    before: tuple[float, float, float]
+    added: float
+
+    @property
+    def model(self) -> ImuModel:
+        """The error model found."""
+        model: ImuModel = self.estimate.state.model
+        return model
+
+    @property
+    def speed(self) -> FloatArray:
+        """True rate along each axis in its steps, with sign, shape (n,) [rad/s]."""
+        return true_rate(self.steps, self.trust, self.estimate.state)[0] * self.steps.sense
+
+    @property
+    def drift(self) -> float:
+        """How far the bias moves, in units of the noise of a typical step [1]."""
+        noise = np.sqrt(np.trace(self.steps.cov, axis1=1, axis2=2) / 3)
+        return float(self.trust.bias_sd / np.median(noise)) if self.trust.bias_sd else 0.0
+
+
+def limits(estimate: Estimate) -> tuple[float, float, float]:
+    """Return the sum of squares of an estimate and its limits [1]."""
+    if estimate.dof < 1:
+        return estimate.chi_square, 0.0, np.inf
+    return (estimate.chi_square, *chi_square_limits(estimate.dof))
+
+
+def checks(e: RateEvidence) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason.
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    """
+    out = [_converged(e), _redundancy(e), *_plausible(e)]
+    if not e.unknown and e.estimate.dof > 0:
+        out.append(_explained(e))
+    if e.trust.bias_sd:
+        out.append(_drift(e))
+    if np.isfinite(e.estimate.coefficients.prior_sd).any():
+        out.append(_prior(e))
+    return tuple(out)
+
+
+def _converged(e: RateEvidence) -> Check:
+    fine = e.estimate.status is Status.CONVERGED
+    words = ADVICE[e.estimate.status]
+    if e.estimate.weakest:
+        words += " Not seen: " + "; ".join(e.estimate.weakest) + "."
+    return Check("converged", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
+
+
+def _redundancy(e: RateEvidence) -> Check:
+    n, fine = e.estimate.dof, e.estimate.dof >= ENOUGH
+    words = f"{len(e.steps)} steps give {n} readings more than the unknowns need" + (
+        "." if fine else f": at least {ENOUGH} are needed to notice a bad step. Add rates."
+    )
+    return Check("redundancy", n, ENOUGH, None, fine, words)
+
+
+def _plausible(e: RateEvidence) -> list[Check]:
+    values = np.diag(e.model.gyro_matrix) - 1.0
+    value = float(values[np.abs(values).argmax()])
+    fine = abs(value) < 0.3
+    words = f"The largest gyro scale factor error is {100 * value:.2g} %" + (
+        "." if fine else ": that is a wrong unit or count scale; check [log.gyro]."
+    )
+    out = [Check("gyro scale", value, -0.3, 0.3, fine, words, Level.UNUSABLE)]
+    top = float(np.abs(e.steps.rate).max())
+    change = np.maximum(np.abs(e.model.gyro_asymmetry), np.abs(e.model.gyro_cubic) * top**2)
+    if not e.model.straight:
+        worst = float(change.max())
+        fine = worst < LARGE_TERM
+        words = f"The scale factors change by {worst * 1e6:.3g} ppm over the rates measured" + (
+            "." if fine else ": that is saturation or a wrong rate of the table, not a gyro."
+        )
+        out.append(Check("scale factor terms", worst, None, LARGE_TERM, fine, words))
+    return out
+
+
+def _explained(e: RateEvidence) -> Check:
+    value, low, high = e.before
+    ratio = np.sqrt(value / e.estimate.dof)
+    inside = low <= value <= high
+    if inside:
+        words = f"The residuals of the steps are as large as the noise says ({ratio:.2f} times)."
+    elif value < low:
+        words = (
+            f"The residuals of the steps are only {ratio:.2f} times what the noise says: it is "
+            "overstated and so are the uncertainties."
+        )
+    elif e.added or e.trust.bias_sd:
+        more = [f"{e.added * 1e6:.3g} ppm of scatter"] if e.added else []
+        more += [f"a bias that moves by {_per_hour(e.trust)} deg/h"] if e.trust.bias_sd else []
+        words = (
+            f"The residuals of the steps are {ratio:.1f} times what noise and jitter explain; "
+            f"{' and '.join(more)} {'was' if e.trust.bias_sd else 'were'} added to the "
+            "uncertainties."
+        )
+    else:
+        words = (
+            f"The residuals of the steps are {ratio:.1f} times what noise and jitter explain, and "
+            "the uncertainties do not know it."
+        )
+    moved = value > high and e.trust.bias_sd > 0 and not e.added
+    fine = inside or moved or (not e.declared and value < low)
+    return Check("noise of the steps", value, low, high, fine, words)
+
+
+def _drift(e: RateEvidence) -> Check:
+    """Judge a bias that moves: within the noise it is any gyro's, beyond it a constant is wrong."""
+    fine = e.drift <= LARGE_DRIFT
+    words = f"The gyro bias moved by {_moved(e.trust)}, {e.drift:.2g} times the noise of a step" + (
+        "; it is part of the uncertainties."
+        if fine
+        else ": let the gyros warm up, or hold the steps shorter. It is part of the uncertainties."
+    )
+    return Check("bias drift", e.drift, None, LARGE_DRIFT, fine, words)
+
+
+def _per_hour(trust: Trust) -> str:
+    return plain(float(np.degrees(trust.bias_sd)) * 3600, 2)
+
+
+def _moved(trust: Trust) -> str:
+    """Say how far the bias moved, and how fast."""
+    if not trust.drifts:
+        return f"{_per_hour(trust)} deg/h (sd) from step to step"
+    if np.isinf(trust.bias_time):
+        straight = "(sd) along a straight line, and is that of the middle of the session"
+        return f"{_per_hour(trust)} deg/h {straight}"
+    return f"{_per_hour(trust)} deg/h (sd) over {plain(trust.bias_time / 60, 2)} min"
+
+
+def _prior(e: RateEvidence) -> Check:
+    """Compare the estimate with what was said to be known beforehand."""
+    vector, prior = e.estimate.coefficients, e.problem.prior
+    assert prior is not None
+    known = np.flatnonzero(np.isfinite(prior.prior_sd))
+    miss = np.abs(vector.values[known] - prior.values[known]) / prior.prior_sd[known]
+    limit = float(np.sqrt(chi_square_limits(1, tests=len(known))[1]))
+    worst = int(np.argmax(miss))
+    fine = bool(miss[worst] <= limit)
+    name = vector.names[known[worst]]
+    words = f"{name} is {miss[worst]:.1f} standard deviations from what was known before" + (
+        "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
+    )
+    return Check("prior", float(miss[worst]), None, limit, fine, words)
+
+
+def hints(e: RateEvidence) -> list[Finding]:
+    """Return findings about the session: outliers, scatter, an unknown latitude.
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    """
+    out = []
+    weights = e.estimate.weights
+    norms = gauss_newton.block_norms(e.estimate.residuals, e.estimate.blocks, weights)
+    for k in np.flatnonzero(weights < 0.5).tolist():
+        rate = plain(float(np.degrees(e.steps.rate[k])), 4)
+        words = {"step": k + 1, "rate": rate, "placement": name_of(e.steps.up[k])}
+        out.append(finding("rate_table.outlier", norm=f"{norms[k]:.0f}", **words))
+    if e.added:
+        out.append(finding("rate_table.scatter", ppm=f"{e.added * 1e6:.3g}"))
+    if e.trust.bias_sd:
+        out.append(finding("rate_table.bias_moved", moved=_moved(e.trust)))
+    if e.trust.latitude is None:
+        sd = np.degrees(e.trust.vertical_sd) * 3600
+        out.append(finding("rate_table.no_latitude", sd=f"{sd:.1f}"))
+    return out
+
+
+# -- what the report shows -----------------------------------------------------------------------
+
+
+def step_table(e: RateEvidence, start: FloatArray) -> dict[str, Any]:
+    """Return the table "rate_steps".
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    start : ndarray, shape (n,)
+        When each step began [s].
+    """
+    s, n = e.steps, len(e.steps)
+    rows, axis = np.arange(n), e.steps.axis
+    gyro = s.gyro[rows, axis]
+    w_b = e.model.compensate(s.force, s.gyro)[1]
+    assert w_b is not None
+    kinds = covariance(s, e.trust)
+    moved = e.trust.bias_sd**2 * np.eye(3)
+    cov = kinds["gyro noise"] + kinds["rate jitter"] + moved
+    back = np.linalg.inv(e.model.gyro_matrix)
+    sd = np.sqrt(np.diagonal(back @ cov @ back.T, axis1=1, axis2=2))
+    line = gyro - _lines(e)[0]
+    used = e.estimate.blocks >= 0
+    residual = e.estimate.residuals[used].reshape(n, 3)
+    worst = np.take_along_axis(residual, np.abs(residual).argmax(axis=1)[:, None], 1)[:, 0]
+    return {
+        "start": start,
+        "end": start + s.time,
+        "placement": s.placement,
+        "axis": np.array(AXES)[axis],
+        "up": s.sense,
+        "rate": s.rate,
+        "rate_true": e.speed,
+        "gyro": gyro,
+        "turns": s.turns,
+        "before": gyro - e.speed,
+        "line": line,
+        "after": w_b[rows, axis] - e.speed,
+        "after_sd": sd[rows, axis],
+        "residual": worst,
+        "weight": e.estimate.weights,
+    }
+
+
+def _lines(e: RateEvidence) -> tuple[FloatArray, dict[str, dict[str, float]]]:
+    """Fit a straight line to the steps about each axis; return it there, and what it says."""
+    gyro = e.steps.gyro[np.arange(len(e.steps)), e.steps.axis]
+    out, figures = np.full(len(e.steps), np.nan), {}
+    for i, a in enumerate(AXES):
+        mine = (e.steps.axis == i) & (e.estimate.weights > 0.5)
+        x, y = e.speed[mine], gyro[mine]
+        if len(np.unique(np.sign(x))) < 2 or len(x) < 3:
+            continue
+        top = float(np.abs(x).max())
+        straight = np.column_stack([x / top, np.ones_like(x)])
+        slope, bias = np.linalg.lstsq(straight, y)[0]
+        rows = e.steps.axis == i
+        out[rows] = slope * e.speed[rows] / top + bias
+        bent = np.linalg.lstsq(np.column_stack([straight, np.abs(x) / top]), y)[0]
+        figures[a] = {
+            "scale_factor": float(slope / top),
+            # slope is the scale factor times the full scale: the quotient is of full scale.
+            "nonlinearity": float(np.abs(y - straight @ [slope, bias]).max() / abs(slope)),
+            "asymmetry": float(2 * bent[2] / bent[0]),
+            "full_scale": top,
+        }
+    return out, figures
+
+
+def standard_figures(e: RateEvidence) -> dict[str, dict[str, float]]:
+    """Return what IEEE Std 647 and 952 ask for, per axis, as plain values.
+
+    ``scale_factor``: slope of the straight line through all steps [1]; ``nonlinearity``: largest
+    deviation from it, as a fraction of full scale [1]; ``asymmetry``: difference of the slopes for
+    positive and negative rates over their mean [1]; ``full_scale``: largest rate [rad/s].
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    """
+    return _lines(e)[1]
+
+
+def bound(e: RateEvidence) -> dict[str, Any]:
+    """Return the Cramer-Rao bound of the noise alone, and what is seen worst, for result.json.
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    """
+    alone = Trust(latitude=0.0 if e.trust.latitude is None else e.trust.latitude)
+    problem = build(e.steps, e.names, alone, start=e.estimate.state)
+    info = information(problem.linearise(problem.start, np.ones(len(e.steps))), problem.layout)
+    return {
+        "bound": [float(v) for v in info.sd],
+        "weakest": [c.words for c in info.weakest()],
+    }
+
+
+def drift_figures(e: RateEvidence) -> dict[str, Any]:
+    """Return how the bias moved, for result.json: ``sd`` [rad/s], ``time`` [s], ``kind``.
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    """
+    trust = e.trust
+    if not trust.bias_sd:
+        return {"sd": 0.0, "kind": "none"}
+    if np.isinf(trust.bias_time):
+        return {"sd": trust.bias_sd, "kind": "line"}
+    kind = "Gauss-Markov" if trust.drifts else "steps"
+    return {"sd": trust.bias_sd, "kind": kind, "time": trust.bias_time}
+
+
+def budget(e: RateEvidence) -> dict[str, list[float]]:
+    """Split the variance of the coefficients by source, for result.json.
+
+    Parameters
+    ----------
+    e : RateEvidence
+        Data, estimate and diagnostics.
+    """
+    n, k = len(e.names), len(e.steps)
+    kinds = covariance(e.steps, e.trust)
+    root = whitening(list(kinds.values())) * np.sqrt(e.estimate.weights)[:, None, None]
+    at = e.problem.linearise(e.estimate.state, e.estimate.weights)
+    gain = e.estimate.state_cov[:n] @ at.jacobian.T
+    steps = np.einsum("nki,kij->nkj", gain[:, : 3 * k].reshape(n, k, 3), root)
+    out = {name: np.einsum("nki,kij,nkj->n", steps, cov, steps) for name, cov in kinds.items()}
+    for j, source in enumerate(Unknowns.of(e.names, e.steps, e.trust).sources):
+        out[source] = out.get(source, 0.0) + gain[:, 3 * k + j] ** 2
+    if np.isfinite(e.estimate.coefficients.prior_sd).any():
+        left = np.diag(e.estimate.state_cov)[:n] - np.sum(list(out.values()), axis=0)
+        out["prior"] = np.maximum(left, 0.0)
+    total = np.sum(list(out.values()), axis=0)
+    return {name: v.tolist() for name, v in out.items() if np.any(v > 1e-9 * total)}

@@ -1,1 +1,0 @@
-"""A recorded session by hand: input, checks, and the parts of its report."""

@@ -1,0 +1,1 @@
+"""The time offset of two instruments on one body."""

@@ -1,0 +1,1 @@
+"""Rests on the six faces, and turns between them."""

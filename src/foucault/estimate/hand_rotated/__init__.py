@@ -1,0 +1,1 @@
+"""Rests by hand and the turns between them."""

@@ -1,0 +1,1 @@
+"""Constant rates of a table: their likelihood, and the scatter beyond noise."""

@@ -1,0 +1,1 @@
+"""Every instrument error from velocities at rest."""

@@ -1,0 +1,1 @@
+"""Readings on a table: of one instrument, or of many in one batch."""

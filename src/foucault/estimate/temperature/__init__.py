@@ -1,0 +1,1 @@
+"""Coefficients as functions of temperature, and how many terms they need."""

@@ -1,0 +1,1 @@
+"""A slave's errors from what its master says."""

@@ -1,0 +1,278 @@
+"""Transfer alignment: the slave's errors from its master's messages, pass by pass.
+
+The equations are those of `estimate.transfer.system`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.estimate.ins_filter import Updates, run, seen_at_place
+from foucault.estimate.linear_filter import LinearRun, kalman, smoothed
+from foucault.estimate.transfer.measured import Known, Slave
+from foucault.estimate.transfer.system import Free, free_run
+from foucault.kernels.ins_filter import corrected
+from foucault.models.rotation import exp
+from foucault.models.transfer import Matching, Messages, Mount
+from foucault.navigate.state import State, state_of
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """What a transfer alignment has found.
+
+    Attributes
+    ----------
+    free : Free
+        The last free run.
+    run : LinearRun
+        The last pass of the filter.
+    at : Known
+        The point it is linear about.
+    passes : tuple of ndarray, each shape (n - 9,)
+        All but the errors of navigation after each pass [SI].
+    """
+
+    free: Free
+    run: LinearRun
+    at: Known
+    passes: tuple[FloatArray, ...]
+
+    @property
+    def point(self) -> FloatArray:
+        """What is added to the states after the ninth, shape (n - 9,) [SI]."""
+        return _point(self.free.layout, self.at)
+
+    @property
+    def estimate(self) -> CoefficientVector:
+        """Coefficients, installation, and what else was a state, at the last message [SI]."""
+        layout = Layout(self.free.layout.coefficients[9:])
+        values = self.point + self.run.states[-1, 9:]
+        return CoefficientVector(layout, values, self.run.cov[9:, 9:])
+
+
+def _point(layout: Layout, at: Known) -> FloatArray:
+    out = np.zeros(len(layout))
+    p = len(at.coefficients)
+    out[9 : 9 + p] = at.coefficients
+    out[layout.group("installation")] = at.installation
+    if "master.delay" in layout.names:
+        out[layout.index("master.delay")] = at.delay
+    return out[9:]
+
+
+def solve(
+    slave: Slave,
+    master: Messages,
+    mount: Mount,
+    matching: Matching,
+    prior: Known,
+    sd: FloatArray,
+    *,
+    passes: int = 2,
+    settled: float = 0.0,
+    gate: float = np.inf,
+) -> Transfer:
+    """Estimate the slave's errors with a Kalman filter.
+
+    Parameters
+    ----------
+    slave : Slave
+        Its log.
+    master : Messages
+        What the master says.
+    mount : Mount
+        How they are fixed together.
+    matching : Matching
+        What of the messages is used.
+    prior : Known
+        What was known beforehand; the first pass is linear about it.
+    sd : ndarray, shape (n,)
+        How well, see `free_run` [SI].
+    passes : int, shape ()
+        How often at most; each later pass is linear about the start that the one before has
+        found [1].
+    settled : float, shape ()
+        No more passes follow one that has moved nothing by more of its uncertainty [1].
+    gate : float, shape ()
+        Measurements beyond so many standard deviations are left out in the last pass [1].
+    """
+    at, seen = prior, []
+    for k in range(passes):
+        free = free_run(slave, master, mount, matching, at, prior, sd)
+        found = kalman(free.system, keep=k + 1 < passes)
+        seen.append(_point(free.layout, at) + found.states[-1, 9:])
+        if k + 1 == passes or (k > 0 and last_step(seen, found) < settled):
+            break
+        at = moved(free, at, smoothed(free.system, found).start)
+    if np.isfinite(gate):
+        found = kalman(free.system, gate=gate)
+    return Transfer(free, found, at, tuple(seen))
+
+
+def last_step(passes: Sequence[FloatArray], run: LinearRun) -> float:
+    """Return by how much of its uncertainty the last pass has moved anything [1].
+
+    Parameters
+    ----------
+    passes : sequence of ndarray, each shape (n - 9,)
+        What two passes or more have found [SI].
+    run : LinearRun
+        The last pass.
+    """
+    return float(np.max(np.abs(passes[-1] - passes[-2]) / run.sd[-1, 9:]))
+
+
+def moved(free: Free, at: Known, x: FloatArray) -> Known:
+    """Return the point to be linear about next.
+
+    Parameters
+    ----------
+    free : Free
+        The run about the point `at`.
+    at : Known
+        The point.
+    x : ndarray, shape (n,)
+        Errors at the start [SI].
+    """
+    layout, p = free.layout, len(at.coefficients)
+    seen = seen_at_place(at.state.packed()[None])[0] @ x[:9]
+    state = replace(at.state, C_nb=exp(seen[:3]) @ at.state.C_nb,
+                    velocity_n=at.state.velocity_n - seen[3:6])  # fmt: skip
+    delay = at.delay
+    if "master.delay" in layout.names:
+        delay += float(x[layout.index("master.delay")])
+    return Known(state, at.coefficients + x[9 : 9 + p],
+                 at.installation + x[layout.group("installation")], delay)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class HandOver:
+    """The slave as it goes on alone.
+
+    Attributes
+    ----------
+    state : State
+        Where it is, how fast and how turned.
+    coefficients : CoefficientVector
+        Errors of its sensors, with covariance [SI].
+    cov : ndarray, shape (9, 9)
+        Covariance of (phi, velocity, position), frame n [SI].
+    row : int
+        Row of the increments at whose end all this holds [1].
+    """
+
+    state: State
+    coefficients: CoefficientVector
+    cov: FloatArray
+    row: int
+
+
+def hand_over(
+    slave: Slave, found: Transfer, time: float, *, position: State | None = None
+) -> HandOver:
+    """Carry what was found at the last message on to the hand-over.
+
+    Parameters
+    ----------
+    slave : Slave
+        Its log.
+    found : Transfer
+        What was found.
+    time : float, shape ()
+        When it is handed over, by the slave's clock, after the last message holds [s].
+    position : State or None
+        Where it was when the last message held, by the master: a free run does not know.
+    """
+    p = len(slave.sensors)
+    x, rows = found.run.states[-1], found.free.rows
+    state = state_of(corrected(found.free.history[-1:], x[None, :9])[0])
+    if position is not None:
+        state = replace(state, latitude=position.latitude, longitude=position.longitude,
+                        height=position.height)  # fmt: skip
+    end = max(slave.increments.row_at(time), int(rows[-1]))
+    on = run(
+        slave.increments, state, slave.sensors, Updates.none(np.array([end])),
+        found.run.cov[: 9 + p, : 9 + p], slave.noise, first=int(rows[-1]),
+        estimate=found.at.coefficients + x[9 : 9 + p], gravity_offset=slave.gravity_offset,
+    )  # fmt: skip
+    return HandOver(on.trajectory.state(-1), on.estimate, on.cov_at_place(), end)
+
+
+@dataclass(frozen=True)
+class DelayFit:
+    """The delay for which the messages are likeliest.
+
+    Attributes
+    ----------
+    delay, sd : float
+        Delay and its standard deviation, from the curvature of the likelihood [s].
+    tried, log_likelihood : ndarray, shape (k,)
+        What was tried [s], and how likely [1].
+    at_edge : bool
+        Whether it lies at an end of the bracket: it may be outside.
+    """
+
+    delay: float
+    sd: float
+    tried: FloatArray
+    log_likelihood: FloatArray
+    at_edge: bool
+
+
+def likeliest_delay(
+    slave: Slave, master: Messages, mount: Mount, matching: Matching, prior: Known, sd: FloatArray,
+    bracket: tuple[float, float],
+) -> DelayFit:  # fmt: skip
+    """Return the delay of maximum likelihood, the rest being estimated for each that is tried.
+
+    Parameters
+    ----------
+    slave : Slave
+        Its log.
+    master : Messages
+        What the master says.
+    mount : Mount
+        How they are fixed together.
+    matching : Matching
+        What of the messages is used; not the delay as a state.
+    prior : Known
+        What was known beforehand; its delay is not used.
+    sd : ndarray, shape (n,)
+        How well, see `free_run` [SI].
+    bracket : (float, float)
+        Where it may lie [s].
+
+    Notes
+    -----
+    Messages that hold before the start of the run with the largest delay are left out for all, so
+    that every delay is judged by the same ones.
+    """
+    from scipy.optimize import minimize_scalar
+
+    start = float(slave.increments.time[slave.first])
+    interval = float(np.median(slave.increments.dt))
+    same = master[master.time - bracket[1] > start + 2 * interval]
+    tried: list[tuple[float, float]] = []
+
+    def against(tau: float) -> float:
+        free = free_run(slave, same, mount, matching, replace(prior, delay=tau), prior, sd)
+        tried.append((tau, kalman(free.system).log_likelihood))
+        return -tried[-1][1]
+
+    found = minimize_scalar(against, bounds=bracket, method="bounded",
+                            options={"xatol": 1e-5, "maxiter": 40})  # fmt: skip
+    tau = float(found.x)
+    width = max(2e-4, 0.01 * (bracket[1] - bracket[0]))
+    sides = [against(tau + d) - found.fun for d in (-width, width)]
+    curvature = float(np.sum(sides)) / width**2
+    each, likely = np.array(sorted(tried)).T
+    edge = min(tau - bracket[0], bracket[1] - tau) < width
+    return DelayFit(tau, curvature**-0.5 if curvature > 0 else np.inf, each, likely, edge)

@@ -1,0 +1,242 @@
+"""What a slave's free run says at its master's messages, less what the master says.
+
+The equations are those of `estimate.transfer.system`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.coefficients import Layout
+from foucault.models.attitude import angles_of
+from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS
+from foucault.models.ins_errors import Sensors
+from foucault.models.noise import ImuNoise
+from foucault.models.rotation import exp, log
+from foucault.models.transfer import Matching, Messages, Mount
+from foucault.navigate.increments import Increments
+from foucault.navigate.state import State
+from foucault.tables import AXES
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+SPAN = 0.1
+"""What a delay does is judged by the motion so long before and after: noise and vibration of one
+sample, which the master does not share, would look like knowledge of it [s]."""
+
+
+@dataclass(frozen=True)
+class Slave:
+    """The slave's log and what is known of it.
+
+    Attributes
+    ----------
+    increments : Increments
+        As measured.
+    sensors : Sensors
+        Coefficients to estimate.
+    noise : ImuNoise
+        Its noise [SI].
+    first : int
+        Row at whose end the run starts [1].
+    gravity_offset : float
+        Measured local minus normal gravity [m/s^2].
+    """
+
+    increments: Increments
+    sensors: Sensors
+    noise: ImuNoise
+    first: int = 0
+    gravity_offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Known:
+    """The point that a pass is linear about, or what is known beforehand.
+
+    Attributes
+    ----------
+    state : State
+        Of the slave at the start.
+    coefficients : ndarray, shape (p,)
+        Errors of its sensors [SI].
+    installation : ndarray, shape (3,)
+        mu [rad].
+    delay : float
+        tau [s].
+    """
+
+    state: State
+    coefficients: FloatArray
+    installation: FloatArray
+    delay: float
+
+
+def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArray:
+    """Return `place`, (phi, velocity, position), for axes of the true place.
+
+    East and north of the computed place are turned about up by dr_E tan L / R: in a free run that
+    is hundreds of metres off the master's would be seen as a heading error.
+
+    Parameters
+    ----------
+    states : dict of str to ndarray
+        Of the run, see `navigate.state.states_of` [SI].
+    place : ndarray, shape (m, 9, 9)
+        See `estimate.ins_filter.seen_at_place` [SI].
+    """
+    turn = np.tan(states["latitude"]) / (SEMI_MAJOR_AXIS + states["height"])
+    turned = turn[:, None] * place[:, 6]  # of the computed axes against the true ones, about up
+    out = place.copy()
+    v = states["velocity_n"]
+    out[:, 2] += turned
+    out[:, 3] += v[:, 1:2] * turned
+    out[:, 4] -= v[:, 0:1] * turned
+    return out
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The slave where the messages hold.
+
+    Attributes
+    ----------
+    velocity_n : ndarray, shape (m, 3)
+        Velocity [m/s].
+    C_ns : ndarray, shape (m, 3, 3)
+        Attitude [1].
+    rate_n, acceleration_n : ndarray, shape (m, 3)
+        How attitude and velocity change about then [rad/s], [m/s^2].
+    w_ib_b, f_b : ndarray, shape (m, 3)
+        Rate and specific force of the interval, slave's axes [rad/s], [m/s^2].
+    """
+
+    velocity_n: FloatArray
+    C_ns: FloatArray
+    rate_n: FloatArray
+    acceleration_n: FloatArray
+    w_ib_b: FloatArray
+    f_b: FloatArray
+
+
+def between(
+    slave: Slave, states: dict[str, FloatArray], rows: IntArray, when: FloatArray,
+    coefficients: FloatArray, matching: Matching,
+) -> Seen:  # fmt: skip
+    """Look at the slave between its samples: it goes on as over the interval that holds `when`.
+
+    Parameters
+    ----------
+    slave : Slave
+        Its log.
+    states : dict of str to ndarray
+        Of its run at `rows`, see `navigate.state.states_of` [SI].
+    rows : ndarray of int, shape (m,)
+        Rows of the increments next to `when` [1].
+    when : ndarray, shape (m,)
+        When the messages hold [s].
+    coefficients : ndarray, shape (p,)
+        Errors of its sensors [SI].
+    matching : Matching
+        Whether it is looked at between samples at all.
+    """
+    inc = slave.increments
+    ahead = when - inc.time[rows] if matching.shift == "interpolated" else np.zeros(len(rows))
+    inside = np.minimum(rows + (ahead > 0), len(inc) - 1)
+    names = slave.sensors.layout.names
+    w, f = (x[inside] / inc.dt[inside, None] for x in (inc.dtheta_b, inc.dvel_b))
+    for k, a in enumerate(AXES):  # scale factors hardly count over part of an interval
+        if f"gyro.bias.{a}" in names:
+            w[:, k] -= coefficients[names.index(f"gyro.bias.{a}")]
+        if f"accel.bias.{a}" in names:
+            f[:, k] -= coefficients[names.index(f"accel.bias.{a}")]
+    rate, pull = _changes(states, w, f)
+    C, v = states["C_nb"], states["velocity_n"]
+    first = np.searchsorted(inc.time, inc.time[rows] - SPAN) + 1
+    last = np.minimum(np.searchsorted(inc.time, inc.time[rows] + SPAN) + 1, len(inc) - 1)
+    ends = np.column_stack([np.minimum(first, last - 1), last]).ravel()
+    total, angle, velocity = (
+        np.add.reduceat(x, ends)[::2] for x in (inc.dt[:, None], inc.dtheta_b, inc.dvel_b)
+    )
+    slow = _changes(states, angle / total, velocity / total)
+    return Seen(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, *slow, w, f)
+
+
+def _changes(
+    states: dict[str, FloatArray], w: FloatArray, f: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how attitude and velocity change, frame n [rad/s], [m/s^2]."""
+    C, v, latitude = states["C_nb"], states["velocity_n"], states["latitude"]
+    earth = EARTH_RATE * np.stack(
+        [np.zeros_like(latitude), np.cos(latitude), np.sin(latitude)], axis=-1
+    )
+    rate = np.einsum("kij,kj->ki", C, w) - earth
+    pull = np.einsum("kij,kj->ki", C, f) - 2.0 * np.cross(earth, v)
+    pull[:, 2] -= 9.80665  # a few milligal are nothing over part of an interval
+    return rate, pull
+
+
+def measured(
+    layout: Layout, seen: Seen, master: Messages, mount: Mount, matching: Matching, at: Known,
+    place: FloatArray,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return H (m, 6, n) and z (m, 6): velocity, then attitude.
+
+    Parameters
+    ----------
+    layout : Layout
+        Meaning of the states.
+    seen : Seen
+        The slave where the messages hold.
+    master : Messages
+        What the master says.
+    mount : Mount
+        How they are fixed together.
+    matching : Matching
+        What of the messages is used.
+    at : Known
+        The point to be linear about.
+    place : ndarray, shape (m, 9, 9)
+        See `by_the_master` [SI].
+    """
+    m, n = len(master), len(layout)
+    H, z = np.zeros((m, 6, n)), np.empty((m, 6))
+    C_ms = mount.C_ms @ exp(at.installation)
+    w_m = np.einsum("ij,kj->ki", C_ms, seen.w_ib_b)
+    lever_n = np.einsum("kij,kj->ki", master.C_nm, np.cross(w_m, mount.lever_m))
+    z[:, :3] = seen.velocity_n - master.velocity_n - lever_n
+    H[:, :3, :9] = place[:, 3:6]
+    C_nominal = master.C_nm @ C_ms
+    H[:, 3:, :9] = -place[:, 0:3]
+    mu = layout.group("installation")
+    H[:, 3:, mu] = C_nominal
+    z[:, 3:] = log(seen.C_ns @ np.swapaxes(C_nominal, 1, 2))
+    if matching.delay:
+        tau = layout.index("master.delay")
+        H[:, :3, tau], H[:, 3:, tau] = seen.acceleration_n, seen.rate_n
+    if mount.load:  # by the force along the master's z
+        load = seen.f_b @ C_ms[2] / 9.80665 - 1.0
+        H[:, 3:, layout.group("load")] = C_nominal * load[:, None, None]
+    if mount.flexure_sd > 0:
+        H[:, 3:, layout.group("flexure")] = C_nominal
+    if matching.attitude == "angles":
+        J, difference = _as_angles(seen.C_ns, C_nominal)
+        H[:, 3:] = J @ H[:, 3:]
+        z[:, 3:] = difference
+    return H, z
+
+
+def _as_angles(C_ns: FloatArray, C_nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how heading, pitch and roll go with a rotation about n, and their differences."""
+    heading, pitch, _ = angles_of(C_ns).T
+    sH, cH, cP, tP = np.sin(heading), np.cos(heading), np.cos(pitch), np.tan(pitch)
+    J = np.zeros((len(C_ns), 3, 3))
+    J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = tP * sH, tP * cH, -1.0
+    J[:, 1, 0], J[:, 1, 1] = cH, -sH
+    J[:, 2, 0], J[:, 2, 1] = sH / cP, cH / cP
+    difference = angles_of(C_ns) - angles_of(C_nominal)
+    return J, np.remainder(difference + np.pi, 2 * np.pi) - np.pi

@@ -1,0 +1,1 @@
+"""A torqued cluster in continuous rotation: calibrated and aligned at once."""

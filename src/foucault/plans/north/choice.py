@@ -1,0 +1,349 @@
+"""Which order of stops is best for a wanted accuracy, and how long it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import exp, inf, isfinite, log, sqrt
+from typing import Any
+
+import numpy as np
+
+from foucault.diagnose.north.plan import Conditions, Prediction, poses, predict
+from foucault.errors import error
+from foucault.estimate.north.reduction import GYRO_NOISE, TILT_NOISE
+from foucault.plans.north.orders import (
+    FIRST,
+    NAMES,
+    PUBLISHED,
+    ROUGH,
+    Order,
+    StopOrder,
+    orders,
+)
+from foucault.units import span
+
+LONGEST = 86400.0
+"""Longest time that is tried [s]."""
+
+SHORTEST = 5.0
+"""Shortest stop: what is left of it after settling is cut out of a log from so long on [s]."""
+
+SEEN = 3.0
+"""The Earth's rate is seen where it is so many sd of what is measured of it [1]."""
+
+ALIKE = 1.1
+"""Plans whose sd differ by less than this are alike; then what is safer decides [1]."""
+
+NO_DRIFT = 1.3e5
+"""Errors by drift that differ by less are alike; 0.001 deg for 0.1 deg/h/h [s^2]."""
+
+UNREACHED = 1e6
+"""Puts orders that do not reach the accuracy after all that do [1]."""
+
+LIMITING = 0.1
+"""Share of the variance from which on a source is what sets the floor [1]."""
+
+REPEATS = (2, 3, 5, 8)
+"""How often an order may be repeated [1]."""
+
+STEPS = 14
+"""Times that are tried before the search between two of them [1]."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be planned.
+
+    Attributes
+    ----------
+    conditions : Conditions
+        Instrument, place, and what is known [SI].
+    accuracy : float or None
+        Wanted standard deviation of the heading [rad].
+    total : float or None
+        Time there is [s].
+    move : float
+        Time from one stop to the next [s].
+    rough_sd : float or None
+        Standard deviation of a rough heading; None without one [rad].
+    """
+
+    conditions: Conditions
+    accuracy: float | None = None
+    total: float | None = None
+    move: float = 10.0
+    rough_sd: float | None = None
+
+
+GUESS = np.radians(2.0)
+"""Rough heading to show what the east-west pair would give, where none is to be had [rad]."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one order gives.
+
+    Attributes
+    ----------
+    order : StopOrder or TurningOrder
+        The order; of those to choose from, the best.
+    needed : float
+        Time for the wanted accuracy; infinite where it is not reached, NaN where none is wanted
+        [s].
+    at : Prediction or None
+        In `time`; None where that is too short for its stops.
+    time : float
+        The time there is, else the time needed, else that of the floor [s].
+    floor : Prediction or None
+        The best that it gives in any time, where the accuracy is not reached.
+    floor_time : float
+        In which it does [s].
+    why : str
+        Why there is nothing to say.
+    """
+
+    order: Order
+    needed: float
+    at: Prediction | None
+    time: float
+    floor: Prediction | None = None
+    floor_time: float = np.nan
+    why: str = ""
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation in `time` [rad]."""
+        return inf if self.at is None else self.at.sd
+
+    @property
+    def limit(self) -> str:
+        """What sets the floor: white noise would go down with more time, this does not."""
+        sources = {} if self.floor is None else self.floor.sources
+        fixed = {name: v for name, v in sources.items() if name not in (GYRO_NOISE, TILT_NOISE)}
+        name = max(fixed, key=lambda n: fixed[n], default="")
+        if name and fixed[name] > LIMITING * sum(sources.values()):
+            return name
+        return f"noise in {span(LONGEST)}"
+
+    @property
+    def drift_error(self) -> float:
+        """Largest error by a linear drift of 1 rad/s^2 that is not estimated [s^2]."""
+        return inf if self.at is None else self.at.drift_error
+
+    def as_dict(self, move: float, drift: float) -> dict[str, Any]:
+        """Return the row as plain values.
+
+        Parameters
+        ----------
+        move : float
+            Time from one stop to the next [s].
+        drift : float
+            Linear drift to give the effect of [rad/s^2].
+        """
+        stops = None
+        if isinstance(self.order, StopOrder) and self.at is not None:
+            of = (self.order.index, self.order.stops(self.time, move), self.order.from_north)
+            stops = [
+                {"index": float(a), "dwell": float(t), "from_north": bool(n)}
+                for a, t, n in zip(*of, strict=True)
+            ]
+        return {
+            "name": self.order.name,
+            "needs": self.order.needs,
+            "time_needed": _finite(self.needed),
+            "floor": None if self.floor is None else self.floor.sd,
+            "floor_source": None if self.floor is None else self.limit,
+            "time": _finite(self.time),
+            "sd": _finite(self.sd),
+            "worst_sd": None if self.at is None else self.at.worst,
+            "drift_error": _finite(self.drift_error * drift),
+            "sources": {} if self.at is None else self.at.sources,
+            "stops": stops,
+        }
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """All that were compared, and the one to take.
+
+    Attributes
+    ----------
+    task : Task
+        What was asked.
+    rows : tuple of Row
+        One per order.
+    best : Row
+        The one to take.
+    reason : str
+        Why.
+    beyond : Row or None
+        A better one, if what it needs is to be had.
+    repeats : (int, float) or None
+        How often to go through the best in the same time [1] and the sd that this gives [rad],
+        where slow noise makes it pay.
+    """
+
+    task: Task
+    rows: tuple[Row, ...]
+    best: Row
+    reason: str
+    beyond: Row | None = None
+    repeats: tuple[int, float] | None = None
+
+    @property
+    def signal(self) -> float:
+        """The Earth's horizontal rate over the sd of what is measured across it [1]."""
+        return 1.0 / self.best.sd
+
+
+def compare(task: Task, names: Iterable[str] = NAMES, cycles: int = 1) -> Choice:
+    """Compare orders.
+
+    Parameters
+    ----------
+    task : Task
+        What is to be planned [SI].
+    names : iterable of str
+        Of the orders.
+    cycles : int, shape ()
+        How often orders of stops are gone through [1].
+    """
+    rows = tuple(_row(orders(name, cycles), task) for name in names)
+    return _chosen(task, rows)
+
+
+def at_time(order: Order, total: float, task: Task, *, drift: bool = True) -> Prediction:
+    """Predict what an order gives in a time.
+
+    Parameters
+    ----------
+    order : StopOrder or TurningOrder
+        The order.
+    total : float
+        All of the time, moves included [s].
+    task : Task
+        Conditions, moves and rough heading [SI].
+    drift : bool
+        Whether to find the error by drift too.
+    """
+    c = task.conditions
+    at = poses(c.tilt)
+    off = 0.0
+    if order.needs == ROUGH:
+        off = GUESS if task.rough_sd is None else task.rough_sd
+    elif order.needs == FIRST and isinstance(order, StopOrder):
+        k = len(PUBLISHED)
+        share = float(order.share[:k].sum())
+        first = share * (total - (len(order) - 1) * task.move) + (k - 1) * task.move
+        off = predict(PUBLISHED.dwells(first, task.move, at[:, 0]), at, c, drift=False).sd
+    # Either side, heading by heading: the mean square is off^2.
+    rough = np.where(np.unique(at[:, 0], return_inverse=True)[1] % 2, -off, off)
+    dwells = order.dwells(total, task.move, at[:, 0], rough)
+    return predict(dwells, at, c, near=order.needs == ROUGH, drift=drift)
+
+
+def _best_at(
+    some: tuple[Order, ...], total: float, task: Task
+) -> tuple[Order | None, Prediction | None]:
+    """Return the best of orders that have the time for their stops."""
+    fit = [o for o in some if o.shortest(task.move, SHORTEST) <= total * (1 + 1e-9)]
+    found = [(o, at_time(o, total, task, drift=False)) for o in fit]
+    return min(found, key=lambda f: f[1].sd, default=(None, None))
+
+
+def _row(some: tuple[Order, ...], task: Task) -> Row:
+    if some[0].needs == ROUGH and not task.conditions.latitude_known:
+        return Row(some[0], inf, None, np.nan, why="the latitude must be known")
+    needed, floor, floor_time = np.nan, None, np.nan
+    if task.accuracy is not None:
+        needed, floor, floor_time = _needed(some, task, task.accuracy)
+    time = task.total
+    if time is None:
+        time = needed if isfinite(needed) else floor_time
+    order = _best_at(some, time, task)[0]
+    if order is None:
+        return Row(some[-1], needed, None, time, floor, floor_time, "too short for its stops")
+    return Row(order, needed, at_time(order, time, task), time, floor, floor_time)
+
+
+def _needed(
+    some: tuple[Order, ...], task: Task, accuracy: float
+) -> tuple[float, Prediction | None, float]:
+    """Return the time for an accuracy; infinite, with the best there is and when, without one."""
+    from scipy.optimize import brentq
+
+    least = min(o.shortest(task.move, SHORTEST) for o in some)
+    floor, floor_time, before = None, np.nan, least
+    for time in np.geomspace(least, max(LONGEST, 2 * least), STEPS):
+        order, found = _best_at(some, float(time), task)
+        assert order is not None and found is not None
+        if found.sd <= accuracy:
+            low = max(log(before), log(order.shortest(task.move, SHORTEST)))
+            ends = {log(time): log(found.sd / accuracy)}  # each prediction takes a while
+
+            def over(x: float, order: Order = order, ends: dict[float, float] = ends) -> float:
+                if x not in ends:
+                    ends[x] = log(at_time(order, exp(x), task, drift=False).sd / accuracy)
+                return ends[x]
+
+            if over(low) <= 0:
+                return exp(low), None, np.nan
+            return exp(brentq(over, low, log(time), xtol=1e-3)), None, np.nan
+        if floor is None or found.sd < floor.sd:
+            floor, floor_time = found, float(time)
+        before = float(time)
+    return inf, floor, floor_time
+
+
+def _cost(row: Row, task: Task) -> float:
+    """What is to be small: the sd in the time there is, or the root of the time needed."""
+    if task.accuracy is None or task.total is not None:
+        return row.sd
+    if isfinite(row.needed):
+        return sqrt(row.needed)
+    return UNREACHED * (inf if row.floor is None else row.floor.sd)
+
+
+def _given(order: Order, task: Task) -> bool:
+    """Tell whether there is what an order needs."""
+    return not order.needs or (order.needs == ROUGH and task.rough_sd is not None)
+
+
+def _chosen(task: Task, rows: tuple[Row, ...]) -> Choice:
+    able = [r for r in rows if _given(r.order, task)]
+    able = able or list(rows)
+    lowest = min(_cost(r, task) for r in able)
+    alike = [r for r in able if r.at is not None and _cost(r, task) <= ALIKE * lowest]
+    if not alike:
+        least = min(r.order.shortest(task.move, SHORTEST) for r in able)
+        raise error("north_plan.too_short", given=span(task.total or 0.0),
+                    stop=span(SHORTEST), least=span(least))  # fmt: skip
+    best = min(alike, key=lambda r: (round(r.drift_error / NO_DRIFT), _cost(r, task)))
+    reason = "nothing else that can be done with what there is does better"
+    if len(alike) > 1 and best.drift_error < min(alike, key=lambda r: _cost(r, task)).drift_error:
+        most = f"{ALIKE - 1:.0%}".replace("%", " %")
+        reason = f"a linear drift of the gyro does least to it, and it costs {most} of sd at most"
+    better = [r for r in rows if r not in able and _cost(r, task) * ALIKE < _cost(best, task)]
+    beyond = min(better, key=lambda r: _cost(r, task), default=None)
+    return Choice(task, rows, best, reason, beyond, _repeats(best, task))
+
+
+def _repeats(row: Row, task: Task) -> tuple[int, float] | None:
+    """Return how often to go through the order in the same time, and the sd, where that pays."""
+    order, noise = row.order, task.conditions.noise.gyro
+    if not isinstance(order, StopOrder) or order.needs or not row.time > 0:
+        return None
+    if not (noise.bias_instability or noise.random_walk):
+        return None  # white noise does not mind, and every move costs time
+    found = []
+    for times in REPEATS:
+        more = order.repeated(times)
+        if more.shortest(task.move, SHORTEST) <= row.time:
+            found.append((times, at_time(more, row.time, task, drift=False).sd))
+    best = min(found, key=lambda f: f[1], default=None)
+    return best if best is not None and best[1] * ALIKE < row.sd else None

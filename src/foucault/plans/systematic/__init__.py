@@ -1,0 +1,1 @@
+"""Sequences of a systematic calibration: built in, from a file, or searched for."""

@@ -1,0 +1,1 @@
+"""Motions on which a slave is calibrated in its vehicle."""

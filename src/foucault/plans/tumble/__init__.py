@@ -1,0 +1,1 @@
+"""How a torqued cluster is turned, within what its rig allows."""

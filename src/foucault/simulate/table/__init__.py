@@ -1,0 +1,1 @@
+"""Instruments on a table: means of many at once, or the log of one."""

@@ -1,0 +1,1 @@
+"""A master INS and a slave IMU on one vehicle."""
