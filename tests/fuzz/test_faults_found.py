@@ -124,7 +124,7 @@ def test_moves_from_face_to_face(mistake: str, words: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("delimiter", ["00", "0", "\x80", '"', "\n", "", "-", "é"])
 def test_a_delimiter_that_is_none(delimiter: str) -> None:
-    with pytest.raises(ValueError, match="one character|at least 1 character"):
+    with pytest.raises(ValueError, match=r"one character|at least 1 character"):
         described("log.csv", delimiter=delimiter)
 
 
