@@ -1,15 +1,20 @@
 """Many instruments side by side: how their coefficients are distributed, and which stand out.
 
 The middle of a population is its median and its width 1.4826 times the median distance from it
-(MAD), which a few odd instruments do not move. The robust z-score of an instrument is its
-distance from the median over that width. As the width is known no better than from 0.37 N
-instruments' worth of a standard deviation, z is compared with Student's t of so many degrees of
-freedom, at a false-alarm rate that all instruments and coefficients share (Bonferroni).
+(MAD), which a few odd instruments do not move; z is the distance of an instrument from the middle
+over that width. Who stands out is decided by the generalised extreme studentized deviate [1]_: the
+farthest is set against the mean and standard deviation of all others, taken away, and the next is
+looked at, so that one odd instrument does not hide another. The false-alarm rate is that of all
+instruments and coefficients together (Bonferroni). The limit is that of the mean and not of the
+MAD, which knows the width of eight instruments no better than three would.
+
+An instrument that was measured worse than the others is farther from them for that reason alone:
+its distance is made smaller by what its variance has more than the typical one.
 
 References
 ----------
-.. [1] P. J. Rousseeuw, C. Croux, "Alternatives to the median absolute deviation", J. American
-   Statistical Association 88(424), 1993 (efficiency of the MAD: 37 %).
+.. [1] B. Rosner, "Percentage points for a generalized ESD many-outlier procedure", Technometrics
+   25(2), 1983.
 """
 
 from __future__ import annotations
@@ -27,8 +32,8 @@ FloatArray = npt.NDArray[np.float64]
 TO_SD = 1.482602218505602
 """Standard deviation over MAD, for a normal distribution [1]."""
 
-EFFICIENCY = 0.37
-"""Efficiency of the MAD for a normal distribution [1]."""
+ODD = 0.25
+"""Largest part of a fleet that can stand out of it: more are a second population [1]."""
 
 FEWEST = 8
 """Fewer instruments have no distribution that one of them could stand out of [1]."""
@@ -124,24 +129,9 @@ def middle_and_spread(x: FloatArray) -> tuple[float, float]:
     return middle, float(TO_SD * np.median(np.abs(x - middle)))
 
 
-def limit_of_z(instruments: int, tests: int, false_alarm: float = FALSE_ALARM) -> float:
-    """Return the robust z-score beyond which an instrument stands out [1].
-
-    Parameters
-    ----------
-    instruments : int, shape ()
-        Size N of the fleet [1].
-    tests : int, shape ()
-        Number of z-scores that are looked at [1].
-    false_alarm : float
-        Probability that any of them is beyond by chance [1].
-    """
-    from scipy.special import stdtrit
-
-    return float(stdtrit(max(EFFICIENCY * instruments, 1.0), 1 - false_alarm / (2 * tests)))
-
-
-def outlying(names: Sequence[str], values: FloatArray) -> list[Outlying]:
+def outlying(
+    names: Sequence[str], values: FloatArray, sd: FloatArray | None = None
+) -> list[Outlying]:
     """Name the instruments that differ from the fleet, the farthest first.
 
     Parameters
@@ -150,22 +140,46 @@ def outlying(names: Sequence[str], values: FloatArray) -> list[Outlying]:
         Coefficients.
     values : ndarray, shape (N, p)
         Their values, NaN where an instrument has none [SI].
+    sd : ndarray, shape (N, p), or None
+        Their standard deviations [SI]; None where all are measured alike.
     """
     known = np.isfinite(values)
-    tests = int(known.sum())
+    looked = [k for k in range(len(names)) if known[:, k].sum() >= FEWEST]
     out = []
-    for k, name in enumerate(names):
+    for k in looked:
         mine = np.flatnonzero(known[:, k])
-        if len(mine) < FEWEST:
-            continue
         x = values[mine, k]
         middle, spread = middle_and_spread(x)
         if not spread > 0:  # more than half of the instruments say the same to the last bit
             continue
         z = (x - middle) / spread
-        far = np.flatnonzero(np.abs(z) > limit_of_z(len(mine), tests))
-        out += [Outlying(int(mine[j]), name, float(x[j]), float(z[j])) for j in far]
+        if sd is not None:
+            z = z / np.sqrt(1.0 + _worse(sd[mine, k]) / spread**2)
+        far = _extreme(z, FALSE_ALARM / len(looked))
+        out += [Outlying(int(mine[j]), names[k], float(x[j]), float(z[j])) for j in far]
     return sorted(out, key=lambda o: -abs(o.z))
+
+
+def _worse(sd: FloatArray) -> FloatArray:
+    """Return by how much variances are larger than the typical one; where unknown, not."""
+    variance = np.where(np.isfinite(sd), sd, 0.0) ** 2
+    return np.asarray(np.maximum(variance - np.median(variance), 0.0))
+
+
+def _extreme(z: FloatArray, false_alarm: float) -> list[int]:
+    """Return which values do not belong to one normal distribution, the farthest first [1]_."""
+    from scipy.special import stdtrit
+
+    left, taken, count = list(range(len(z))), list[int](), 0
+    for _ in range(int(ODD * len(z))):
+        m, y = len(left), z[left]
+        distance = np.abs(y - y.mean()) / y.std(ddof=1)
+        t = stdtrit(m - 2, 1 - false_alarm / (2 * m))
+        worst = int(np.argmax(distance))
+        taken.append(left.pop(worst))
+        if distance[worst] > (m - 1) * t / np.sqrt(m * (m - 2 + t**2)):
+            count = len(taken)
+    return taken[:count]
 
 
 def noisy(chi_square: FloatArray, redundancy: FloatArray) -> list[Outlying]:

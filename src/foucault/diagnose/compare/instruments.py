@@ -92,5 +92,5 @@ def between(series: Series) -> Between:
                 float(np.sqrt(np.mean(sd**2))), chi_square, chi_square > limit,
             )
         )  # fmt: skip
-    odd = fleet.outlying(series.names, series.values)
+    odd = fleet.outlying(series.names, series.values, series.sd)
     return Between(series, limit, tuple(spreads), tuple(odd))
