@@ -10,7 +10,8 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.compare.comparable import comparable
 from foucault.errors import FoucaultError
-from foucault.models.imu import LAYOUT, Gauge, ImuModel, gravity_slope
+from foucault.models.imu import LAYOUT, Gauge, ImuModel
+from foucault.models.references import gravity_slope
 from foucault.result import Level
 from make_compare import make_entries, make_results
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from foucault.diagnose.hand_rotated.held_out import norm_with_cov
+from foucault.diagnose.norm import norm_with_cov
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade

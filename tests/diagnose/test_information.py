@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
-from foucault.diagnose.budget import session_budget
+from foucault.diagnose.hand_rotated.budget import session_budget
 from foucault.diagnose.information import information
 from foucault.estimate.hand_rotated import likelihood
 from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models.earth import Site
-from foucault.models.imu import LINEAR_LOWER, ImuModel, gravity_slope
+from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
+from foucault.models.references import gravity_slope
 from foucault.models.rests_and_turns import Session, predict
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan

@@ -9,8 +9,9 @@ import pytest
 
 from foucault.diagnose.coverage import coverage
 from foucault.diagnose.table.checks import TableEvidence, checks, detectable, name_of
-from foucault.diagnose.table.report import readings_table, rig_table, with_references
+from foucault.diagnose.table.report import readings_table, rig_table
 from foucault.models.imu import LINEAR_LOWER, ImuModel
+from foucault.models.references import with_references
 from make_table import ACCEL_NAMES, ARCSEC, SITE, fitted, plan_of, simulated, trusting
 
 MILLI = 9.81e-3

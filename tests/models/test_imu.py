@@ -13,10 +13,10 @@ from foucault.models.imu import (
     PRODUCTS,
     Gauge,
     ImuModel,
-    gravity_slope,
     products,
     products_slope,
 )
+from foucault.models.references import gravity_slope
 from foucault.models.rotation import exp
 from foucault.tables import AXES, Log
 

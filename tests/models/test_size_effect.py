@@ -8,10 +8,11 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.ins_filter import Updates, run
 from foucault.kernels import ins_transition as kernel
-from foucault.models.imu import LAYOUT, ImuModel, gravity_slope
+from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import EVERY, model_of
 from foucault.models.noise import ImuNoise
+from foucault.models.references import gravity_slope
 from foucault.models.rotation import exp
 from foucault.models.size_effect import GAP, SizeEffect, changes, with_size_effect
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -99,3 +100,23 @@ def direction_words(up_b: FloatArray) -> str:
     if len(names) == 1:
         return f"{names[0]} up"
     return f"between {', '.join(names[:-1])} and {names[-1]} up"
+
+
+def coverage_json(c: Coverage, directions: int) -> dict[str, Any]:
+    """Return coverage as plain values for result.json.
+
+    Parameters
+    ----------
+    c : Coverage
+        The coverage.
+    directions : int, shape ()
+        Number of rests [1].
+    """
+    missing = [{"direction": d.tolist(), "words": words} for d, words in c.missing]
+    return {
+        "missing": missing,
+        "largest_gap": c.largest_gap,
+        "half_space": c.half_space,
+        "flatness": c.flatness,
+        "directions": directions,
+    }

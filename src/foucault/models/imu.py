@@ -68,7 +68,7 @@ from foucault.tables import AXES, Log
 __all__ = [
     "EQUATION", "FULL_EQUATION", "FULL_INVERSE", "INVERSE", "INVERSES", "LAYOUT", "LINEAR_LOWER",
     "PRODUCTS", "SCALE_EQUATION", "SCALE_INVERSE", "SIZE_EQUATION", "SIZE_INVERSE", "Gauge",
-    "ImuModel", "coefficient_slot", "gravity_slope", "products", "products_slope",
+    "ImuModel", "coefficient_slot", "products", "products_slope",
 ]  # fmt: skip
 
 FloatArray = npt.NDArray[np.float64]
@@ -318,34 +318,6 @@ class ImuModel:
 
 
 _IDENTITY = flat(ImuModel())
-
-
-def gravity_slope(vector: CoefficientVector) -> FloatArray:
-    """Return how coefficients found by the norm of gravity change with the g that was assumed.
-
-    A g assumed larger by the fraction e makes every specific force larger by it, and so the
-    accelerometer matrix, the g-sensitivity and the deflection smaller by e and the quadratic terms
-    by 2 e; an asymmetry stays what it is.
-
-    Parameters
-    ----------
-    vector : CoefficientVector
-        The coefficients; those of other models do not change with it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Derivative with respect to ln(g) [SI unit of each coefficient].
-    """
-    known = [i for i, name in enumerate(vector.names) if name in LAYOUT]
-    model = ImuModel.from_coefficients(vector.chosen(vector.names[i] for i in known))
-    powers = {"accel_matrix": -1.0, "g_sensitivity": -1.0, "accel_quadratic": -2.0}
-    powers["deflection"] = -1.0
-    out = np.zeros(len(vector))
-    for i in known:
-        block, where = coefficient_slot(vector.names[i])
-        out[i] = powers.get(block, 0.0) * getattr(model, block)[where]
-    return out
 
 
 def products(f_b: FloatArray) -> FloatArray:

@@ -29,11 +29,11 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.budget import session_budget
-from foucault.diagnose.coverage import coverage
-from foucault.diagnose.earth import vertical_check
+from foucault.diagnose.coverage import coverage, coverage_json
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated import report as session_report
+from foucault.diagnose.hand_rotated.budget import session_budget
+from foucault.diagnose.hand_rotated.earth import vertical_check
 from foucault.diagnose.hand_rotated.held_out import hold_out
 from foucault.diagnose.hand_rotated.input import check_input, enough_rests
 from foucault.diagnose.rests import (
@@ -51,6 +51,7 @@ from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
+from foucault.models.references import with_references
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.rests_and_turns import predict
 from foucault.models.session_noise import SessionNoise
@@ -338,7 +339,7 @@ def _likelihood(
     n = len(names)
     return Result(
         procedure="hand_rotated",
-        coefficients=session_report.with_gravity(estimate.coefficients, data.site),
+        coefficients=with_references(estimate.coefficients, data.site),
         equation=EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,
@@ -351,7 +352,7 @@ def _likelihood(
             "noise": session_report.noise_json(noise, declared is not None),
             "chi_square": session_report.chi_square_json(evidence.after),
             "chi_square_of_noise_alone": session_report.chi_square_json(before),
-            "coverage": session_report.coverage_json(evidence.coverage, len(up_b)),
+            "coverage": coverage_json(evidence.coverage, len(up_b)),
             "heading_sd": session_report.heading_sd(estimate, n) if data.earth.any() else None,
             **session_report.bound(data, names, estimate, noise),
             "budget": {

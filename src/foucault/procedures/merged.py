@@ -18,8 +18,8 @@ from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.fusion import Fused, Known, fused
 from foucault.models import cluster
-from foucault.models.imu import gravity_slope
 from foucault.models.layouts import BESIDE, is_cluster
+from foucault.models.references import gravity_slope
 from foucault.result import Check, Level, Result, Verdict
 from foucault.units import plain
 

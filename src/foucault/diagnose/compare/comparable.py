@@ -25,8 +25,9 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.compare.fit import Series
 from foucault.errors import Finding, error, finding
 from foucault.models import cluster, imu
-from foucault.models.imu import Gauge, ImuModel, coefficient_slot, gravity_slope
+from foucault.models.imu import Gauge, ImuModel, coefficient_slot
 from foucault.models.layouts import is_cluster, is_imu, of_one_sample, of_sensors
+from foucault.models.references import gravity_slope
 from foucault.result import Level, Result
 from foucault.units import ZERO_CELSIUS
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.checks import plausible_scales, prior_check, status_check
 from foucault.diagnose.faces.rests import Faces
-from foucault.diagnose.hand_rotated.checks import plausible_scales, prior_check, status_check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.faces.covariance import Belief, FaceNoise

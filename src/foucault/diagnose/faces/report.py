@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.faces.checks import FaceEvidence
-from foucault.diagnose.hand_rotated.held_out import norm_with_cov
+from foucault.diagnose.norm import norm_with_cov
 from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]

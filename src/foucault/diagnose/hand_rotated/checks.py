@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import plausible_scales, prior_check, status_check
 from foucault.diagnose.coverage import Coverage
-from foucault.errors import ADVICE, Status
+from foucault.errors import Status
 from foucault.estimate import norm_observation
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.hand_rotated.likelihood import Component
@@ -119,23 +119,6 @@ def status_checks(status: Status, rests: int, weakest: tuple[str, ...] = ()) -> 
     return status_check(status, weakest), _rests(rests)
 
 
-def status_check(status: Status, weakest: tuple[str, ...]) -> Check:
-    """Return the check that the estimation converged and saw everything.
-
-    Parameters
-    ----------
-    status : Status
-        How the estimation ended.
-    weakest : tuple of str
-        Combinations of coefficients that were not seen.
-    """
-    fine = status is Status.CONVERGED
-    words = ADVICE[status]
-    if weakest:
-        words += " Not seen: " + "; ".join(weakest) + "."
-    return Check("converged", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
-
-
 def _rests(n: int) -> Check:
     fine = n >= ENOUGH_RESTS
     words = (
@@ -173,32 +156,6 @@ def _condition(e: Evidence) -> Check:
         f"{value:.0f}, even coverage has 2). Add rests with {missing}."
     )
     return Check("condition", value, None, doubtful, fine, words, level)
-
-
-def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
-    """Return the checks of size: a scale factor error of a third is a wrong unit.
-
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate.
-    """
-    out = []
-    for triad, words in (("accel", "accelerometer"), ("gyro", "gyro")):
-        names = [n for n in coefficients.names if n.startswith(f"{triad}.scale.")]
-        if not names:
-            continue
-        values = [coefficients.value(n) for n in names]
-        value = float(max(values, key=abs))
-        fine = abs(value) < 0.3
-        sentence = (
-            f"The largest {words} scale factor error is {100 * value:.2g} %."
-            if fine
-            else f"A {words} scale factor error of {100 * value:.0f} % is a wrong unit or count "
-            f"scale, not an instrument: check [log.{triad}]."
-        )
-        out.append(Check(f"{triad} scale", value, -0.3, 0.3, fine, sentence, Level.UNUSABLE))
-    return out
 
 
 def _explained(e: Evidence, name: str, what: str) -> Check:
@@ -251,28 +208,6 @@ def _unstill(e: Evidence) -> list[Check]:
         )
         out.append(Check(f"scatter of {what[4:]}", value, None, limit, fine, words))
     return out
-
-
-def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check:
-    """Compare the estimate with what was said to be known beforehand.
-
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate.
-    residuals : ndarray, shape (k,)
-        White residuals of the k priors, in order [1].
-    """
-    known = np.flatnonzero(np.isfinite(coefficients.prior_sd))
-    miss = np.abs(residuals)
-    limit = float(np.sqrt(chi_square_limits(1, tests=len(known))[1]))
-    worst = int(np.argmax(miss))
-    fine = bool(miss[worst] <= limit)
-    name = coefficients.names[known[worst]]
-    words = f"{name} is {miss[worst]:.1f} standard deviations from what was known before" + (
-        "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
-    )
-    return Check("prior", float(miss[worst]), None, limit, fine, words)
 
 
 def _still(e: Evidence) -> Check:

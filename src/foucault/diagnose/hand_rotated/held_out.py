@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.models.imu import ImuModel, coefficient_slot, products
+from foucault.diagnose.norm import norm_with_cov
+from foucault.models.imu import ImuModel
 from foucault.models.rests_and_turns import Attitudes, Session
 from foucault.models.session_noise import SessionNoise
 from foucault.result import Estimate
@@ -16,41 +17,6 @@ from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
-
-def norm_with_cov(
-    model: ImuModel, coefficients: CoefficientVector, accel: FloatArray, cov: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the compensated norm of mean readings, shape (n,), and its covariance, (n, n).
-
-    Parameters
-    ----------
-    model : ImuModel
-        The error model.
-    coefficients : CoefficientVector
-        The estimated coefficients, with covariance.
-    accel : ndarray, shape (n, 3)
-        Mean readings [m/s^2].
-    cov : ndarray, shape (n, 3, 3)
-        Covariance of the readings [m^2/s^4].
-    """
-    f_b, _ = model.compensate(accel, None)
-    assert f_b is not None
-    norm = np.linalg.norm(f_b, axis=1)
-    # d norm = u' inv(L) (d reading - d model): `lever` is the first factor.
-    lever = (f_b / norm[:, None]) @ np.linalg.inv(model.accel_matrix)
-    slope = np.zeros((len(norm), len(coefficients)))
-    inputs = {"accel_matrix": f_b, "accel_quadratic": products(f_b)}
-    for k, name in enumerate(coefficients.names):
-        block, where = coefficient_slot(name)
-        if block == "accel_bias":
-            slope[:, k] = lever[:, where]
-        elif block in inputs:
-            slope[:, k] = lever[:, where[0]] * inputs[block][:, where[1]]
-    joint = np.diag(np.einsum("ni,nij,nj->n", lever, cov, lever))
-    if coefficients.cov is not None:
-        joint = joint + slope @ coefficients.cov @ slope.T
-    return norm, joint
 
 
 def norm_columns(

@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
-from foucault.diagnose.coverage import Coverage
 from foucault.diagnose.hand_rotated.checks import Evidence
-from foucault.diagnose.hand_rotated.held_out import norm_with_cov, rest_cov
+from foucault.diagnose.hand_rotated.held_out import rest_cov
 from foucault.diagnose.information import information
+from foucault.diagnose.norm import norm_with_cov
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.hand_rotated import likelihood
 from foucault.estimate.hand_rotated.likelihood import Component
-from foucault.models.earth import Site
-from foucault.models.imu import gravity_slope
 from foucault.models.rests_and_turns import Prediction, Session
 from foucault.models.session_noise import SessionNoise
 from foucault.result import Estimate
@@ -168,26 +165,6 @@ def _worst(estimate: Estimate, n: int) -> FloatArray:
     return np.asarray(np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], 1)[:, 0])
 
 
-def coverage_json(c: Coverage, directions: int) -> dict[str, Any]:
-    """Return coverage as plain values for result.json.
-
-    Parameters
-    ----------
-    c : Coverage
-        The coverage.
-    directions : int, shape ()
-        Number of rests [1].
-    """
-    missing = [{"direction": d.tolist(), "words": words} for d, words in c.missing]
-    return {
-        "missing": missing,
-        "largest_gap": c.largest_gap,
-        "half_space": c.half_space,
-        "flatness": c.flatness,
-        "directions": directions,
-    }
-
-
 def chi_square_json(parts: Mapping[str, Component]) -> dict[str, list[float]]:
     """Return sums of squares with their limits as plain values for result.json.
 
@@ -201,21 +178,6 @@ def chi_square_json(parts: Mapping[str, Component]) -> dict[str, list[float]]:
     for name, c in parts.items():
         out[short.get(name, "turns")] = [c.chi_square, c.low, c.high, c.redundancy]
     return out
-
-
-def with_gravity(coefficients: CoefficientVector, site: Site) -> CoefficientVector:
-    """Add the uncertainty of local gravity, which is common to all accelerometers.
-
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, as if gravity were known [SI].
-    site : Site
-        Gravity and its uncertainty.
-    """
-    assert coefficients.cov is not None
-    slope = gravity_slope(coefficients) * site.gravity_sd / site.gravity
-    return replace(coefficients, cov=coefficients.cov + np.outer(slope, slope))
 
 
 def bound(

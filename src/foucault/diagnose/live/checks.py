@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.diagnose import axes
-from foucault.diagnose.hand_rotated.input import first_rest_orientation
+from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.live.checklist import up_of
 from foucault.diagnose.live.rests import LiveRests
 from foucault.diagnose.rests import turning

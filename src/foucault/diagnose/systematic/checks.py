@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import prior_check, status_check
 from foucault.diagnose.consistency import chi_square_limits
-from foucault.diagnose.hand_rotated.checks import prior_check, status_check
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.systematic.legs import Legs
 from foucault.errors import Finding, Status, error, finding

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.hand_rotated.held_out import norm_with_cov
-from foucault.diagnose.norm import rate_norm_sd
+from foucault.diagnose.norm import norm_with_cov, rate_norm_sd
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel

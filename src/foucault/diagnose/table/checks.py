@@ -8,13 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import plausible_scales, prior_check, status_check
 from foucault.diagnose.coverage import Coverage
-from foucault.diagnose.hand_rotated.checks import (
-    CONDITION,
-    plausible_scales,
-    prior_check,
-    status_check,
-)
+from foucault.diagnose.hand_rotated.checks import CONDITION
 from foucault.estimate import norm_observation
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit

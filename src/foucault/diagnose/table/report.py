@@ -2,68 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
-from foucault.diagnose.hand_rotated.held_out import norm_with_cov
 from foucault.diagnose.information import information
-from foucault.diagnose.norm import rate_norm_sd
+from foucault.diagnose.norm import norm_with_cov, rate_norm_sd
 from foucault.diagnose.table.checks import TableEvidence, detectable
 from foucault.estimate.table.fit import Options, TableFit, inflated
 from foucault.estimate.table.likelihood import Observed, build
 from foucault.models import turntable
 from foucault.models.earth import Site
-from foucault.models.imu import coefficient_slot, gravity_slope
 from foucault.models.readings import Readings
+from foucault.models.references import gravity_error, rate_slope
 from foucault.models.table_geometry import Angles, Trust
 from foucault.models.table_state import State
 from foucault.models.turntable import RIG
 from foucault.tables import AXES, Log
 
 FloatArray = npt.NDArray[np.float64]
-
-
-def with_references(
-    coefficients: CoefficientVector, site: Site, table_rate_sd: float
-) -> CoefficientVector:
-    """Add the uncertainty of gravity and of the table's rate, each common to a whole triad.
-
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, as if both were known [SI].
-    site : Site
-        Gravity and its uncertainty.
-    table_rate_sd : float
-        Relative sd of an error that all spin rates share [1].
-    """
-    assert coefficients.cov is not None
-    gravity = gravity_slope(coefficients) * site.gravity_sd / site.gravity
-    rate = rate_slope(coefficients) * table_rate_sd
-    cov = coefficients.cov + np.outer(gravity, gravity) + np.outer(rate, rate)
-    return replace(coefficients, cov=cov)
-
-
-def rate_slope(vector: CoefficientVector) -> FloatArray:
-    """Return how coefficients change with the logarithm of the rate that was assumed, (n,).
-
-    Parameters
-    ----------
-    vector : CoefficientVector
-        The coefficients [SI].
-    """
-    from foucault.models.imu import ImuModel
-
-    model, out = ImuModel.from_coefficients(vector), np.zeros(len(vector))
-    for i, name in enumerate(vector.names):
-        block, where = coefficient_slot(name)
-        if block == "gyro_matrix":
-            out[i] = -model.gyro_matrix[where]
-    return out
 
 
 def noise_source(readings: Readings) -> str:
@@ -149,7 +107,7 @@ def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[fl
     prior = bool(np.isfinite(estimate.coefficients.prior_sd).any())
     out["errors of the table" + " and prior" * prior] = np.maximum(left, 0.0)
     c = estimate.coefficients
-    out["local gravity"] = (gravity_slope(c) * site.gravity_sd / site.gravity) ** 2
+    out["local gravity"] = gravity_error(c, site) ** 2
     out["rate of the table"] = (rate_slope(c) * table_rate_sd) ** 2
     whole = np.sum(list(out.values()), axis=0)
     return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-6 * whole)}

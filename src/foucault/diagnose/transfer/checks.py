@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import prior_check, status_check
 from foucault.diagnose.consistency import chi_square_limits
-from foucault.diagnose.hand_rotated.checks import prior_check, status_check
 from foucault.errors import Status
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.estimate.delay.fit import Delay

@@ -14,8 +14,8 @@ from foucault.diagnose.faces import checks as face_checks
 from foucault.diagnose.faces import report as face_tables
 from foucault.diagnose.faces.checks import FaceEvidence
 from foucault.diagnose.faces.rests import Faces, find_faces
+from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.hand_rotated import report as session_report
-from foucault.diagnose.hand_rotated.input import first_rest_orientation
 from foucault.diagnose.information import information
 from foucault.diagnose.rests import Rests, detection_table, measure_noise
 from foucault.estimate import gauss_newton
@@ -26,8 +26,9 @@ from foucault.estimate.faces.scatter import believe
 from foucault.estimate.snooping import snoop
 from foucault.models.earth import Site
 from foucault.models.faces import TurnReadings, face_name
-from foucault.models.imu import EQUATION, LAYOUT, Gauge, gravity_slope
+from foucault.models.imu import EQUATION, LAYOUT, Gauge
 from foucault.models.noise import ImuNoise
+from foucault.models.references import gravity_error, with_references
 from foucault.models.session_noise import SessionNoise
 from foucault.procedures.hand_rotated import FRAME
 from foucault.procedures.on_faces.settings import FaceSettings
@@ -199,7 +200,7 @@ def result_of(
         tables["detection"] = detection_table(log, faces.rests)
     return Result(
         procedure=procedure,
-        coefficients=session_report.with_gravity(estimate.coefficients, site),
+        coefficients=with_references(estimate.coefficients, site),
         equation=EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,
@@ -292,9 +293,7 @@ def _budget(solution: Solution) -> dict[str, list[float]]:
     left = np.diag(estimate.state_cov)[:n] - np.sum(list(out.values()), axis=0)
     if np.isfinite(estimate.coefficients.prior_sd).any():
         out["prior"] = np.maximum(left, 0.0)
-    site = e.scene.site
-    relative = site.gravity_sd / site.gravity
-    out["local gravity"] = (gravity_slope(estimate.coefficients) * relative) ** 2
+    out["local gravity"] = gravity_error(estimate.coefficients, e.scene.site) ** 2
     return {name: variance.tolist() for name, variance in out.items() if variance.any()}
 
 

@@ -15,9 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.coverage import Coverage, coverage
-from foucault.diagnose.hand_rotated.input import first_as_declared
-from foucault.diagnose.hand_rotated.report import coverage_json
+from foucault.diagnose.coverage import Coverage, coverage, coverage_json
+from foucault.diagnose.first_rest import first_as_declared
 from foucault.diagnose.positions.readings import find_readings, stream_readings
 from foucault.diagnose.table import checks as table_checks
 from foucault.diagnose.table import hints as table_hints
@@ -33,6 +32,7 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
+from foucault.models.references import with_references
 from foucault.models.table_geometry import Trust
 from foucault.models.table_state import State
 from foucault.models.turntable import up_k
@@ -329,7 +329,7 @@ def _result(
     rate_sd = common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,
-        coefficients=table_report.with_references(estimate.coefficients, site, rate_sd),
+        coefficients=with_references(estimate.coefficients, site, rate_sd),
         equation=EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.coverage import coverage
-from foucault.diagnose.hand_rotated.checks import plausible_scales, status_check
-from foucault.diagnose.hand_rotated.report import coverage_json
+from foucault.diagnose.checks import plausible_scales, status_check
+from foucault.diagnose.coverage import coverage, coverage_json
 from foucault.diagnose.positions import match as position_match
 from foucault.diagnose.table import batch_checks
 from foucault.diagnose.table import batch_report as batch_tables
@@ -31,6 +30,7 @@ from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, Gauge
 from foucault.models.readings import Readings
+from foucault.models.references import with_references
 from foucault.models.turntable import TablePlan, up_k
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
@@ -186,9 +186,7 @@ class Batch:
     def result(self, i: int) -> Result:
         """Return the result of instrument `i`, shape () [1], which must have been solved."""
         readings, rate_sd = self._with_noise(i), self.settings.table_rate_sd
-        coefficients = table_report.with_references(
-            self.estimate.coefficients(i), self.site, rate_sd
-        )
+        coefficients = with_references(self.estimate.coefficients(i), self.site, rate_sd)
         checks = (
             status_check(Status.CONVERGED, ()),
             *plausible_scales(coefficients),

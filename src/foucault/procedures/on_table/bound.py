@@ -21,13 +21,13 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.information import Information, information
-from foucault.diagnose.table.report import with_references
 from foucault.estimate.table.fit import Options
 from foucault.estimate.table.likelihood import Observed, build
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings, mean_variance
+from foucault.models.references import with_references
 from foucault.models.table_geometry import Angles, Free, Geometry
 from foucault.models.table_state import State, Unknowns
 from foucault.models.turntable import TablePlan, chain

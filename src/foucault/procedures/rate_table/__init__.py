@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.hand_rotated.input import first_as_declared
+from foucault.diagnose.first_rest import first_as_declared
 from foucault.diagnose.positions.readings import find_readings
 from foucault.diagnose.rate_table import checks as rate_report
 from foucault.diagnose.rate_table.checks import RateEvidence

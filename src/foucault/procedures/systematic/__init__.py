@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.hand_rotated.report import with_gravity
 from foucault.diagnose.systematic import checks as evidence
 from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
@@ -33,6 +32,7 @@ from foucault.errors import error
 from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.noise import ImuNoise
+from foucault.models.references import with_references
 from foucault.procedures.hand_rotated import Progress, silent
 from foucault.procedures.systematic.bound import bound
 from foucault.procedures.systematic.choice import decided
@@ -192,7 +192,7 @@ def _calibrate(
         diagnostics |= {"navigation": tilts, "bound": bound(problem, solution, settings)}
     return Result(
         procedure="systematic",
-        coefficients=with_gravity(found, site),
+        coefficients=with_references(found, site),
         equation=SIZE_EQUATION if settings.lever_arms or settings.delay else FULL_EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
-from foucault.diagnose.hand_rotated.report import with_gravity
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.systematic import checks as evidence
 from foucault.errors import Finding, finding
@@ -18,6 +17,7 @@ from foucault.estimate.systematic.fit import AtRest
 from foucault.models.deflection import MODELS
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
+from foucault.models.references import with_references
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.search import table_needs
 from foucault.plans.systematic.sequence import CalibrationSequence
@@ -72,7 +72,7 @@ def foresee(
     states = found.states
     alone, blind = without_prior(states), _blind(states)
     return Foresight(
-        coefficients=with_gravity(public(found.solution, settings), site),
+        coefficients=with_references(public(found.solution, settings), site),
         linearised_at=("means in [prior], " if prior else "") + "no errors, a perfect table",
         plan=sequence.name,
         duration=sequence.duration,

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.models.earth import Site
-from foucault.models.imu import gravity_slope
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.references import gravity_error
 from foucault.models.rests_and_turns import Prediction, Session
 from foucault.models.session_noise import SessionNoise, blocks, correlated, joined
 from foucault.result import Estimate
@@ -62,8 +62,7 @@ def session_budget(
     left = np.diag(estimate.state_cov)[:n] - np.sum(list(out.values()), axis=0)
     given = bool(np.isfinite(estimate.coefficients.prior_sd).any())
     out["prior" if given else "unknown heading"] = np.maximum(left, 0.0)
-    relative = session.site.gravity_sd / session.site.gravity
-    out["local gravity"] = (gravity_slope(estimate.coefficients) * relative) ** 2
+    out["local gravity"] = gravity_error(estimate.coefficients, session.site) ** 2
     total = np.sum(list(out.values()), axis=0)
     return {source: v for source, v in out.items() if np.any(v > NEGLIGIBLE * total)}
 
