@@ -371,6 +371,17 @@ def test_demo_prints_the_result_beside_the_truth(tmp_path: Path) -> None:
         assert row["coefficient"] in out
 
 
+def test_demo_with_another_seed(tmp_path: Path) -> None:
+    for seed in (5, 6):
+        assert run("demo", "-o", tmp_path / str(seed), "--seed", seed, "--quiet").exit_code in (
+            0,
+            3,
+        )
+    logs = [(tmp_path / s / "session" / "log.csv").read_bytes() for s in "56"]
+    assert logs[0] != logs[1]
+    assert "seed = 5" in (tmp_path / "5" / "session" / "campaign.toml").read_text()
+
+
 class _Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

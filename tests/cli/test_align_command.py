@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from foucault import run_folder
 from foucault.cli import app
+from foucault.coefficients import CoefficientVector
 from foucault.logs import own
-from foucault.models.imu import ImuModel
+from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans.manoeuvres import Rest, Rotate, Start
 from foucault.simulate.motion import simulate_motion
+from make_navigation import calibration
 
 DPH = np.radians(1) / 3600
 HEADING, PITCH, ROLL = np.radians([70.0, 2.0, -3.0])
@@ -201,3 +204,39 @@ def test_a_turn_in_the_window_is_doubtful(log: Path) -> None:
     result = run("align", log, *SITE, "--until", "200 s", "--gyro-bias-sd", "0.2 deg/h")
     assert result.exit_code == 3
     assert "the instrument turned by" in " ".join(result.output.split())
+
+
+def test_a_calibration_takes_the_bias_out(log: Path, tmp_path: Path) -> None:
+    layout = LAYOUT.subset(["gyro.bias.x", "gyro.bias.y", "gyro.bias.z"])
+    bias = CoefficientVector(layout, np.array([0.2, 0.0, 0.0]) * DPH, np.eye(3) * (0.01 * DPH) ** 2)
+    run_folder.save(calibration(bias), tmp_path / "run")
+    words = ("align", log, *SITE, "--until", "120 s", "--method", "inertial_frame", "--json")
+    (raw,) = found(run(*words)).values()
+    said = run(*words, "--calibration", tmp_path / "run")
+    (better,) = found(said).values()
+    assert json.loads(said.stdout)["gyro_bias_sd"] == pytest.approx(0.01 * DPH)
+    assert abs(raw["heading"] - HEADING) > np.radians(0.3)
+    assert better["heading"] == pytest.approx(HEADING, abs=4 * better["heading_sd"])
+    assert better["azimuth_bias_sd"] < np.radians(0.1)
+
+
+def test_the_site_is_what_the_command_line_says(log: Path) -> None:
+    words = ("align", log, "--until", "60 s", "--method", "two_vector", "--json")
+    site = json.loads(run(*words, *SITE).stdout)["site"]
+    assert site["height"] == 400 and site["gravity"] == pytest.approx(9.8067, abs=2e-3)
+    other = json.loads(run(*words, "--latitude", "47 deg", "--height", "5 km").stdout)["site"]
+    assert other["gravity"] - site["gravity"] == pytest.approx(-4600 * 3.086e-6, rel=0.02)
+    wrong = run(*words, *SITE, "--gravity", "9.9 m/s^2")
+    said = json.loads(wrong.stdout)
+    assert wrong.exit_code == 3 and said["site"]["gravity"] == 9.9
+    assert "alignment.gravity" in [f["code"] for f in said["findings"]]
+
+
+def test_noise_that_is_declared_counts(log: Path) -> None:
+    words = ("align", log, *SITE, "--until", "30 s", "--method", "two_vector", "--json")
+    quiet = ("--gyro-noise", "0.001 deg/sqrt(h)", "--accel-noise", "10 ug/sqrt(Hz)")
+    (low,) = found(run(*words, *quiet)).values()
+    (high,) = found(run(*words, *quiet[2:], "--gyro-noise", "0.1 deg/sqrt(h)")).values()
+    (rough,) = found(run(*words, *quiet[:2], "--accel-noise", "1 mg/sqrt(Hz)")).values()
+    assert high["heading_sd"] > 20 * low["heading_sd"]
+    assert rough["pitch_sd"] > 20 * low["pitch_sd"]

@@ -124,15 +124,23 @@ def test_a_tumble_gives_identical_content(four: Any, tmp_path: Path) -> None:
 
 
 def test_a_search_finds_the_same_plan(four: Any, tmp_path: Path) -> None:
-    described = campaign.parse(campaign.template("platform_tumble"), "platform_tumble.toml")
-    asked = {"restarts": 6, "evaluations": 40, "size": 4, "seed": 3}
-    threads = optimisation.run(described, tmp_path / "threads", workers=2, **asked)
-    with cluster.spread(SILENT, None, four.scheduler_address, None) as map_:
-        processes = optimisation.run(described, tmp_path / "processes", map=map_, **asked)
-    assert threads == processes
+    asked = ("--restarts", 6, "--evaluations", 40, "--round", 4, "--seed", 3)
+    ways = {"threads": ("--workers", 2), "processes": ("--scheduler", four.scheduler_address)}
+    for name, way in ways.items():
+        done = run("optimise", "platform_tumble", "-o", tmp_path / name, *asked, *way)
+        assert done.exit_code in (0, 3), done.output
     for name in (optimisation.RESTARTS_FILE, optimisation.CAMPAIGN_FILE):
         here, there = tmp_path / "threads" / name, tmp_path / "processes" / name
         assert here.read_bytes() == there.read_bytes(), name
+
+
+def test_the_seed_of_a_study_decides_what_is_simulated(quick: Path, tmp_path: Path) -> None:
+    made = []
+    for folder, seed, workers in (("a", 3, 1), ("b", 3, 2), ("c", 4, 1)):
+        words = ("-n", 3, "-o", tmp_path / folder, "--seed", seed, "--workers", workers)
+        assert run("montecarlo", quick, *words).exit_code in (0, 3)
+        made.append((tmp_path / folder / study.TRIALS_FILE).read_bytes())
+    assert made[0] == made[1] != made[2]
 
 
 # -- what is killed --------------------------------------------------------------------------

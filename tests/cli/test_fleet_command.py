@@ -65,3 +65,13 @@ def test_a_wrong_tolerance_ends_before_the_work(bench: Path, tmp_path: Path) -> 
     limits.write_text('"accel.bais" = "5 mg"\n')
     result = run("fleet", bench, "-o", tmp_path / "out", "--tolerance", limits)
     assert result.exit_code == 1 and not (tmp_path / "out").exists()
+
+
+def test_any_number_of_threads_finds_the_same(tmp_path: Path) -> None:
+    run("simulate", "norm_observation", "-o", tmp_path, "--instruments", 3, "--seed", 4)
+    made = []  # one by one, as the solution of the template is: a batch is not divided
+    for workers in (1, 3):
+        out = tmp_path / str(workers)
+        run("fleet", tmp_path / "campaign.toml", "-o", out, "--workers", workers)
+        made.append(pq.read_table(out / "fleet.parquet"))
+    assert made[0].equals(made[1]) and len(made[0]) == 3

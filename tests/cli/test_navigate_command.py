@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,7 +16,7 @@ from foucault import run_folder
 from foucault.cli import app
 from foucault.coefficients import CoefficientVector
 from foucault.logs import write as write_log
-from foucault.plans.manoeuvres import Rest
+from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.tables import TRAJECTORY
 from make_navigation import DRIVE, calibration, errors, logged, write_reference
 
@@ -197,8 +199,72 @@ def test_damaged_folders_are_refused(folder: Path, tmp_path: Path) -> None:
     assert run("report", out).exit_code == 1
 
 
-def test_help_shows_the_options() -> None:
-    result = run("navigate", "--help")
-    assert result.exit_code == 0
-    for option in ("--calibration", "--align", "--reference", "--still", "--gaps", "--from"):
-        assert option in result.output
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log that is turned without leaving its place, with four samples lost while it rests."""
+    plan = [Rest(60.0), Rotate("up", np.pi / 2, np.radians(10)), Rest(60.0)]
+    log = logged(plan, rate=10.0).log
+    keep = np.delete(np.arange(len(log)), np.arange(1000, 1004))
+    file = tmp_path_factory.mktemp("turned") / "log.csv"
+    write_log(replace(log, **{n: getattr(log, n)[keep] for n in ("time", "gyro", "accel")}), file)
+    return file
+
+
+def document(*words: object) -> dict[str, Any]:
+    return json.loads(run("navigate", *words, *SITE, *QUIET, "--json").stdout)
+
+
+def test_a_log_that_never_left_its_site(turned: Path) -> None:
+    moved = document(turned, "--gaps", "bridge")
+    still = document(turned, "--gaps", "bridge", "--still")
+    codes = [f["code"] for f in moved["findings"]]
+    assert "navigate.no_reference" in codes and not moved["runs"][0]["growth"]
+    assert still["reference"]["still"] and still["runs"][0]["growth"][-1]["horizontal"] < 50
+
+
+def test_a_log_that_left_its_site(folder: Path) -> None:
+    words = ("navigate", folder / "drive.parquet", *SITE, *QUIET, "--still")
+    assert "that the instrument never left its site, but" in run(*words).output
+    both = run(*words, "--reference", folder / "reference.csv")
+    assert both.exit_code == 1 and "--reference gives where it was" in both.output
+
+
+def test_gaps_stop_or_are_bridged(turned: Path) -> None:
+    words = ("navigate", turned, *SITE, *QUIET)
+    stopped = run(*words, "--gaps", "stop")
+    assert stopped.exit_code == 1 and stopped.output == run(*words).output
+    assert "--gaps bridge" in stopped.output and "the longest 500 ms" in stopped.output
+    codes = [f["code"] for f in document(turned, "--gaps", "bridge")["findings"]]
+    assert "strapdown.bridged" in codes
+
+
+@pytest.mark.parametrize("method", ["inertial_frame", "two_vector", "kalman"])
+def test_the_method_that_aligns_at_the_start(folder: Path, method: str) -> None:
+    said = document(folder / "parked.csv", "--method", method, "--until", "5 min")
+    assert said["runs"][0]["start"]["method"] == method
+
+
+def test_the_vertical_channel(folder: Path, tmp_path: Path) -> None:
+    moved = {}
+    for vertical in ("held", "free"):
+        said = document(folder / "parked.csv", "--vertical", vertical, "-o", tmp_path / vertical)
+        assert said["settings"]["vertical"] == vertical
+        height = pq.read_table(tmp_path / vertical / "trajectory.parquet")["height"].to_numpy()
+        moved[vertical] = np.ptp(height)
+    assert moved["held"] < 0.01 < moved["free"]
+    refused = run("navigate", folder / "drive.parquet", *SITE, *QUIET, "--vertical", "aided")
+    assert refused.exit_code == 1 and "--vertical aided needs heights" in refused.output
+
+
+def test_a_part_of_the_log(folder: Path) -> None:
+    whole = document(folder / "parked.csv", "--align", "60 s")
+    part = document(folder / "parked.csv", "--align", "60 s", "--from", "2 min")
+    assert whole["duration"] - part["duration"] == pytest.approx(120, abs=0.2)
+    late = run("navigate", folder / "parked.csv", *SITE, *QUIET, "--from", "1 h")
+    assert late.exit_code == 1 and "the log lasts 600 s" in late.output
+
+
+def test_gravity_that_is_given_is_used(folder: Path) -> None:
+    said = document(folder / "parked.csv", "--gravity", "9.7 m/s^2")
+    assert said["site"]["gravity"] == 9.7
+    assert "alignment.gravity" in [f["code"] for f in said["findings"]]

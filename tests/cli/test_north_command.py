@@ -117,6 +117,31 @@ def test_settings_of_the_command_line_arrive(readings: Path) -> None:
     assert said["setups"][0]["gyro_drift"] != 0
 
 
+def test_without_accelerometers_the_level_is_said(readings: Path, tmp_path: Path) -> None:
+    rows = [line.split(",") for line in readings.read_text().splitlines()]
+    head = next(i for i, row in enumerate(rows) if "specific force (m/s^2)" in row)
+    force = rows[head].index("specific force (m/s^2)")
+    bare = tmp_path / "bare.csv"
+    kept = [row[:force] + row[force + 1 :] for row in rows[head:]]
+    bare.write_text("\n".join([",".join(row) for row in kept] + [""]))
+    refused = run("north", bare, *ARGUMENTS)
+    assert refused.exit_code == 1 and '--level-sd "1 arcmin"' in refused.output
+    sd = {}
+    for level in ("1 arcmin", "10 arcmin"):
+        said = json.loads(run("north", bare, *ARGUMENTS, "--level-sd", level, "--json").stdout)
+        sd[level] = said["setups"][0]["heading"]["sd"]
+    assert sd["10 arcmin"] > np.radians(10 / 60) > sd["1 arcmin"] > np.radians(1 / 60)
+
+
+def test_noise_of_the_accelerometer_is_that_of_the_tilt(readings: Path) -> None:
+    words = [w.replace("30 ug/sqrt(Hz)", "3 mg/sqrt(Hz)") for w in ARGUMENTS]
+    loud = json.loads(run("north", readings, *words, "--json").stdout)["setups"][0]
+    calm = json.loads(run("north", readings, *ARGUMENTS, "--json").stdout)["setups"][0]
+    assert loud["pitch"]["sd"] > 1.5 * calm["pitch"]["sd"]
+    bad = run("north", readings, "--latitude", "47 deg", "--accel-noise", "30 ug")
+    assert bad.exit_code == 1 and "--accel-noise: 'ug' does not measure" in bad.output
+
+
 def test_a_calibration_and_its_serial_number(readings: Path, calibration: Path) -> None:
     result = run("north", readings, *ARGUMENTS, "--calibration", calibration, "--serial", "SN 4")
     assert result.exit_code == 0 and "Calibration: pass" in result.output

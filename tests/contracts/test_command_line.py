@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -123,22 +122,3 @@ def test_a_verdict_has_its_exit_codes_explained() -> None:
     for name in ("calibrate", "merge", "compare", "fleet", "align", "navigate", "delay", "watch",
                  "temperature", "montecarlo", "optimise", "preflight", "north find"):  # fmt: skip
         assert "Exit codes:\n  0" in COMMANDS[name].epilog, name
-
-
-def test_every_option_is_tried_in_a_test() -> None:
-    here = Path(__file__)
-    texts = "\n".join(
-        path.read_text(encoding="utf-8")
-        for path in sorted(here.parents[1].rglob("test_*.py"))
-        if path != here
-    )
-    tried = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", texts))
-    missing = {
-        (name, *option.opts)
-        for name, command in COMMANDS.items()
-        for option in options(command)
-        if not tried & {*option.opts, *option.secondary_opts}
-    }
-    assert not missing
-    flags = {s for c in COMMANDS.values() for o in options(c) for s in o.secondary_opts}
-    assert flags <= tried

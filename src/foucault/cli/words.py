@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -81,18 +82,43 @@ Until = Annotated[str | None, typer.Option(help='Use the log up to here, such as
 
 # -- what is written -----------------------------------------------------------------------
 
-Folder = Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")]
-RunFolder = Annotated[
-    Path, typer.Option("-o", "--output", help="Folder to write; a result in it is replaced.")
-]
-ContinuedFolder = Annotated[
-    Path, typer.Option("-o", "--output", help="Folder to write; work begun in it is continued.")
-]
-FolderIfWanted = Annotated[
-    Path | None, typer.Option("-o", "--output", help="Folder to write; none if left out.")
-]
+
+def _folder(path: Path | None) -> Path | None:
+    """Refuse a folder that cannot be made, before the work and not after it."""
+    from foucault.files import unwritable
+
+    if path is None:
+        return None
+    try:
+        above = (path.absolute(), *path.absolute().parents)
+        there = next((p for p in above if p.exists()), above[-1])
+        if not (there.is_dir() and os.access(there, os.W_OK)):
+            raise NotADirectoryError(f"'{there}' is not a folder that can be written to")
+    except OSError as problem:
+        raise unwritable(path, problem) from None
+    return path
+
+
+def _file(path: Path | None) -> Path | None:
+    """Refuse a file whose folder is not there, before the work and not after it."""
+    from foucault.files import unwritable
+
+    if path is not None and not path.absolute().parent.is_dir():
+        raise unwritable(path, FileNotFoundError("its folder is not there"))
+    return path
+
+
+def _folder_option(text: str) -> Any:
+    return typer.Option("-o", "--output", callback=_folder, help=text)
+
+
+Folder = Annotated[Path, _folder_option("Folder to write.")]
+RunFolder = Annotated[Path, _folder_option("Folder to write; a result in it is replaced.")]
+ContinuedFolder = Annotated[Path, _folder_option("Folder to write; work begun in it is continued.")]
+FolderIfWanted = Annotated[Path | None, _folder_option("Folder to write; none if left out.")]
 TableIfWanted = Annotated[
-    Path | None, typer.Option("-o", "--output", help="CSV file to write; none if left out.")
+    Path | None,
+    typer.Option("-o", "--output", callback=_file, help="CSV file to write; none if left out."),
 ]
 
 
