@@ -14,10 +14,13 @@ from foucault import campaign, procedures, run_folder
 from foucault.campaign import earlier, preflight
 from foucault.cli import app
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.compare.comparable import comparable
 from foucault.errors import FoucaultError
 from foucault.models.layouts import BESIDE, EVERY
+from foucault.models.references import gravity_slope
 from foucault.procedures.merged import Earlier, merged, with_prior
 from foucault.result import Level, Verdict
+from make_compare import make_entries
 from make_result import make_result
 
 QUICK = ("six_position", "norm_observation", "platform_tumble", "north_seeking", "ferraris")
@@ -139,6 +142,82 @@ def test_a_change_is_noticed(runs):
     grown = Earlier("a", "1", first, {vector.names[4]: 20 * vector.sd[4]})
     assert with_prior(second, grown, {}).verdict.level is Level.PASS
     assert with_prior(second, Earlier("a", "1", first, {}, 10.0), {}).verdict.level is Level.PASS
+
+
+def session(letter, place=None, seed=1, prior=None):
+    """A result of its own log, at a place whose gravity is known to 0.1 %, of one instrument."""
+    made = make_result(diagnostics={})
+    vector = made.coefficients
+    rng = np.random.default_rng(seed)
+    values = vector.values + np.linalg.cholesky(vector.cov) @ rng.standard_normal(len(vector))
+    vector = replace(vector, values=values, prior_sd=np.full(len(vector), np.inf))
+    for name, (mean, size) in (prior or {}).items():
+        k = vector.layout.index(name)
+        gain = vector.cov[k] / (vector.cov[k, k] + size**2)
+        vector = replace(vector, values=vector.values + gain * (mean - vector.values[k]),
+                         cov=vector.cov - np.outer(gain, vector.cov[k]))  # fmt: skip
+        vector.prior_sd[k] = size
+    given = {name: list(said) for name, said in (prior or {}).items()}
+    site, facts = {}, {}
+    if place is not None:
+        L = 1e-3 * gravity_slope(vector)
+        vector = replace(vector, cov=vector.cov + np.outer(L, L))
+        site = {"gravity": 9.81, "gravity_sd": 9.81e-3, "latitude": place, "height": 0.0}
+        facts = {"budget": {"local gravity": (L**2).tolist()}, "bound": vector.sd.tolist()}
+    made_of = {"input": {"sha256": letter * 64}, "prior": {"given": given}}
+    return replace(made, coefficients=vector, provenance=made_of, site=site, diagnostics=facts,
+                   tables={})  # fmt: skip
+
+
+def test_a_gravity_that_all_were_given_counts_once_however_they_are_merged():
+    some = [(c, c, session(c, 0.5, k)) for k, c in enumerate("abcd")]
+    at_once = merged(some).coefficients
+    one_by_one = some[0]
+    for k, other in enumerate(some[1:]):
+        one_by_one = ("m", f"m{k}", merged([one_by_one, other]))
+    np.testing.assert_allclose(one_by_one[2].coefficients.sd, at_once.sd, rtol=1e-5)
+    own = np.sqrt(np.diag(make_result().coefficients.cov))[at_once.layout.index("accel.scale.x")]
+    assert at_once["accel.scale"].sd[0] == pytest.approx(np.hypot(1e-3, own / 2), rel=0.01)
+    # A prior is the same: the session cannot make its own gravity better known.
+    earlier_ = Earlier("m", "m", merged(some[:3]), {})
+    both = with_prior(some[3][2], earlier_, {})
+    np.testing.assert_allclose(both.coefficients.sd, at_once.sd, rtol=1e-5)
+    assert not {"budget", "bound"} & set(both.diagnostics)  # of the session alone
+    # Another place has another error.
+    two = merged([*some[:2], ("e", "e", session("e", 0.7, 9))]).coefficients
+    assert two["accel.scale"].sd[0] == pytest.approx(1e-3 / np.sqrt(2), rel=0.01)
+
+
+def test_the_prior_of_a_prior_is_remembered():
+    first, second, third = (session(c, seed=k) for k, c in enumerate("abc"))
+    second = with_prior(second, Earlier("a", "1", first, {}), {})
+    third = with_prior(third, Earlier("b", "2", second, {}), {})
+    with pytest.raises(FoucaultError) as caught:
+        merged([("c", "3", third), ("a", "1", first)])
+    assert caught.value.code == "merge.same_log"
+    with pytest.raises(FoucaultError) as caught:
+        with_prior(first, Earlier("c", "3", third, {}), {})
+    assert caught.value.code == "merge.same_log"
+    with pytest.raises(FoucaultError) as caught:
+        comparable(make_entries([first, third]))
+    assert caught.value.code == "compare.took_prior"
+
+
+def test_the_mean_of_a_prior_is_remembered_by_a_result_that_takes_it():
+    """A prior of the first session counts once and with its mean, in whichever order."""
+    prior = {"gyro.bias.x": (-1.8e-3, 3e-5)}
+    first = session("a", seed=1, prior=prior)
+    second = with_prior(session("b", seed=2), Earlier("a", "1", first, {}), {})
+    third = session("c", seed=3, prior=prior)
+    one, other = (
+        merged(order).coefficients
+        for order in (
+            [("b", "2", second), ("c", "3", third)],
+            [("c", "3", third), ("b", "2", second)],
+        )
+    )
+    np.testing.assert_allclose(one.values, other.values, atol=1e-6 * one.sd.min())
+    np.testing.assert_allclose(one.sd, other.sd, rtol=1e-6)
 
 
 def test_an_entry_of_its_own_takes_the_place_of_the_earlier_result(runs):

@@ -9,7 +9,7 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.fusion import Known, fused
+from foucault.estimate.fusion import Known, fused, with_sources
 from foucault.models.imu import LAYOUT
 
 NAMES = ("gyro.bias.x", "gyro.bias.y", "gyro.scale.x", "accel.bias.x", "accel.scale.x")
@@ -90,16 +90,56 @@ def test_other_coefficients_come_beside():
     assert np.isnan(got.change[3:]).all()
 
 
+def owing(x, P, shared):
+    """What a result says whose covariance holds the errors `shared` too."""
+    owed = sum((np.outer(L, L) for L in shared.values()), np.zeros_like(P))
+    return with_sources(Known(CoefficientVector(LAYOUT.subset(NAMES), x, P + owed)), shared)
+
+
 def test_what_results_share_is_not_averaged():
     shared = np.array([0, 0, 0, 0, 2e-4])
-    P = np.diag((UNITS / 10) ** 2)
-    one = Known(CoefficientVector(LAYOUT.subset(NAMES), np.zeros(5), P + np.outer(shared, shared)),
-                shared=shared)  # fmt: skip
-    got = one
+    one = got = owing(np.zeros(5), np.diag((UNITS / 10) ** 2), {"here": shared})
     for _ in range(99):
         got = fused(got, one).known
-    assert got.vector.sd[4] == pytest.approx(np.hypot(2e-4, 1e-4 / 10), rel=1e-6)
-    assert got.vector.sd[0] == pytest.approx(1e-7, rel=1e-6)
+    assert got.own.sd[4] == pytest.approx(np.hypot(2e-4, 1e-4 / 10), rel=1e-6)
+    assert got.own.sd[0] == pytest.approx(1e-7, rel=1e-6)
+    np.testing.assert_allclose(got.shared(NAMES)["here"], shared, rtol=1e-6, atol=1e-12)
+
+
+def test_errors_of_two_places_are_joined_as_one_least_squares_solution_joins_them():
+    rng = np.random.default_rng(7)
+    places = [0, 0, 1, 1, 1]
+    L = np.array([[0, 0, 1e-3, 2e-2, 1e-3], [0, 0, 2e-4, 4e-3, 2e-4]])
+    truth, J, h = UNITS.copy(), np.diag([0, 0, 0, 0, 0, 1.0, 1.0]), np.zeros(7)
+    g = rng.standard_normal(2)
+    got = None
+    for place in places:
+        H = rng.standard_normal((8, 5)) / UNITS
+        y = H @ (truth + L[place] * g[place]) + rng.standard_normal(8)
+        x, P, _ = least_squares(H, y, prior=False)
+        one = owing(x, P, {place: L[place]})
+        got = one if got is None else fused(got, one).known
+        A = np.hstack([H, np.zeros((8, 2))])
+        A[:, 5 + place] = H @ L[place]
+        J, h = J + A.T @ A, h + A.T @ y
+    cov = np.linalg.inv(J)
+    sd = np.sqrt(np.diag(cov))[:5]
+    np.testing.assert_allclose(got.own.values, (cov @ h)[:5], atol=1e-6 * sd.min())
+    np.testing.assert_allclose(got.own.sd, sd, rtol=1e-6)
+    for place in (0, 1):
+        np.testing.assert_allclose(got.shared(NAMES)[place] / sd, -cov[:5, 5 + place] / sd,
+                                   atol=1e-6)  # fmt: skip
+
+
+def test_a_prior_that_took_a_part_of_what_is_shared():
+    # Gravity alone makes 1e-3 of the scale factor, and a prior leaves 1e-4 of it.
+    P = np.diag((UNITS / 10) ** 2)
+    vector = CoefficientVector(LAYOUT.subset(NAMES), np.zeros(5), P)
+    one = with_sources(Known(vector), {"here": np.array([0, 0, 0, 0, 1e-3])})
+    assert np.linalg.eigvalsh(one.vector.cov / np.outer(one.vector.sd, one.vector.sd))[0] > 0
+    both = fused(one, one).known.own
+    assert both.sd[4] == pytest.approx(1e-4, rel=1e-3)
+    assert both.sd[3] == pytest.approx(1e-3 / np.sqrt(2), rel=1e-3)
 
 
 def test_coefficients_that_depend_on_one_another():

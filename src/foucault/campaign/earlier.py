@@ -137,7 +137,7 @@ def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], 
         Calibrates with a prior, mean and standard deviation of coefficients or groups.
     """
     earlier = read(table, campaign.folder)
-    known = earlier.known(without=campaign.prior).vector
+    known = earlier.known(without=campaign.prior).own
     result = run(campaign.prior)
     if result.status is not Status.CONVERGED or not np.isfinite(result.coefficients.sd).all():
         sure = zip(known.names, known.values.tolist(), known.sd.tolist(), strict=True)

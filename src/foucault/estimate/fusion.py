@@ -10,8 +10,11 @@ it counts once: the first result that has a coefficient brings its prior for it.
 this is the estimate from all data together; for one that is not, as near as its results are to one
 another.
 
-An error that results share (local gravity that was given to all) is taken out before and put back
-after: more sessions at one site do not make it smaller.
+An error that results share (local gravity that was given to all at one site) is a parameter of its
+own, of unit variance and mean zero: ``x_i = truth + own_i + L_i g``. It stands beside the
+coefficients with the covariance -L_i, as g is found to be zero and the error of x is L_i g, and is
+one of the coefficients while results are joined. So more sessions at one site do not make it
+smaller, those at another do, and what they say of each other's gravity is used.
 
 Do two results agree? Where both say something, U diagonalises both, ``U' (J_1 + J_2) U = I`` and
 ``U' J_2 U = diag(l)``, and ``z^2 = l (1 - l) (y_1 - y_2)^2`` is chi-square with one degree of
@@ -25,13 +28,13 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,6 +43,9 @@ LEAST = 1e-6
 
 DEPENDENT = 1e-10
 """Relative variance below which a combination of coefficients is fixed by the model [1]."""
+
+ALL_SHARED = 1e-6
+"""Part of the variance in a combination of coefficients that is never shared [1]."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +58,66 @@ class Known:
         Values with covariance and prior_sd; every coefficient has a standard deviation [SI].
     means : mapping of str to float
         Mean of the prior of each coefficient, 0 where it is not here [SI].
-    shared : ndarray, shape (n,), or None
-        Error that other results share, per standard deviation of its source [SI].
+    sources : mapping of Hashable to str
+        Errors that other results share, what each is of -> its name in `vector` [1].
     """
 
     vector: CoefficientVector
     means: Mapping[str, float] = field(default_factory=dict)
-    shared: FloatArray | None = None
+    sources: Mapping[Hashable, str] = field(default_factory=dict)
+
+    @property
+    def own(self) -> CoefficientVector:
+        """The coefficients without the errors that are shared."""
+        said = set(self.sources.values())
+        return self.vector.chosen(n for n in self.vector.names if n not in said)
+
+    def shared(self, names: Iterable[str]) -> dict[Hashable, FloatArray]:
+        """Return what the errors of coefficients `names`, shape (n,) [SI], owe to each source."""
+        index, cov = self.vector.layout.index, self.vector.cov
+        assert cov is not None
+        at = [index(n) for n in names]
+        return {source: -cov[at, index(name)] for source, name in self.sources.items()}
+
+
+def with_sources(known: Known, shared: Mapping[Hashable, FloatArray]) -> Known:
+    """Put the sources of errors that other results share beside the coefficients.
+
+    Parameters
+    ----------
+    known : Known
+        What a result says, its covariance with what it shares.
+    shared : mapping of Hashable to ndarray, shape (n,)
+        Source -> error of each coefficient per standard deviation of the source [SI].
+    """
+    vector = known.vector
+    if not shared:
+        return known
+    assert vector.cov is not None
+    names = {source: f"shared {source}" for source in shared}
+    L = _at_most(vector, np.stack(list(shared.values()), axis=1))
+    k = L.shape[1]
+    more = tuple(Coefficient(name, "g", "scale factor error", "shared") for name in names.values())
+    return replace(known, sources=names, vector=CoefficientVector(
+        Layout((*vector.layout.coefficients, *more)),
+        np.concatenate([vector.values, np.zeros(k)]),
+        np.block([[vector.cov, -L], [-L.T, np.eye(k)]]),
+        np.concatenate([vector.free, np.ones(k, bool)]),
+        np.concatenate([vector.prior_sd, np.ones(k)]),
+    ))  # fmt: skip
+
+
+def _at_most(vector: CoefficientVector, L: FloatArray) -> FloatArray:
+    """Return shared errors no larger than the covariance allows: a prior may have made them less.
+
+    ``P - L L'`` is positive where no eigenvalue of ``L' P^-1 L`` is above one.
+    """
+    assert vector.cov is not None
+    sd = vector.sd
+    values, vectors = np.linalg.eigh(vector.cov / np.outer(sd, sd))
+    root = (vectors / np.sqrt(np.maximum(values, DEPENDENT * values[-1]))).T @ (L / sd[:, None])
+    most = float(np.linalg.norm(root, 2) ** 2)
+    return np.asarray(L * min(1.0, np.sqrt((1.0 - ALL_SHARED) / most)) if most > 0 else L)
 
 
 @dataclass(frozen=True)
@@ -111,12 +170,8 @@ def fused(first: Known, second: Known) -> Fused:
     z = (share * (W.T @ a) - (1 - share) * (W.T @ b))[both]
     chi_square = float(np.sum(z**2 / (share * (1 - share))[both]))
     vector = _vector(layout, values * unit, cov * np.outer(unit, unit), one, two)
-    shared = _shared(layout, first, second)
-    if shared is not None and vector.cov is not None:
-        vector = CoefficientVector(layout, vector.values, vector.cov + np.outer(shared, shared),
-                                   vector.free, vector.prior_sd)  # fmt: skip
-    known = Known(vector, {**second.means, **first.means}, shared)
-    return Fused(known, chi_square, int(both.sum()), _change(one, vector))
+    known = Known(vector, {**second.means, **first.means}, {**second.sources, **first.sources})
+    return Fused(known, chi_square, int(both.sum()), _change(one, vector, known.sources.values()))
 
 
 def _smallest_sd(name: str, *vectors: CoefficientVector) -> float:
@@ -131,8 +186,7 @@ def _placed(
     at = np.array([layout.index(name) for name in vector.names])
     s = unit[at]
     assert vector.cov is not None
-    P = vector.cov if known.shared is None else vector.cov - np.outer(known.shared, known.shared)
-    values, vectors = np.linalg.eigh(P / np.outer(s, s))
+    values, vectors = np.linalg.eigh(vector.cov / np.outer(s, s))
     J = (vectors / np.maximum(values, DEPENDENT * values[-1])) @ vectors.T
     means = np.array([known.means.get(name, 0.0) for name in vector.names])
     prior = np.where(without_prior, (s / vector.prior_sd) ** 2, 0.0)
@@ -158,16 +212,9 @@ def _vector(
     return CoefficientVector(layout, values, 0.5 * (cov + cov.T), free, prior)
 
 
-def _shared(layout: Layout, *results: Known) -> FloatArray | None:
-    """Return the error that both share, among the coefficients of `layout`."""
-    out = np.zeros(len(layout))
-    for known in reversed(results):
-        if known.shared is not None:
-            out[[layout.index(name) for name in known.vector.names]] = known.shared
-    return out if out.any() else None
-
-
-def _change(before: CoefficientVector, after: CoefficientVector) -> FloatArray:
+def _change(
+    before: CoefficientVector, after: CoefficientVector, sources: Iterable[str]
+) -> FloatArray:
     """Return the step to `after` over its standard deviation, which is that of what was learnt."""
     at = [after.layout.index(name) for name in before.names]
     learnt = before.sd**2 - after.sd[at] ** 2
@@ -175,4 +222,5 @@ def _change(before: CoefficientVector, after: CoefficientVector) -> FloatArray:
     out = np.full(len(after), np.nan)
     some = learnt > LEAST * before.sd**2
     out[np.array(at)[some]] = step[some] / np.sqrt(learnt[some])
+    out[np.isin(after.names, list(sources))] = np.nan
     return out

@@ -13,13 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.compare.comparable import gravity_site
+from foucault.diagnose.compare import gravity
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.fusion import Fused, Known, fused
+from foucault.estimate.fusion import Fused, Known, fused, with_sources
 from foucault.models import cluster
 from foucault.models.layouts import BESIDE, is_cluster
-from foucault.models.references import gravity_slope
 from foucault.result import Check, Level, Result, Verdict
 from foucault.units import plain
 
@@ -50,24 +49,20 @@ class Earlier:
     growth: Mapping[str, float]
     inflate: float = 1.0
 
-    def known(self, without: Iterable[str] = ()) -> Known:
-        """Return what it says, less what is said otherwise about coefficients or groups."""
+    def known(self, without: Iterable[str] = (), among: Iterable[str] | None = None) -> Known:
+        """Return what it says `among` some coefficients, less groups that are said otherwise."""
         whole = _measured(self.label, self.result)
         layout = whole.layout
         said = {int(i) for name in without if _in(layout.names, name) for i in layout.group(name)}
-        vector = whole.chosen(n for i, n in enumerate(layout.names) if i not in said)
+        kept = set(layout.names if among is None else among)
+        vector = whole.chosen(n for i, n in enumerate(layout.names) if i not in said and n in kept)
         grown = np.zeros(len(vector))
         for name, sd in self.growth.items():
-            grown[vector.layout.group(name)] = sd  # unknown names raise with a suggestion
+            if _in(vector.names, name) or not _in(layout.names, name):
+                grown[vector.layout.group(name)] = sd  # unknown names raise with a suggestion
         assert vector.cov is not None
         cov = self.inflate**2 * vector.cov + np.diag(grown**2)
-        return Known(replace(vector, cov=cov), means_of(self.result))
-
-    def beside(self, result: Result, names: Sequence[str]) -> FloatArray | None:
-        """Return the error of `names`, shape (n,) [SI], that both owe to the same gravity."""
-        vector = self.result.coefficients.chosen(names)
-        shared = _gravity(self.result, vector, (self.result, result))
-        return None if shared is None else self.inflate * shared
+        return _known(self.result, replace(vector, cov=cov))
 
 
 def merged(results: Sequence[Hashed]) -> Result:
@@ -94,15 +89,13 @@ def merged(results: Sequence[Hashed]) -> Result:
         for before in results[:k]:
             _fits(before, (label, sha, result))
     label, _, first = results[0]
-    every = [r[2] for r in results]
     vector = _measured(label, first)
-    known = Known(vector, means_of(first), _gravity(first, vector, every))
+    known = _known(first, vector)
     checks, told, unlike = [], list[Finding](), set[str]()
     for label, _, result in results[1:]:
         vector = _measured(label, result)
-        shared = _gravity(result, vector, every)
-        unlike |= _unlike(known.vector.names, vector.names)
-        step = fused(known, Known(vector, means_of(result), shared))
+        unlike |= _unlike(known.own.names, vector.names)
+        step = fused(known, _known(result, vector))
         checks.append(_agree(step, label, tests=len(results) - 1))
         known = step.known
     if unlike:
@@ -124,36 +117,32 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
         Prior that was given beside it, for coefficients or groups: it takes its place [SI].
     """
     _fits((earlier.label, earlier.sha256, earlier.result), ("the log", "", result))
-    before = earlier.known(without=own)
     vector = result.coefficients
-    names = [
-        n for n in before.vector.names if n in vector.layout and vector.free[vector.layout.index(n)]
-    ]
+    before = earlier.known(without=own).own.names
+    names = [n for n in before if n in vector.layout and vector.free[vector.layout.index(n)]]
     if not names:
         raise error("merge.nothing", one=earlier.label, other="this procedure")
-    left = [n for n in before.vector.names if n not in names]
+    left = [n for n in before if n not in names]
     told = (finding("prior.left", label=earlier.label, names=", ".join(left)),) if left else ()
-    shared = earlier.beside(result, names)
-    before = Known(before.vector.chosen(names), before.means, shared)
     sure = np.isfinite(vector.sd) & (vector.sd > 0)
     alone = vector.chosen(n for n, s in zip(vector.names, sure, strict=True) if s)
-    same = None if shared is None else _gravity(result, alone, (earlier.result, result))
-    step = fused(before, Known(alone, means_of(result), same))
+    step = fused(earlier.known(own, names), _known(result, alone))
     check = _agree(step, earlier.label, tests=1)
-    kept = replace(result, coefficients=_over(vector, step.known.vector))
+    kept = replace(result, coefficients=_over(vector, step.known.own))
     reasons = result.verdict.reasons + (() if check.passed else (check.sentence,))
     level = result.verdict.level
     if not check.passed and level is Level.PASS:
         level = Level.DOUBTFUL
-    said = result.provenance.get("prior") or {}
-    used = said | {"from": earlier.label, "sha256": earlier.sha256,
-                   "inputs": _inputs(earlier.result)}  # fmt: skip
+    used = {"from": earlier.label, "sha256": earlier.sha256, "given": _given(step.known),
+            "inputs": [*_inputs(earlier.result), *_before(earlier.result)]}  # fmt: skip
     rows = {n: [float(v), float(s)] for n, v, s in zip(vector.names, vector.values, vector.sd,
                                                         strict=True)}  # fmt: skip
+    # Budget and bound are those of the session alone: they explain another covariance.
+    alone_no_more = {k: v for k, v in result.diagnostics.items() if k not in ("budget", "bound")}
     return replace(
         kept, checks=(*result.checks, check), verdict=Verdict(level, reasons),
         findings=(*result.findings, *told),
-        diagnostics=result.diagnostics | {"without_earlier": rows},
+        diagnostics=alone_no_more | {"without_earlier": rows} | _owed(step.known),
         provenance=result.provenance | {"prior": used},
     )  # fmt: skip
 
@@ -199,10 +188,14 @@ def _inputs(result: Result) -> list[dict[str, Any]]:
     return [dict(one) for one in (*made.get("inputs", []), *own)]
 
 
+def _before(result: Result) -> list[dict[str, Any]]:
+    """Return the logs that went into the prior of a result, and into the prior of that."""
+    return [dict(one) for one in (result.provenance.get("prior") or {}).get("inputs") or ()]
+
+
 def _logs(result: Result) -> set[str]:
     """Return the fingerprints of every log in a result, those of its prior too."""
-    before = (result.provenance.get("prior") or {}).get("inputs") or []
-    prints = [one.get("sha256") for one in (*_inputs(result), *before)]
+    prints = [one.get("sha256") for one in (*_inputs(result), *_before(result))]
     return {part for text in prints if text for part in str(text).split(" + ")}
 
 
@@ -239,14 +232,29 @@ def _unlike(one: Sequence[str], other: Sequence[str]) -> set[str]:
     return {n for n in set(one) ^ set(other) if n.partition(".")[0] in triads}
 
 
-def _gravity(
-    result: Result, vector: CoefficientVector, among: Sequence[Result]
-) -> FloatArray | None:
-    """Return the error that local gravity makes, where another result was given the same."""
-    site = gravity_site(result)
-    if site is None or sum(gravity_site(other) == site for other in among) < 2:
-        return None
-    return np.asarray(gravity_slope(vector) * (site[1] / site[0]))
+def _known(result: Result, vector: CoefficientVector) -> Known:
+    """Return what a result says of the coefficients `vector`, and what it owes to which gravity."""
+    whole = result.coefficients
+    at = [whole.layout.index(name) for name in vector.names]
+    errors = gravity.gravity_errors(result, whole)
+    return with_sources(
+        Known(vector, means_of(result)),
+        {site: error[at] for site, error in errors.items() if error[at].any()},
+    )
+
+
+def _given(known: Known) -> dict[str, list[float]]:
+    """Return mean and sd of the priors that count in what is known [SI]."""
+    own = known.own
+    rows = zip(own.names, own.prior_sd.tolist(), strict=True)
+    return {n: [known.means.get(n, 0.0), sd] for n, sd in rows if np.isfinite(sd)}
+
+
+def _owed(known: Known) -> dict[str, Any]:
+    """Return the diagnostics that say what coefficients owe to which gravity."""
+    names = known.own.names
+    errors: dict[Any, FloatArray] = known.shared(names)
+    return {gravity.KEY: gravity.as_kept(errors, names)}
 
 
 # -- what comes out ----------------------------------------------------------------------------
@@ -296,11 +304,9 @@ def _result(
     every = [r for _, _, r in results]
     procedures = list(dict.fromkeys(r.procedure for r in every))
     same_site = all(r.site == first.site for r in every)
-    priors = [r.provenance.get("prior") or {} for r in every]
-    given = {k: v for one in reversed(priors) for k, v in (one.get("given") or {}).items()}
     return Result(
         procedure=" + ".join(procedures),
-        coefficients=known.vector,
+        coefficients=known.own,
         equation=first.equation,
         frame=first.frame,
         gauge=first.gauge,
@@ -316,14 +322,14 @@ def _result(
             {"label": label, "sha256": sha, "procedure": r.procedure,
              "verdict": r.verdict.level.value}
             for label, sha, r in results
-        ]},
+        ]} | _owed(known),
         provenance={
             "versions": first.provenance.get("versions") or {},
             "created": max(str(r.provenance.get("created") or "") for r in every) or None,
             "inputs": [one for r in every for one in _inputs(r)],
             "prior": {
-                "given": given,
-                "inputs": [i for one in priors for i in one.get("inputs") or ()],
+                "given": _given(known),
+                "inputs": [one for r in every for one in _before(r)],
             },
         },
         tables={"merged": _table(results, known)},
@@ -332,11 +338,12 @@ def _result(
 
 def _table(results: Sequence[Hashed], known: Known) -> dict[str, Any]:
     """Return one row per coefficient and result, the merged one last."""
+    own = known.own
     rows = [
         (name, label, vector.value(name), float(vector.chosen([name]).sd[0]))
-        for name in known.vector.names
+        for name in own.names
         for label, vector in (*((label, r.coefficients) for label, _, r in results),
-                              ("merged", known.vector))
+                              ("merged", own))
         if name in vector.layout
     ]  # fmt: skip
     keys = ("coefficient", "result", "value", "sd")

@@ -23,11 +23,11 @@ import numpy.typing as npt
 
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.compare.fit import Series
+from foucault.diagnose.compare.gravity import gravity_errors
 from foucault.errors import Finding, error, finding
 from foucault.models import cluster, imu
 from foucault.models.imu import Gauge, ImuModel, coefficient_slot
 from foucault.models.layouts import is_cluster, is_imu, of_one_sample, of_sensors
-from foucault.models.references import gravity_slope
 from foucault.result import Level, Result
 from foucault.units import ZERO_CELSIUS
 
@@ -314,37 +314,27 @@ def _gravity(
     chosen: Sequence[CoefficientVector], cov: FloatArray,
 ) -> tuple[FloatArray, list[Finding]]:  # fmt: skip
     """Return the errors that a common local gravity makes, shape (n, p, sites) [SI]."""
-    sites: dict[tuple[Any, ...], list[int]] = {}
-    for i, entry in enumerate(entries):
-        site = gravity_site(entry.result)
-        if site is not None:
-            sites.setdefault(site, []).append(i)
-    together = {site: rows for site, rows in sites.items() if len(rows) > 1}
+    errors = [gravity_errors(e.result, v) for e, v in zip(entries, vectors, strict=True)]
+    sites = list(dict.fromkeys(site for one in errors for site in one))
+    together = [s for s in sites if sum(s in one for one in errors) > 1]
     none = np.zeros((*cov.shape[:2], 0))
     shared = np.zeros((*cov.shape[:2], len(together)))
-    for s, (site, rows) in enumerate(together.items()):
-        for i in rows:
-            slope = gravity_slope(vectors[i]) * site[1] / site[0]
-            where = [vectors[i].layout.index(n) for n in chosen[i].names]
-            shared[i, :, s] = slope[where]
+    for i, one in enumerate(errors):
+        where = [vectors[i].layout.index(n) for n in chosen[i].names]
+        for s, site in enumerate(together):
+            if site in one:
+                shared[i, :, s] = one[site][where]
     own = cov - shared @ shared.swapaxes(1, 2)
     if not together or (np.linalg.eigvalsh(_scaled(own, cov))[:, 0] < DEPENDENT).any():
         return none, []
-    return shared, [finding("compare.gravity", count=sum(map(len, together.values())))]
+    return shared, [
+        finding("compare.gravity", count=sum(any(s in one for s in together) for one in errors))
+    ]
 
 
 def _scaled(own: FloatArray, cov: FloatArray) -> FloatArray:
     sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     return np.asarray(own / (sd[:, :, None] * sd[:, None, :]))
-
-
-def gravity_site(result: Result) -> tuple[Any, ...] | None:
-    """Return gravity, its sd and the place, where its error is part of the uncertainty."""
-    part = (result.diagnostics.get("budget") or {}).get("local gravity")
-    gravity, sd = result.site.get("gravity"), result.site.get("gravity_sd")
-    if not (part and gravity and sd) or is_cluster(result.coefficients):
-        return None
-    return gravity, sd, result.site.get("latitude"), result.site.get("height")
 
 
 def _warnings(entries: Sequence[Entry], layout: Layout) -> list[Finding]:
