@@ -6,6 +6,7 @@ import importlib.util
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -219,3 +220,12 @@ def test_what_a_slave_has_beside_its_sensors_is_left_out(tmp_path: Path) -> None
     got = write(slave, "c", tmp_path / "x").read_text().splitlines()
     want = write(result, "c", tmp_path / "y").read_text().splitlines()
     assert [line for line in got if "foucault_" in line] == [w for w in want if "foucault_" in w]
+
+
+@pytest.mark.parametrize("receiver", ["c", "python", "json", "csv"])
+def test_what_a_cube_says_of_its_mounting_is_no_slave(receiver: str, tmp_path: Path) -> None:
+    """Six positions and turns say how each axis was clamped, under the same word."""
+    result = with_terms("gyro.bias", "accel.bias")
+    on_faces = replace(result, diagnostics={"mounting": [[0.0, 1e-3, 0.0]] * 3})
+    got = write(on_faces, receiver, tmp_path / "x").read_text()
+    assert "C_ms" not in got

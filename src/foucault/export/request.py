@@ -147,9 +147,10 @@ def about(result: Result, axes: str, signs: str = "") -> list[str]:
 
 def _beside(known: Mapping[str, Any]) -> list[str]:
     """Say how a slave is mounted and how late its master: no correction of readings has that."""
-    if "mounting" not in known:
+    mounting = known.get("mounting")
+    if not isinstance(mounting, Mapping):  # on faces, it is how each axis was clamped
         return []
-    rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in known["mounting"]["C_ms"])
+    rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in mounting["C_ms"])
     return [
         f"Beside it, and no part of the correction: x_master = C_ms x_slave, {OWN_AXES} both, C_ms "
         f"= ({rows}); messages of the master come {1e3 * known['delay']['used']:.3f} ms late."
