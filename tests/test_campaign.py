@@ -283,11 +283,33 @@ def test_missing_file_suggests_a_near_name(tmp_path: Path) -> None:
         campaign.load(tmp_path / "campain.toml")
     assert caught.value.code == "campaign.missing"
     assert caught.value.message.endswith("does not exist. Did you mean 'campaign.toml'?")
-    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "binary.toml").write_bytes(b"\x00\x01")
     with pytest.raises(FoucaultError, match="is not valid TOML"):
         campaign.load(tmp_path / "binary.toml")
-    with pytest.raises(FoucaultError, match="does not exist"):
+    with pytest.raises(FoucaultError, match=r"folder; in it is binary\.toml, campaign\.toml\."):
         campaign.load(tmp_path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_a_file_as_editors_save_it(encoding: str, tmp_path: Path) -> None:
+    text = MINIMAL + '[instrument]\nname = "Müller"\n'
+    (tmp_path / "campaign.toml").write_bytes(text.replace("\n", "\r\n").encode(encoding))
+    read = campaign.load(tmp_path / "campaign.toml")
+    assert read.instrument["name"] == "Müller" and read.text == text
+
+
+def test_a_log_instead_of_a_campaign(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,ax\n0,1\n")
+    with pytest.raises(FoucaultError) as caught:
+        campaign.load(tmp_path / "log.csv")
+    assert caught.value.code == "campaign.other_file"
+    assert 'file = "log.csv"' in caught.value.cure
+
+
+def test_what_only_reads_a_log_needs_no_procedure() -> None:
+    text = MINIMAL.replace("[procedure]", "").replace('name = "hand_rotated"', "")
+    assert campaign.parse(text, calibrates=False).site.height == 60.0
+    assert _refused(text).message == "procedure is missing."
 
 
 @pytest.mark.parametrize("name", procedures.PROCEDURES)
@@ -353,6 +375,17 @@ def test_resolved_campaign_reads_back_to_the_same(tmp_path: Path) -> None:
     assert again.log.accel == first.log.accel
     once_more = campaign.resolved(again, tmp_path)
     assert tomllib.loads(once_more) == tomllib.loads(campaign.resolved(again, tmp_path))
+
+
+def test_a_column_that_is_not_there_survives(tmp_path: Path) -> None:
+    """A rate table logs its outer angle alone; the campaign in the run folder must read back."""
+    one = 'table = { columns = ["outer", "", ""], unit = "deg" }'
+    text = MINIMAL.replace("[procedure]", f"{one}\n[procedure]")
+    assert one in text
+    first = campaign.parse(text)
+    again = campaign.parse(campaign.resolved(first, tmp_path))
+    assert again.log.table == first.log.table
+    assert first.log.table is not None and first.log.table.columns == ("outer", None, None)
 
 
 def test_text_that_toml_must_escape_survives(tmp_path: Path) -> None:

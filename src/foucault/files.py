@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import json
 import math
@@ -83,6 +84,27 @@ def _remove(temporary: Path) -> None:
     # Where the folder itself is out of reach there is nothing of ours in it.
     with suppress(OSError):
         temporary.unlink(missing_ok=True)
+
+
+def decoded(content: bytes) -> str:
+    """Return text as its bytes have it: UTF-8, UTF-16 by its mark, else Windows-1252.
+
+    Parameters
+    ----------
+    content : bytes
+        The text, or a line of it; a byte that none of them knows becomes a replacement character.
+    """
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:  # in which spreadsheets write a degree sign
+        return content.decode("cp1252", errors="replace")
+
+
+def read_text(path: str | Path) -> str:
+    """Read a text that a person wrote, in any encoding that `decoded` knows."""
+    return decoded(Path(path).read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_document(file: Path, schema: str) -> dict[str, Any]:

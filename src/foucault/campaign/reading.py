@@ -22,6 +22,7 @@ from foucault.campaign.tables import (
 )
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
+from foucault.files import read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
@@ -97,32 +98,46 @@ class Campaign:
         return self.path.parent
 
 
-def load(path: str | Path) -> Campaign:
+def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
     """Read a campaign file; the first mistake in it is raised with its full dotted key.
 
     Parameters
     ----------
     path : str or Path
         The TOML file.
+    calibrates : bool
+        Whether it must name a procedure; what reads only its log, site and noise needs none.
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
+        text = read_text(path)
+    except OSError as problem:
         if path.is_file():
             raise error("campaign.syntax", path=path, reason=problem) from None
-        near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-        raise error("campaign.missing", path=path, hint=suggestion(path.name, near)) from None
-    return parse(text, path)
+        raise error("campaign.missing", path=path, hint=_beside(path)) from None
+    return parse(text, path, calibrates=calibrates)
 
 
-def parse(text: str, path: str | Path = "campaign.toml") -> Campaign:
-    """Read a campaign from `text`; `path` is where it would lie."""
+def _beside(path: Path) -> str:
+    """Say which campaign files there are instead."""
+    if path.is_dir():
+        names = ", ".join(sorted(p.name for p in path.glob("*.toml")))
+        return " It is a folder" + (f"; in it is {names}." if names else ".")
+    near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+    return suggestion(path.name, near)
+
+
+def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True) -> Campaign:
+    """Read a campaign from `text`; `path` is where it would lie, `calibrates` as for `load`."""
     path = Path(path)
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
+        if path.suffix.lower() != ".toml":
+            raise error("campaign.other_file", path=path, name=path.name) from None
         raise error("campaign.syntax", path=path, reason=problem) from None
+    if not calibrates:  # what a log is like does not hang on which procedure it is read for
+        raw.setdefault("procedure", {"name": "hand_rotated"})
     raw, before = earlier.split(raw)
     all_finite(raw)
     file = validate(_model(raw), raw)

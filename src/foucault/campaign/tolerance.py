@@ -29,6 +29,7 @@ import numpy.typing as npt
 
 from foucault.campaign.mistakes import parse_at
 from foucault.errors import error, suggestion
+from foucault.files import read_text
 from foucault.models.layouts import EVERY
 
 FloatArray = npt.NDArray[np.float64]
@@ -187,8 +188,8 @@ def load(path: str | Path) -> Tolerance:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
+        text = read_text(path)
+    except OSError as problem:
         if path.is_file():
             raise error("tolerance.syntax", path=path, reason=problem) from None
         near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []

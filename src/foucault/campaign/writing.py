@@ -42,6 +42,8 @@ accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_res
 # first_rest: the axis that points up (or down) at first; checked, since norms cannot show a
 # wrong sign or exchanged axes. Leave it out if it is not known.
 # Raw counts:  gyro = { columns = [...], unit = "count", scale = "131 count/(deg/s)" }
+#              and zero = 32768 where they do not rest at 0
+# Binary records, seven numbers a sample:  record = { columns = 7, type = "float64" }
 # Increments:  gyro = { columns = [...], unit = "0.1 arcsec", kind = "increment" }
 # A file that says -1 g along up at rest:  accel = { ..., reads = "gravity" }
 """
@@ -207,6 +209,8 @@ def _text(value: Any) -> str:
         return f"{{ {inside} }}" if inside else "{}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_text(v) for v in value) + "]"
+    if value is None:
+        return '""'  # a column that is not there: TOML knows no null
     if isinstance(value, float) and not abs(value) < float("inf"):
         return "nan" if value != value else ("inf" if value > 0 else "-inf")
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

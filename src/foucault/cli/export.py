@@ -161,7 +161,7 @@ def _described(
     from foucault.logs.description import LogDescription
 
     if log.suffix == ".toml":
-        other = campaign.load(log)
+        other = campaign.load(log, calibrates=False)
         return other.log, other.folder, other.instrument
     description = LogDescription.model_validate({"file": log.name})
     before = _log_description(calibrated, result)

@@ -70,8 +70,10 @@ def sequence_of(name: str) -> CalibrationSequence:
 
 
 def _is_campaign(path: Path) -> bool:
+    from foucault.files import read_text
+
     try:
-        return "procedure" in tomllib.loads(path.read_text(encoding="utf-8"))
+        return "procedure" in tomllib.loads(read_text(path))
     except (OSError, ValueError):
         return False  # the reader of sequences says why
 

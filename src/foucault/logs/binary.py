@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.errors import error
-from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable, open_bytes
+from foucault.logs.encoding import open_bytes
+from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:

@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 import numpy as np
 
 from foucault.errors import FoucaultError, error
+from foucault.files import decoded
 from foucault.logs.dialect import (
     EMPTY,
     SPACE,
@@ -28,7 +29,8 @@ from foucault.logs.dialect import (
     text_lines,
     uncomment,
 )
-from foucault.logs.raw import Progress, RawTable, open_bytes, unreadable
+from foucault.logs.encoding import open_text, position
+from foucault.logs.raw import Progress, RawTable, unreadable
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -40,14 +42,14 @@ _BLANK_LINE = re.compile(rb"(?m)^[ \t]+(?=\r?$)")
 
 def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a text file: look at its first lines, and parse the rest when asked to."""
-    with open_bytes(path) as stream:
+    with open_text(path) as stream:
         dialect = dialect_of(stream, description, path.name)
 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         return _blocks(path, dialect, columns, progress)
 
     def words(column: int) -> Iterator[list[str]]:
-        with open_bytes(path) as stream, _told(path, dialect, ()):
+        with open_text(path) as stream, _told(path, dialect, ()):
             yield from _words(stream, dialect, column, path.stat().st_size)
 
     known = dialect.marker, dialect.stamps, dialect.findings
@@ -57,7 +59,7 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
 def _blocks(
     path: Path, dialect: Dialect, columns: Sequence[int], progress: Progress | None
 ) -> Iterator[FloatArray]:
-    with open_bytes(path) as stream, _told(path, dialect, columns):
+    with open_text(path) as stream, _told(path, dialect, columns):
         yield from parse(stream, dialect, columns, path.stat().st_size, progress)
 
 
@@ -102,8 +104,8 @@ def parse(
 def _words(stream: IO[bytes], dialect: Dialect, column: int, size: int) -> Iterator[list[str]]:
     import pyarrow as pa
 
-    for batch in _batches(stream, dialect, {column: pa.string()}, size, None):
-        yield [word or "" for word in batch.column(0).to_pylist()]
+    for batch in _batches(stream, dialect, {column: pa.binary()}, size, None):
+        yield [decoded(word or b"") for word in batch.column(0).to_pylist()]
 
 
 def _batches(
@@ -154,7 +156,6 @@ def _data_blocks(
     """Yield whole lines of data as bytes, without comments and repeated spaces."""
     for _ in islice(stream, dialect.skip):
         pass
-    raw: Any = getattr(stream, "fileobj", stream)  # of gzip: the packed bytes
     marks = [mark.encode() for mark in dialect.comment]
     comment = re.compile(rb"[ \t]*(?:" + b"|".join(map(re.escape, marks)) + rb")[^\n]*")
     while chunk := stream.read(BLOCK_BYTES):
@@ -166,14 +167,14 @@ def _data_blocks(
         elif chunk[:1].isspace() or b"\n " in chunk or b"\n\t" in chunk:
             chunk = _BLANK_LINE.sub(b"", chunk)
         if progress:
-            progress(min(1.0, raw.tell() / size))
+            progress(min(1.0, position(stream) / size))
         if not chunk.isspace():
             yield chunk
 
 
 def _first_fault(path: Path, dialect: Dialect, columns: Sequence[int]) -> FoucaultError | None:
     """Find the first line that cannot be read, and say what is wrong with it."""
-    with open_bytes(path) as stream:
+    with open_text(path) as stream:
         lines = enumerate(text_lines(stream), start=1)
         for number, line in islice(lines, dialect.skip, None):
             if not uncomment(line, dialect.comment).strip():

@@ -9,6 +9,7 @@ from itertools import chain, islice
 from typing import IO, TYPE_CHECKING
 
 from foucault.errors import Finding, error, finding
+from foucault.files import decoded
 from foucault.logs.layout import SPACES
 from foucault.logs.own import MARKER
 
@@ -208,18 +209,4 @@ def _any_number(cells: list[str]) -> bool:
 def text_lines(stream: IO[bytes]) -> Iterator[str]:
     """Yield the lines of a text."""
     for line in stream:
-        yield decoded(line).removeprefix("\ufeff")
-
-
-def decoded(line: bytes) -> str:
-    """Return a line as text: UTF-8, else Windows-1252, in which spreadsheets write a degree sign.
-
-    Parameters
-    ----------
-    line : bytes
-        The line; a byte that neither knows becomes a replacement character.
-    """
-    try:
-        return line.decode("utf-8")
-    except UnicodeDecodeError:
-        return line.decode("cp1252", errors="replace")
+        yield decoded(line)

@@ -11,7 +11,7 @@ import queue
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from io import BytesIO
+from io import BytesIO, IncrementalNewlineDecoder
 from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
@@ -19,10 +19,12 @@ from typing import IO, TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.files import decoded
 from foucault.logs import checks, delimited
 from foucault.logs.declared import complete
-from foucault.logs.dialect import decoded, dialect_of
-from foucault.logs.raw import RawTable, is_text, of_own, unreadable
+from foucault.logs.dialect import dialect_of
+from foucault.logs.encoding import decoder, encoded, is_text
+from foucault.logs.raw import RawTable, of_own, unreadable
 from foucault.logs.reading import converted
 from foucault.tables import FloatArray, Log
 
@@ -183,6 +185,8 @@ class Follower:
 
     def _start(self) -> None:
         self.used = None
+        self._begun: bytes | None = b""
+        self._decoding: IncrementalNewlineDecoder | None = None
         self._text = b""  # bytes not used yet: an incomplete line, or titles without data
         self._line = self._row = 0  # lines and rows so far
         self._left_out = 0
@@ -212,7 +216,7 @@ class Follower:
         if self.tail.restarts != self._restarts:
             self._restarts = self.tail.restarts
             self._start()
-        self._text += chunk
+        self._text += self._as_utf8(chunk)
         cut = self._text.rfind(b"\n") + 1
         if not self._line and not is_text(self._text[:4096]):
             raise error("watch.format", file=self.tail.name, format="not text")
@@ -229,6 +233,15 @@ class Follower:
             text = opened
         self._text = rest
         return self._log(text)
+
+    def _as_utf8(self, chunk: bytes) -> bytes:
+        if self._begun is not None:  # the first two bytes tell the encoding
+            self._begun += chunk
+            if len(self._begun) < 2:
+                return b""
+            chunk, self._begun = self._begun, None
+            self._decoding = decoder(chunk)
+        return chunk if self._decoding is None else encoded(self._decoding, chunk)
 
     def _open(self, text: bytes) -> bytes | None:
         """Look at the first lines; return the data after the titles, None before they come."""

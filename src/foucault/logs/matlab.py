@@ -11,8 +11,9 @@ import numpy as np
 
 from foucault.errors import error
 from foucault.logs import delimited
+from foucault.logs.encoding import is_text, open_bytes
 from foucault.logs.numpy_arrays import from_arrays
-from foucault.logs.raw import Progress, RawTable, is_text, open_bytes
+from foucault.logs.raw import Progress, RawTable
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout

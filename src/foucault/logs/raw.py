@@ -9,15 +9,15 @@ a description that say it.
 from __future__ import annotations
 
 import difflib
-import gzip
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from foucault.errors import Finding, FoucaultError, error
+from foucault.logs.encoding import is_text, open_text
 from foucault.logs.own import describe, sampled_of
 from foucault.tables import FloatArray
 
@@ -220,7 +220,7 @@ def _format(path: Path, description: FileLayout) -> str:
     known = _SUFFIXES.get(plain.suffix.lower())
     if known not in (None, "csv", "text"):
         return known
-    with open_bytes(path) as stream:
+    with open_text(path) as stream:
         start = stream.read(4096)
     spoken = next((name for name, tag in _SENTENCES.items() if tag.search(start)), None)
     if spoken or known:
@@ -230,19 +230,3 @@ def _format(path: Path, description: FileLayout) -> str:
     if is_text(start):
         return "text"
     raise error("log.format_unknown", file=path.name)
-
-
-def is_text(start: bytes) -> bool:
-    """Tell whether the first bytes of a file look like text."""
-    return not any(byte < 9 or 13 < byte < 32 for byte in start)
-
-
-def open_bytes(path: Path) -> IO[bytes]:
-    """Open a file for reading, unpacked if it is gzip by content, whatever its suffix."""
-    stream = path.open("rb")
-    magic = stream.read(2)
-    stream.seek(0)
-    if magic != b"\x1f\x8b":
-        return stream
-    stream.close()
-    return cast(IO[bytes], gzip.open(path, "rb"))

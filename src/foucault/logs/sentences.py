@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from foucault.errors import error, finding
-from foucault.logs.raw import Progress, RawTable, open_bytes
+from foucault.logs.encoding import open_text, position
+from foucault.logs.raw import Progress, RawTable
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class _Format:
 
 def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a log of sentences; lines of other sentences are passed over."""
-    with open_bytes(path) as stream:
+    with open_text(path) as stream:
         found = next(((n, f) for line in stream for n, f in _FORMATS.items() if f.tag.match(line)),
                      None)  # fmt: skip
     if found is None:
@@ -69,7 +70,7 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         size, rows = max(1, path.stat().st_size), list[list[float]]()
         dated = _Weeks(form.names)
-        with open_bytes(path) as stream:
+        with open_text(path) as stream:
             for number, line in enumerate(stream, start=1):
                 if not form.tag.match(line):
                     continue
@@ -78,8 +79,7 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
                     yield dated.counted(np.array(rows))[:, list(columns)]
                     rows = []
                     if progress:
-                        raw: Any = getattr(stream, "fileobj", stream)  # of gzip: the packed bytes
-                        progress(min(1.0, raw.tell() / size))
+                        progress(min(1.0, position(stream) / size))
         if rows:
             yield dated.counted(np.array(rows))[:, list(columns)]
 

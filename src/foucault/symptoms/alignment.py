@@ -19,7 +19,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("alignment.too_short", "error",
      "A window too short for an alignment",
      "The window of alignment is {given} s long; at least {least} s are needed.",
-     "Align for longer: minutes for gyros that are to show north."),
+     "Align for longer: minutes for gyros that are to show north. Where nothing is said, the first "
+     "rest that is found is the window; --from and --until, or `start` and `end`, say another."),
     ("alignment.parallel", "error",
      "A mean rate along up, or none at all",
      "A mean rate of {rate:.3g} rad/s and a mean specific force of {force:.3g} m/s^2 are parallel "

@@ -33,7 +33,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Check the column in the log description, or log with a finer step."),
     ("allan.quantised", "warning", "A step of the output that hides the noise",
      "{axis} repeats its last value in {share} % of the samples: its noise is below the step of "
-     "its output ({step} SI).",
+     "its output ({step}).",
      "At short averaging times this shows the converter, not the sensor. Log with a finer step."),
     ("allan.not_finite", "error", "Missing or infinite values in the record",
      "{axis} has {count} missing or infinite values, the first at sample {row} (from 0).",

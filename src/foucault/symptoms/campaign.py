@@ -30,8 +30,13 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("campaign.syntax", "error",
      "The campaign file is not valid TOML",
      "'{path}' is not valid TOML: {reason}.",
-     'Write one `key = value` per line, text in quotes ("0.01 deg/h"), tables in '
-     "[brackets]; `foucault init hand_rotated` prints a correct example."),
+     'Write one `key = value` per line, text in quotes ("0.01 deg/h"), a path with \\ in single '
+     "quotes, tables in [brackets]; `foucault init hand_rotated` prints a correct example."),
+    ("campaign.other_file", "error",
+     "A log, or another file, where a campaign file is wanted",
+     "'{path}' is not a campaign file: a TOML file, which names the log and says what it holds.",
+     "`foucault init hand_rotated -o campaign.toml` writes one to start from; write "
+     'file = "{name}" in its [log].'),
     ("campaign.key", "error",
      "A misspelt or misplaced key in the campaign file",
      "{key} is not a key of a campaign file.{hint}{more}",

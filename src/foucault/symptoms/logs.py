@@ -26,7 +26,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.format_unknown", "error", "A log whose format cannot be told from its name or content",
      "The format of '{file}' cannot be told from its suffix, and it is not text.",
      'Write format = "csv", "text", "parquet", "npy", "npz", "mat", "binary", "ros", "ulog", '
-     '"novatel" or "vectornav" in [log].'),
+     '"novatel" or "vectornav" in [log]; a spreadsheet is saved as CSV first.'),
     ("log.unreadable", "error", "A damaged file, or one of another format than it claims",
      "'{file}' cannot be read as {format}: {reason}.",
      "Copy the file again from the logger, or correct format in [log]."),
@@ -50,8 +50,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "numbers as a sample: '{text}'.",
      "Correct header in [log] if this line is a sample; lines count as an editor counts them, "
      "blank lines and remarks included."),
-    ("log.encoding", "error", "Text saved as UTF-16",
-     "'{file}' is not UTF-8 text; it looks like UTF-16.",
+    ("log.encoding", "error", "Text with zero bytes in it, such as UTF-16 without its mark",
+     "'{file}' has zero bytes in its first lines: it is not text, or UTF-16 without its mark.",
      'Save it as UTF-8: in a spreadsheet choose "CSV UTF-8", in an editor "Save with encoding".'),
     ("log.undescribed", "error", "A log that was not described",
      "'{file}' has {have}, but [log] says neither which of them are gyro or accelerometer nor "

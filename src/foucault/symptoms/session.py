@@ -23,8 +23,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("accel.scale_impossible", "error",
      "Specific force that is not gravity by far (a wrong unit)",
      "The mean specific force at rest is {given} m/s^2, {ratio} times local gravity.",
-     "Correct `unit`, `kind` or `scale` of [log.accel]: {ratio} is what a wrong unit does "
-     "(0.102: m/s^2 declared as g; 9.81: g declared as m/s^2)."),
+     "Correct `unit`, `kind`, `scale` or `zero` of [log.accel]. A log in g declared as m/s^2 gives "
+     "0.102, one in m/s^2 declared as g 9.81; counts that do not rest at 0 want a `zero`."),
     ("accel.orientation", "error",
      "First rest not as declared: gravity read instead of specific force, or swapped axes",
      "The first rest was declared '{declared}', but the accelerometers say {measured}.",

@@ -26,7 +26,7 @@ import numpy as np
 
 from foucault.diagnose.compare.comparable import Entry
 from foucault.errors import FoucaultError, error, suggestion
-from foucault.files import sha256
+from foucault.files import read_text, sha256
 from foucault.result import Result
 from foucault.run_folder import RESULT_FILE, load_result
 
@@ -95,8 +95,8 @@ def _named(path: Path) -> list[Named]:
     if path.suffix.lower() != ".toml":
         return [Named(path)]
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        said = tomllib.loads(read_text(path))
+    except (OSError, tomllib.TOMLDecodeError) as problem:
         raise error("compare.list", path=path, reason=str(problem)) from None
     rows = said.get("result")
     if set(said) != {"result"} or not isinstance(rows, list) or not rows:

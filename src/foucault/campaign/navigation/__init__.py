@@ -121,7 +121,7 @@ def read(path: Path, progress: Progress) -> Source:
         description, told = description_of(path)
         log = logs.read(description, path.parent, lambda part: progress(0.3 * part, "reading"))
         return Source(replace(log, findings=told + log.findings), {}, {}, None)
-    campaign = load_campaign(path)
+    campaign = load_campaign(path, calibrates=False)
     log = read_log(campaign, lambda part, words: progress(0.3 * part, words))
     if not isinstance(log, Log):
         raise error("north.not_imu", procedure=campaign.procedure)

@@ -198,7 +198,14 @@ def _quantised(name: str, x: FloatArray) -> list[Finding]:
     repeated = float(np.mean(step == 0))
     if repeated <= 0.5:
         return []
-    values = {"share": f"{100 * repeated:.3g}", "step": f"{step[step > 0].min():.3g}"}
+    apart = step[step > 1e-9 * np.abs(x).max()]  # not what is left of divisions by the interval
+    kind = {"gyro": "angular rate", "accel": "specific force"}[name.partition(".")[0]]
+    size = float(apart.min()) if len(apart) else 0.0
+    unit = display_unit(kind, size)
+    values = {
+        "share": f"{100 * repeated:.3g}",
+        "step": f"{plain(convert(size, kind, unit), 3)} {unit}",
+    }
     return [finding("allan.quantised", axis=name, **values)]
 
 

@@ -34,6 +34,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from foucault.errors import FoucaultError, error, suggestion
+from foucault.files import read_text
 from foucault.plans.manoeuvres import TABLE_AXES, Rest, Rotate
 from foucault.plans.systematic.built_in import gimbal_sequence
 from foucault.plans.systematic.sequence import (
@@ -173,10 +174,9 @@ def read_sequence(path: str | Path) -> CalibrationSequence:
         ``sequence.file``, ``sequence.entry`` or ``sequence.directions``.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        why = getattr(problem, "strerror", None) or "it is not text"
-        raise error("sequence.file", path=path, why=why) from None
+        text = read_text(path)
+    except OSError as problem:
+        raise error("sequence.file", path=path, why=problem.strerror) from None
     return parse_sequence(text, path)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import error
-from foucault.files import atomic
+from foucault.files import atomic, read_text
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -50,11 +50,10 @@ def read_positions(path: str | Path) -> FloatArray:
         ``plan.file``.
     """
     try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
-            rows = [[cell.strip() for cell in row] for row in csv.reader(stream) if row]
-    except (OSError, UnicodeDecodeError) as problem:
-        why = getattr(problem, "strerror", None) or "it is not text"
-        raise error("plan.file", path=path, why=why) from None
+        lines = read_text(path).splitlines()
+    except OSError as problem:
+        raise error("plan.file", path=path, why=problem.strerror) from None
+    rows = [[cell.strip() for cell in row] for row in csv.reader(lines) if row]
     if not rows or tuple(cell.lower() for cell in rows[0]) != HEADINGS:
         raise error("plan.file", path=path, why="its first line is not `outer,middle,inner`")
     if len(rows) == 1:
