@@ -17,10 +17,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.stats import binom, kstest
 
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.diagnose.systematic import deflection_choice as choices
 from foucault.diagnose.systematic.deflection_choice import UNIT, Choice, Told
-from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise

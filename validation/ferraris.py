@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import grade

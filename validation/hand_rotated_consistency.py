@@ -21,7 +21,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.stats import chi2
 
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade

@@ -23,8 +23,9 @@ import numpy as np
 from platform_tumble_setting import DEG, SEED, SETTINGS, SITE, Run, prior_of, run_of
 
 from foucault import monte_carlo
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
 from foucault.errors import FoucaultError, Status
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.tumble import fit as estimation
 from foucault.estimate.tumble import published
 from foucault.models.cluster import ClusterModel, angles_of, attitude_of

@@ -44,8 +44,9 @@ from platform_tumble_setting import (
 from scipy.stats import binom, chi2, kstest
 
 from foucault import monte_carlo
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
 from foucault.errors import Status
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.tumble import fit as estimation
 from foucault.estimate.tumble import published
 from foucault.models.cluster import SOURCE_SYMBOLS, angles_of, normalised

@@ -19,7 +19,7 @@ import numpy as np
 from foucault import campaign, monte_carlo
 from foucault.campaign import optimisation
 from foucault.campaign.reading import Campaign
-from foucault.diagnose.consistency import chi_square_limits
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.deflection import deflection_model
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp

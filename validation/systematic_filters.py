@@ -39,7 +39,8 @@ from systematic_setting import (
 )
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.estimate.systematic.fit import AtRest
 from foucault.estimate.systematic.published import second_step

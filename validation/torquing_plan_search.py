@@ -24,8 +24,8 @@ import numpy as np
 from foucault import campaign
 from foucault.campaign import optimisation, study
 from foucault.campaign.found import Found
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.diagnose.study import Study
+from foucault.estimate.chi_square import chi_square_limits
 
 PAGE = Path(__file__).parents[1] / "docs" / "validation" / "torquing_plan_search.md"
 WORKERS = 2

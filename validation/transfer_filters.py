@@ -21,7 +21,7 @@ from transfer_setting import (
     write,
 )
 
-from foucault.diagnose.consistency import chi_square_limits
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector

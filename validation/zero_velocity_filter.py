@@ -28,8 +28,9 @@ import numpy as np
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
 from foucault.estimate import ins_filter
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.free_run import spread
 from foucault.estimate.ins_filter import FilterRun, Updates, start_cov
 from foucault.models.attitude import matrix_of

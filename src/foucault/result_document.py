@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
 from typing_extensions import TypedDict
 
@@ -21,8 +20,6 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.errors import ADVICE, Finding, Status
 from foucault.models.temperature import TemperatureModel
 from foucault.result import Check, Level, Result, Verdict
-
-FloatArray = npt.NDArray[np.float64]
 
 SCHEMA = "foucault.result/1"
 """Name and version of the document."""

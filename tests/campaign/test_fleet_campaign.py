@@ -13,8 +13,9 @@ import pytest
 from foucault import campaign, run_folder
 from foucault.campaign import fleet, tolerance
 from foucault.campaign.fleet import simulation as fleet_simulation
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
 from foucault.errors import FoucaultError
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.logs.serials import by_serial
 from foucault.procedures import norm_observation, on_table
 from foucault.procedures.on_table import batch as on_table_batch

@@ -106,10 +106,6 @@ def test_white_noise_is_measured():
         got = _noise_power(x, log, simulation)
         ratio = got.psd / triad.white**2 * blocks * 2 / 3
         assert (low < ratio).all() and (ratio < high).all()
-        samples = int(np.sum(simulation.last - simulation.first - 1))
-        square = (got.samples_sd * np.sqrt(log.interval) / triad.white) ** 2 * samples
-        tight = chi_square_limits(samples, tests=6)
-        assert (tight[0] < square).all() and (square < tight[1]).all()
 
 
 def test_slow_motion_in_the_rests_makes_their_means_worse():

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.free_run import spread
 from foucault.estimate.ins_filter import Updates, run, start_cov
 from foucault.models.geodesy import displaced, displacement, east_north_up

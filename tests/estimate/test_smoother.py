@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.ins_filter import FilterRun, Updates, run
 from foucault.estimate.smoother import _divided, smooth
 from foucault.models.geodesy import displaced, displacement

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, f, kstest
 
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.snooping import POWER
 from foucault.estimate.table.fit import KINDS, inflated, kinds_of
 from foucault.simulate.hand_rotated import draw_errors

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import chi_square_limits
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import kalman
 from foucault.estimate.transfer import system as transfer_system

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import reference
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import Status
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.tumble import fit as estimation
 from foucault.estimate.tumble import one_pass as tumble_pass
 from foucault.estimate.tumble.fit import Prior, State, Tumble

@@ -8,8 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
 from foucault.errors import Status
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.table.likelihood import Observed, angle_start, free_start, whitening
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel

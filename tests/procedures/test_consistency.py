@@ -12,7 +12,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import chi_square_limits, nees
+from foucault.diagnose.consistency import nees
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.imu import LINEAR_LOWER
 from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures.hand_rotated import Settings, calibrate

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import foucault
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import Status
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.cluster import CONSTANTS, LAYOUT
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise

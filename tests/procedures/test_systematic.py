@@ -11,8 +11,8 @@ import pytest
 
 from foucault import campaign
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import FoucaultError, Status
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of

@@ -11,11 +11,11 @@ import pytest
 from foucault import campaign
 from foucault.campaign import study
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.diagnose.systematic import deflection_choice as choices
 from foucault.diagnose.systematic import deflection_verdict as verdicts
 from foucault.diagnose.systematic.deflection_choice import GENERAL18, UNIT, Told
 from foucault.errors import FoucaultError
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.systematic.fit import solve
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site

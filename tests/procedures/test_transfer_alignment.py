@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import FoucaultError, Status
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.earth import Site
 from foucault.models.rotation import log as rotation_vector
+from foucault.plans.manoeuvres import Straight
 from foucault.procedures import transfer_alignment
-from foucault.procedures.transfer_alignment.foresight import per_manoeuvre
+from foucault.procedures.transfer_alignment.foresight import manoeuvres, moved, shown
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.result import Level
@@ -378,10 +379,14 @@ def test_what_is_foreseen_is_what_comes(flight, found):
 def test_what_each_manoeuvre_shows():
     """A bias and a tilt are told apart by turning; the delay by anything but a straight run."""
     c = described()
-    shown = {one.name: one.vector for one in
-             per_manoeuvre(c.settings, session=c.session, site=c.site, noise=c.noise)}  # fmt: skip
-    straight = shown["straight on"]
-    for name, vector in shown.items():
+    plan = moved(replace(c.session.motion, outage=()), c.site)
+    seen = {}
+    for name, segments in manoeuvres(float(plan.start.speed)).items():
+        half = Straight((plan.hand_over - sum(s.time for s in segments)) / 2)
+        one = replace(plan, name=name, calibration=(half, *segments, half))
+        seen[name] = shown(one, c.settings, c.session, c.site, c.noise, {}).vector
+    straight = seen["straight on"]
+    for name, vector in seen.items():
         if name == "straight on":
             continue
         less = {n: vector.sd[i] / straight.sd[i] for i, n in enumerate(vector.names)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from foucault.diagnose.consistency import chi_square_limits
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
 from foucault.procedures.transfer_alignment import (
     NOISE,

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import FoucaultError
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp

@@ -34,8 +34,6 @@ from foucault.errors import error, finding
 from foucault.files import atomic
 from foucault.plans.optimise import HOT, Space, descend
 
-FloatArray = npt.NDArray[np.float64]
-
 SCHEMA = "foucault.optimise/1"
 ASKED_FILE, RESTARTS_FILE = "optimise.json", "restarts.parquet"
 CAMPAIGN_FILE = "campaign.toml"

@@ -20,8 +20,6 @@ from foucault.result import Check
 
 FloatArray = npt.NDArray[np.float64]
 
-__all__ = ["chi_square_limits", "consistency_check", "nees", "nis"]
-
 
 def nees(errors: FloatArray, cov: FloatArray) -> FloatArray:
     """Return the normalised estimation error squared, ``e' inv(P) e``, of each trial.
@@ -43,24 +41,6 @@ def nees(errors: FloatArray, cov: FloatArray) -> FloatArray:
     correlation = cov / (scale[..., :, None] * scale[..., None, :])
     solved = np.linalg.solve(correlation, unit[..., None])[..., 0]
     return np.asarray(np.sum(unit * solved, axis=-1))
-
-
-def nis(innovations: FloatArray, cov: FloatArray) -> FloatArray:
-    """Return the normalised innovation squared of each update.
-
-    Parameters
-    ----------
-    innovations : ndarray, shape (updates, m)
-        Measurement minus prediction [SI].
-    cov : ndarray, shape (updates, m, m) or (m, m)
-        Innovation covariance S [SI].
-
-    Returns
-    -------
-    ndarray, shape (updates,)
-        NIS; chi-square with m degrees of freedom where the filter is consistent [1].
-    """
-    return nees(innovations, cov)
 
 
 def consistency_check(

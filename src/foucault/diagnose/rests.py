@@ -242,15 +242,12 @@ class RestNoise:
     psd_of_mean : ndarray, shape (3,)
         Power that the scatter of a rest's mean corresponds to; larger than `psd` where the
         rests were not quite still [unit^2 s].
-    samples_sd : ndarray, shape (3,)
-        Standard deviation of single samples at rest [unit].
     rounding : ndarray, shape (3,)
         Constant error of rounding that averaging does not remove, sd [unit].
     """
 
     psd: FloatArray
     psd_of_mean: FloatArray
-    samples_sd: FloatArray
     rounding: FloatArray
 
 
@@ -302,7 +299,7 @@ def measure_noise(
     before[_levels(x, rests) < 3] = 0.0
     rounding = [rounding_bias(step, s) for step, s in zip(steps, before, strict=True)]
     floor = steps**2 / 12 * interval  # in motion, rounding is white noise
-    return RestNoise(np.maximum(psd, floor), np.maximum(of_mean, floor), sd, np.array(rounding))
+    return RestNoise(np.maximum(psd, floor), np.maximum(of_mean, floor), np.array(rounding))
 
 
 def _levels(x: FloatArray, rests: Rests) -> FloatArray:

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from foucault.models.ins_errors import Sensors
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 LEVER = Layout(
     tuple(

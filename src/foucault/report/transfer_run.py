@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import format_value
-from foucault.diagnose.consistency import chi_square_limits
-from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.report import figures_transfer as figures
 from foucault.report.figures_transfer import Panel
 from foucault.report.figures_tumble import Family

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
 from foucault.campaign.tolerance import DECISIONS, FAIL, PASS, UNDECIDED, Tolerance, decided
@@ -16,8 +15,6 @@ from foucault.diagnose.compare.comparable import Comparable, Entry
 from foucault.diagnose.compare.instruments import Between
 from foucault.diagnose.fleet import FEWEST
 from foucault.errors import Finding
-
-FloatArray = npt.NDArray[np.float64]
 
 LEVELS = ("pass", "doubtful", "fail")
 """Outcomes of a comparison, the worse the later."""

@@ -18,7 +18,6 @@ from foucault.models.faces import TurnReadings
 from foucault.tables import AXES, Log
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 TOLERANCE = 0.12
 """A turn is whole if it measures this near to the declared angle: a gyro may be 10 % off [1]."""

@@ -19,7 +19,6 @@ from foucault.models.session_noise import SessionNoise
 from foucault.result import Check, Estimate, Level
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 ENOUGH_RESTS = 12
 """Fewer rests leave too little redundancy to notice that one is wrong [1]."""

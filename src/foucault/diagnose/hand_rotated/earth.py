@@ -10,12 +10,9 @@ compared with ``w_ie sin L``.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.models.rests_and_turns import Attitudes, Session
 from foucault.result import Check, Level
-
-FloatArray = npt.NDArray[np.float64]
 
 VISIBLE = 4.0
 """The two signs are told apart when they lie this many standard deviations apart [1]."""

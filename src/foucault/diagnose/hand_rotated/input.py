@@ -7,7 +7,6 @@ the turns show exchanged axes and a wrong unit of the gyros. What none of them c
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.diagnose import axes
 from foucault.diagnose.coverage import coverage
@@ -17,8 +16,6 @@ from foucault.errors import Finding, error, finding
 from foucault.estimate import norm_observation
 from foucault.models.rests_and_turns import Session
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.diagnose.north.validity import NEAR_STOP
 from foucault.errors import Finding, finding
@@ -19,8 +18,6 @@ from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import turned
-
-FloatArray = npt.NDArray[np.float64]
 
 FEWEST = 6
 """Set-ups with the same stops that it takes to see what repeats [1]."""

@@ -37,9 +37,6 @@ SLOW = np.radians(0.05)
 BLURRED = 1000.0
 """Coefficients this many times less certain together than each alone are not separated [1]."""
 
-PLACEMENTS = tuple(f"{a} {sense}" for a in AXES for sense in ("up", "down"))
-"""How an instrument may stand on the table: the axis along the vertical, and its sense."""
-
 
 @dataclass(frozen=True)
 class Commanded:
@@ -50,7 +47,7 @@ class Commanded:
     rates : ndarray, shape (k,)
         Rates of the table in each placement, in order; empty where not given [rad/s].
     axes : tuple of str
-        Placements in order, of `PLACEMENTS`; empty where not given.
+        Axis along the vertical and its sense, such as "x up", in order; empty where not given.
     """
 
     rates: FloatArray

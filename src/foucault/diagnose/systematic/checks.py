@@ -17,11 +17,10 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import prior_check, status_check
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.systematic.legs import Legs
 from foucault.errors import Finding, Status, error, finding
-from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.ins_filter import FilterRun
 from foucault.models.deflection import DeflectionModel
 from foucault.navigate.increments import Increments

@@ -11,8 +11,6 @@ from foucault.diagnose.systematic.checks import Evidence, squares
 from foucault.models.earth import Site
 from foucault.tables import AXES
 
-FloatArray = npt.NDArray[np.float64]
-
 WAYS = ("east", "north", "up")
 
 

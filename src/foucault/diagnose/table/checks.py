@@ -10,8 +10,6 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import plausible_scales, prior_check, status_check
 from foucault.diagnose.coverage import Coverage
-from foucault.diagnose.hand_rotated.checks import CONDITION
-from foucault.estimate import norm_observation
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit
 from foucault.models.earth import Site
@@ -88,35 +86,6 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
         # The coefficients' prior rows follow those of the table.
         out.append(prior_check(estimate.coefficients, estimate.residuals[-int(known.sum()) :]))
     return tuple(out)
-
-
-def _condition(e: TableEvidence) -> list[Check]:
-    """Judge the directions, however well noise and errors of the table hide that they are few."""
-    r, estimate = e.readings, e.fit.estimate
-    o = estimate.state.geometry.directions()
-    kept = e.fit.estimate.weights[: len(r)] > 0.5
-    rests = kept & ~r.spin
-    if rests.sum() < 4:
-        rests = kept
-    sets = {"accelerometer": rests, "gyro": r.spin} if r.gyro is not None else {}
-    out = []
-    for what, mine in (sets or {"accelerometer": rests}).items():
-        if isinstance(estimate.state.geometry, Angles):
-            rows = np.column_stack([o[mine], np.ones(mine.sum())])
-        else:
-            rows = norm_observation.design(o[mine], 1.0)
-        value = float(np.linalg.cond(rows / np.linalg.norm(rows, axis=0)))
-        doubtful, unusable = CONDITION
-        fine = value <= doubtful
-        level = Level.UNUSABLE if value > unusable else Level.DOUBTFUL
-        words = f"The positions determine the {what} coefficients " + (
-            f"well (condition {value:.1f})."
-            if fine
-            else f"poorly (condition {value:.0f}, even coverage has 1.6): take another plan, such "
-            f"as dodecahedron 20; `foucault plans` says what each can separate."
-        )
-        out.append(Check(f"{what} positions", value, None, doubtful, fine, words, level))
-    return out
 
 
 def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:

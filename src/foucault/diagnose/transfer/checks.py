@@ -16,9 +16,8 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import prior_check, status_check
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import Status
-from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.delay.fit import Delay
 from foucault.estimate.transfer.fit import DelayFit, Transfer
 from foucault.estimate.transfer.measured import Known, Slave

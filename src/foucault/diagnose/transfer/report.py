@@ -22,7 +22,6 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.state import states_of
 from foucault.result import TableData
 
-FloatArray = npt.NDArray[np.float64]
 Table = dict[str, npt.NDArray[Any]]
 
 MOST = {

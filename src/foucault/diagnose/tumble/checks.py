@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import prior_check, status_check
-from foucault.diagnose.consistency import chi_square_limits
 from foucault.errors import Finding, Status, finding
-from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.tumble.fit import STATES, Fit, Prior, Tumble
 from foucault.models.cluster import CONSTANTS, LAYOUT, angles_of
 from foucault.models.rotation import log

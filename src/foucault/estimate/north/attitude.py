@@ -48,7 +48,6 @@ __all__ = [
 ]  # fmt: skip
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 CHUNK = 65536
 """Set-ups that one thread takes at a time [1]."""

@@ -94,8 +94,8 @@ class Fit:
         How it ended.
     passes : int, shape ()
         Passes over the log [1].
-    chi_square, prior_square : float
-        Sum of squares of the white residuals, and of the prior's [1].
+    chi_square : float
+        Sum of squares of the white residuals, the prior's not counted [1].
     residuals : int, shape ()
         Number of white residuals, the prior's not counted [1].
     information : ndarray, shape (46, 46)
@@ -119,7 +119,6 @@ class Fit:
     status: Status
     passes: int
     chi_square: float
-    prior_square: float
     residuals: int
     information: FloatArray
     orthogonal: bool
@@ -298,7 +297,7 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
     square = best.gram[RESIDUAL, RESIDUAL] - 2 * best.gram[:STATES, RESIDUAL] @ best.x
     square += best.x @ best.gram[:STATES, :STATES] @ best.x
     start = best.at.moved(_stepped(prior, best.x))
-    miss, slope = prior.rows(start)
+    _, slope = prior.rows(start)
     return Fit(
         start=start,
         C_np=C_np,
@@ -307,7 +306,6 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
         status=status,
         passes=used,
         chi_square=float(square),
-        prior_square=float(miss @ miss),
         residuals=3 * len(best.out[9]),
         information=best.gram[:STATES, :STATES],
         orthogonal=best.orthogonal,
@@ -339,7 +337,7 @@ def _lost(t: Tumble, prior: Prior, used: int, status: Status) -> Fit:
     """Return the prior where the log led to no numbers, or absurd ones: nothing was learnt."""
     sd, at = np.diag(prior.sd**2), prior.mean
     return Fit(
-        at, at.C_np, sd, sd, status, used, 0.0, 0.0, 3 * int(t.used.sum()),
+        at, at.C_np, sd, sd, status, used, 0.0, 3 * int(t.used.sum()),
         np.zeros((STATES, STATES)), False,
     )  # fmt: skip
 

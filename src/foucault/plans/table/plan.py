@@ -74,12 +74,3 @@ def _with_missing(angles: FloatArray, needed: FloatArray, outer: bool) -> FloatA
     first = 0 if outer else 1
     apart = np.abs(np.sin((angles[:, None, first:] - needed[:, first:]) / 2)).max(axis=2)
     return np.concatenate([angles, needed[(apart > 1e-9).all(axis=0)]])
-
-
-def plan_rows(plan: TablePlan) -> list[tuple[str, ...]]:
-    """Return angles [deg], rate [deg/s] and time [s] of each position of a plan, as text."""
-    degrees, rate = np.degrees(plan.angles), np.degrees(plan.rate)
-    return [
-        (*(f"{a:.6f}" for a in degrees[k]), f"{rate[k]:g}", f"{plan.time[k]:g}")
-        for k in range(len(plan))
-    ]

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
@@ -19,8 +18,6 @@ from foucault.procedures.navigation.settings import Settings
 from foucault.procedures.navigation.start import Opening
 from foucault.tables import Log
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 FAR = float(np.radians(0.5))
 """A reference that starts farther from the place that was given is of another place [rad]."""

@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.north import calibration_checks as evidence
@@ -47,8 +46,6 @@ from foucault.procedures.north_seeking.wanted import Wanted as Wanted
 from foucault.procedures.north_seeking.wanted import space as space
 from foucault.result import Problem, Result, Verdict, provenance
 from foucault.tables import IndexedLog
-
-FloatArray = npt.NDArray[np.float64]
 
 Description = IndexedDescription
 read_log = indexed.read

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from foucault import units
@@ -28,7 +27,6 @@ from foucault.simulate.north import (
 )
 from foucault.units import Quantity
 
-FloatArray = npt.NDArray[np.float64]
 Seconds = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 Rate = Annotated[float, Quantity("angular rate")]

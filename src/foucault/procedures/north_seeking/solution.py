@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.north import calibration_checks as evidence
@@ -22,8 +21,6 @@ from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
 from foucault.result import Estimate, Problem
-
-FloatArray = npt.NDArray[np.float64]
 
 Z_COUPLING = ("gyro.misalignment.xz", "gyro.misalignment.yz")
 """The coupling of the rate along the axis of the base."""

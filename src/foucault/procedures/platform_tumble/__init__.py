@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.tumble import checks as evidence
@@ -60,8 +59,6 @@ from foucault.procedures.platform_tumble.solution import (
 )
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
 
 LAYOUT = cluster.LAYOUT
 FRAME = "cluster axes p; attitude: outer, middle, inner angle from North-Up-East"

@@ -22,7 +22,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.first_rest import first_as_declared
@@ -46,7 +45,6 @@ from foucault.procedures.rate_table.session import simulate as simulate
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import Log
 
-FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 FRAME = "axes of the fixture, right-forward-up as it holds the instrument"

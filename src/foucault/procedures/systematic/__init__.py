@@ -22,7 +22,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.diagnose.systematic import checks as evidence
 from foucault.diagnose.systematic import deflection_verdict
@@ -53,8 +52,6 @@ from foucault.procedures.systematic.settings import simulate as simulate
 from foucault.procedures.systematic.solution import Solution, named, public
 from foucault.result import Result, TableData, Verdict, provenance
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
 
 UNDECLARED = True
 """A plan is judged with the noise that is typical where none is declared."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
@@ -36,8 +35,6 @@ from foucault.procedures.systematic.problem import prior_of
 from foucault.procedures.systematic.quick import Quick, Stills
 from foucault.procedures.systematic.settings import Session, Settings, planned
 from foucault.procedures.systematic.solution import public
-
-FloatArray = npt.NDArray[np.float64]
 
 LONGER = 300.0
 """How much longer a session is made to see what that would buy [s]."""

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
@@ -33,8 +32,6 @@ from foucault.procedures.transfer_alignment.problem import (
 )
 from foucault.procedures.transfer_alignment.session import Session, moved, simulate_motion
 from foucault.procedures.transfer_alignment.settings import ASIDE, NOISE, Settings
-
-FloatArray = npt.NDArray[np.float64]
 
 RATE = 50.0
 """Samples in a second that a covariance takes [Hz]."""
@@ -127,35 +124,6 @@ def foresee(
 def _speed_at_end(plan: TransferProfile) -> float:
     speeds = [s.speed for s in plan.calibration if isinstance(s, Accelerate)]
     return float(speeds[-1] if speeds else plan.start.speed)
-
-
-def per_manoeuvre(
-    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-) -> tuple[Shown, ...]:  # fmt: skip
-    """Return what a straight run shows, and one of the same length with each of the manoeuvres.
-
-    Parameters
-    ----------
-    settings : Settings
-        What will be chosen.
-    session : Session
-        Where the vehicle begins, how fast, for how long, and how its messages come.
-    site : Site
-        Where it begins: the latitude.
-    noise : ImuNoise or None
-        Noise of the slave [SI].
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
-    plan = moved(replace(session.motion, outage=()), site)
-    out = []
-    for name, segments in manoeuvres(float(plan.start.speed)).items():
-        rest = plan.hand_over - sum(segment.time for segment in segments)
-        half = Straight(rest / 2)
-        one = replace(plan, name=name, calibration=(half, *segments, half))
-        out.append(shown(one, settings, session, site, noise, prior or {}))
-    return tuple(out)
 
 
 def free_of(

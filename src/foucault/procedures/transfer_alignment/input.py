@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.models.earth import Site
@@ -14,8 +13,6 @@ from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.units import plain, span
-
-FloatArray = npt.NDArray[np.float64]
 
 LEAST = 20
 """Messages that it takes at least [1]."""

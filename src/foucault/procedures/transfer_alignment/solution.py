@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, Status, error, finding
@@ -26,8 +25,6 @@ from foucault.procedures.transfer_alignment.input import stamp
 from foucault.procedures.transfer_alignment.problem import TransferProblem, place_of
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 SETTLED = 0.5
 """Passes have settled if the last moved nothing by more than this of its uncertainty [1]."""
