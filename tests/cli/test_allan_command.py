@@ -72,7 +72,7 @@ def test_a_part_at_rest(log: Path) -> None:
     ("words", "text"),
     [
         (["--axis", "gyro.w"], "The log has no axis 'gyro.w'."),
-        (["--kind", "modifed"], "Did you mean 'modified'?"),
+        (["--kind", "modifed"], "is no kind of Allan variance. Did you mean 'modified'?"),
         (["--rest", "1 s to 2 s"], "There are 101 samples (1 s) at rest"),
     ],
 )

@@ -163,3 +163,8 @@ def test_a_calibration_adds_its_uncertainty(tmp_path: Path) -> None:
 def test_refusals(words: tuple[object, ...], said: str) -> None:
     refused = run(*words)
     assert refused.exit_code == 1 and said in refused.stderr
+
+
+def test_a_refusal_in_json() -> None:
+    said = json.loads(run(*PLAIN, "--move", "-1 s", "--json").stdout)
+    assert said["error"]["code"] == "north_plan.range"

@@ -2,18 +2,61 @@
 
 from __future__ import annotations
 
+import ast
 import re
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from string import Formatter
+from typing import Any
 
 import pytest
+from test_command_line import COMMANDS, PROGRAM, options
 
 import foucault
+from foucault import campaign
 from foucault.errors import FoucaultError, error, finding
 from foucault.symptoms import SYMPTOMS
 
 SOURCE = Path(foucault.__file__).parent
-CODE = "\n".join(p.read_text() for p in sorted(SOURCE.rglob("*.py")) if p.parent.name != "symptoms")
+TESTS = Path(__file__).parents[1]
+
+WINDOW = 12
+"""So many letters of a text that no three rows share are words of its own [1]."""
+
+
+def spoken(folder: Path) -> Iterator[str]:
+    """Yield every string of the programs in a folder; remarks and docstrings are none."""
+    for path in sorted(folder.rglob("*.py")):
+        if path.parent.name == "symptoms" or path == Path(__file__):
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        bare = {n.value for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in bare:
+                yield node.value
+
+
+def told() -> set[str]:
+    """Return the rows that a test names by their code or by words of their own."""
+    rows = defaultdict(set)
+    for code, row in SYMPTOMS.items():
+        for text in (row.message, row.cure):
+            for part in re.split(r"\{[^}]*\}", text):
+                for i in range(len(part) - WINDOW + 1):
+                    rows[part[i : i + WINDOW]].add(code)
+    guard = tomllib.loads((TESTS.parent / "docs" / "guard.toml").read_text(encoding="utf-8"))
+    out = {
+        word for column in guard["columns"].values() for v in column.values() for word in v.split()
+    }
+    for said in spoken(TESTS):
+        out |= set(said.split())
+        plain = re.sub(r"\\([^dws])", r"\1", said)  # of a regular expression
+        for i in range(len(plain) - WINDOW + 1):
+            found = rows.get(plain[i : i + WINDOW], set())
+            out |= found if len(found) < 3 else set()
+    return out
 
 
 class Anything:
@@ -23,13 +66,17 @@ class Anything:
         return format(1.5, how) if how.endswith(tuple("efg")) else format("1.5", how)
 
 
-@pytest.mark.parametrize("code", SYMPTOMS)
-def test_a_symptom_is_raised_somewhere(code: str) -> None:
-    assert f'"{code}"' in CODE
+def test_every_symptom_is_raised_somewhere() -> None:
+    assert set(SYMPTOMS) <= set(spoken(SOURCE))
+
+
+def test_every_symptom_is_told_in_a_test() -> None:
+    assert set(SYMPTOMS) <= told()
 
 
 def test_every_code_that_is_raised_has_a_row() -> None:
-    used = re.findall(r'\b(?:error|finding)\(\s*"([\w.]+)"', CODE)
+    code = "\n".join(p.read_text(encoding="utf-8") for p in sorted(SOURCE.rglob("*.py")))
+    used = re.findall(r'\b(?:error|finding)\(\s*"([\w.]+)"', code)
     assert len(used) > 20
     assert set(used) <= set(SYMPTOMS)
 
@@ -52,3 +99,39 @@ def test_its_words_can_be_filled_in(row) -> None:
     problem = error(row.code, **values)
     assert isinstance(problem, FoucaultError)
     assert str(problem) == f"{made.message} {made.cure}"
+
+
+def keys_in(schema: Any) -> Iterator[str]:
+    """Yield every key that a campaign file may have."""
+    if isinstance(schema, dict):
+        yield from schema.get("properties", {})
+        for value in schema.values():
+            yield from keys_in(value)
+    elif isinstance(schema, list):
+        for value in schema:
+            yield from keys_in(value)
+
+
+KEYS = set(keys_in(campaign.schema()))
+OTHER_KEYS = {
+    "axis",  # "body axis = declared column"
+    "end", "orientation", "diagnostics",  # of Python
+    "limit",  # of a tolerance file
+    "brackets", "dask", "result", "action",  # TOML; an extra; lists of comparisons and sequences
+}  # fmt: skip
+SPELLINGS = {s for c in COMMANDS.values() for o in options(c) for s in (*o.opts, *o.secondary_opts)}
+
+
+def test_what_they_advise_exists() -> None:
+    for text in (text for row in SYMPTOMS.values() for text in (row.message, row.cure)):
+        assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", text)) <= SPELLINGS, text
+        for line in re.findall(r"`foucault ([^`]*)`", text):
+            words = line.split()
+            command = PROGRAM.commands[words[0]]
+            if hasattr(command, "commands"):
+                command = command.commands["plan" if "plan" in words else "find"]
+            have = {s for o in command.params for s in o.opts}
+            assert {w for w in words if w.startswith("-")} <= have, line
+        keys = re.findall(r"(?<![\w.`\"{-])([a-z][a-z_.]+) = ", text)
+        keys += re.findall(r"`([a-z][a-z_]+)`", text) + re.findall(r"\[([a-z][a-z_.]+)\]", text)
+        assert {key.split(".")[-1] for key in keys} <= KEYS | OTHER_KEYS, text

@@ -75,7 +75,7 @@ def test_nothing_says_which_axis_is_up():
     readings = make_readings(STEPS, accel=False)
     refused(readings, GIVEN, told=False, code="no_up")
     still = replace(readings, rate=np.zeros(36))
-    assert "does not say which axis was along" in refused(still, code="no_up")
+    assert "tells which axis was along the vertical" in refused(still, code="no_up")
 
 
 def test_an_axis_between():
