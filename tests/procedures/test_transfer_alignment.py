@@ -69,6 +69,8 @@ def test_one_flight_is_told_whole(flight, found):
     assert found.coefficients.names[9:] == (
         "installation.x", "installation.y", "installation.z", "master.delay",
     )  # fmt: skip
+    # A Kalman filter of a linear system is at its bound.
+    np.testing.assert_array_equal(found.diagnostics["bound"], found.coefficients.sd)
     assert set(found.tables) == {
         "innovations", "estimates", "undelayed", "smoothed", "delayed", "stretches", "delay_parts",
     }  # fmt: skip
@@ -197,7 +199,9 @@ def test_h_infinity(flight, found, wanted):
     assert said["gamma"] == pytest.approx(1.2 * said["least_gamma"])
     assert result.tables["gamma"]["margin"].min() > 0
     assert np.abs(missed(result, session)[0]).max() < 5
-    assert (result.coefficients.sd >= found.coefficients.sd * (1 - 1e-9)).all()
+    bound = np.array(result.diagnostics["bound"])
+    np.testing.assert_allclose(bound, found.coefficients.sd, rtol=1e-9)
+    assert (result.coefficients.sd >= bound * (1 - 1e-9)).all()
     few = settings(c, filter="h_infinity", wanted=wanted, gamma=0.5 * said["least_gamma"])
     with pytest.raises(FoucaultError) as caught:
         trial(c, session.simulation.log, settings=few)

@@ -36,7 +36,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.transfer import checks as evidence
+from foucault.diagnose.transfer import checks as judge
 from foucault.diagnose.transfer import findings, report
 from foucault.diagnose.transfer.checks import Evidence
 from foucault.errors import error
@@ -177,7 +177,7 @@ def _calibrate(
         p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
         p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, ASIDE,
     )  # fmt: skip
-    checks = evidence.checks(e)
+    checks = judge.checks(e)
     told = findings.findings(e, problem.findings, s.findings)
     tables: dict[str, TableData] = {}
     if shown:
@@ -210,6 +210,7 @@ def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
         "gravity": p.site.gravity,
         "matching": settings.matching,
         "filter": _filter(s),
+        "bound": s.bound.tolist(),
         "noise": {"accel": p.slave.noise.accel.white, "gyro": p.slave.noise.gyro.white},
         "delay": _delay(s),
         "hand_over": {"place": "master" if log.messages.has_place else "site"}
@@ -218,7 +219,7 @@ def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
                    "values": [x.tolist() for x in s.found.passes]},
         "log_likelihood": s.found.run.log_likelihood,
         "messages": {"used": int(s.found.free.used.sum()), "logged": len(p.master)},
-        "innovations": evidence.spread(e),
+        "innovations": judge.spread(e),
         "mounting": report.mounting(settings.mount, s.states),
         "beside": [r for r in s.states.rows() if r["name"] in settings.beside],
         "unseen": report.unseen(settings.mount, misalignments=settings.misalignments),

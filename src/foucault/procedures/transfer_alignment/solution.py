@@ -24,6 +24,7 @@ from foucault.navigate.state import State
 from foucault.procedures.transfer_alignment.input import stamp
 from foucault.procedures.transfer_alignment.problem import TransferProblem, place_of
 from foucault.procedures.transfer_alignment.settings import Settings
+from foucault.tables import FloatArray
 from foucault.units import plain
 
 SETTLED = 0.5
@@ -45,6 +46,9 @@ class Solution:
         The last pass; the filter that was chosen.
     states : CoefficientVector
         Coefficients and what is found besides, at the last message, with covariance [SI].
+    bound : ndarray, shape (n,)
+        Cramer-Rao bound of `states` along this path: the sd of a Kalman filter, which has the
+        posterior bound of a linear system as its covariance [SI].
     handed : HandOver
         The slave as it goes on alone.
     fit : DelayFit or None
@@ -62,6 +66,7 @@ class Solution:
     problem: TransferProblem
     found: Transfer
     states: CoefficientVector
+    bound: FloatArray
     handed: HandOver
     fit: DelayFit | None
     gamma: float
@@ -99,11 +104,11 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
         backward = smoothed(found.free.system, kept)
         found = replace(found, run=replace(kept, before=kept.before[:0]))
     status, told = _settled(p, found)
-    gamma = least = np.inf
+    bound, gamma, least = _states(p, found).sd, np.inf, np.inf
     if settings.filter == "h_infinity":
         found, gamma, least = _bounded(p, found, settings)
     states = _states(p, found)
-    return Solution(p, found, states, _handed(p, found), fit, gamma, least, backward, status,
+    return Solution(p, found, states, bound, _handed(p, found), fit, gamma, least, backward, status,
                     told)  # fmt: skip
 
 
