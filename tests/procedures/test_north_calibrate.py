@@ -10,7 +10,7 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import nees
-from foucault.diagnose.north import calibration_checks as evidence
+from foucault.diagnose.north import calibration_checks as judge
 from foucault.errors import FoucaultError, Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
@@ -260,7 +260,7 @@ def checks_of(status):
     table = estimation.Rig(level()[:, 0], SITE, "one axis", True)
     problem = estimation.build(pairs, table, names_in(Settings(z_coupling="no"), Session()))
     ended = replace(estimation.fit(problem), status=status)
-    some = evidence.checks(pairs, table, problem, ended, "declared")
+    some = judge.checks(pairs, table, problem, ended, "declared")
     return next(c for c in some if c.name == "converged")
 
 

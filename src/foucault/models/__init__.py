@@ -1,0 +1,1 @@
+"""What is true: the Earth, instruments and their errors, rigs, and what each of them would say."""

@@ -1,0 +1,1 @@
+"""Alignment and strapdown navigation: from a log to attitude, velocity and position."""

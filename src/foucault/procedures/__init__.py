@@ -1,8 +1,10 @@
 """Named methods, one file or folder each: a procedure glues the stages and does nothing else.
 
-A procedure module has `Settings` and `Session` (pydantic models of its part of a campaign),
-`calibrate` and `simulate`; one that plans a motion may have `foresee`, which says beforehand what
-the motion will show.
+The methods of campaign files are those in `PROCEDURES`. Each module has `Settings` and `Session`
+(pydantic models of its part of a campaign), `calibrate` and `simulate`; one that plans a motion may
+have `foresee`, which says beforehand what the motion will show. `on_faces` and `on_table` are no
+methods: they hold what the methods on the faces of a cube and on a table share. `alignment`,
+`delay`, `merged`, `navigation` and `temperature` are behind commands of their own.
 """
 
 from __future__ import annotations

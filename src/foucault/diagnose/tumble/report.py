@@ -15,7 +15,7 @@ import numpy.typing as npt
 from foucault.diagnose.north.noise import noise_json
 from foucault.diagnose.observability import Observability
 from foucault.diagnose.tumble import checks as tumble_checks
-from foucault.diagnose.tumble import observability as evidence
+from foucault.diagnose.tumble import observability
 from foucault.diagnose.tumble.checks import Evidence
 from foucault.diagnose.tumble.observability import STATE
 from foucault.estimate.tumble.fit import Tumble, attitudes
@@ -85,7 +85,7 @@ def observability_json(e: Evidence) -> dict[str, Any]:
     e : Evidence
         Log, prior and solution.
     """
-    information = evidence.information_of(e.fit, e.prior)
+    information = observability.information_of(e.fit, e.prior)
     prior_sd = e.prior.sd[: len(STATE)]
     motion, until = piecewise(e)
     whole = information.with_prior(prior_sd)
@@ -126,7 +126,7 @@ def piecewise(e: Evidence) -> tuple[Observability, list[float]]:
     """
     rates, path, times = segments(e)
     reading_sd = float(np.sqrt(e.tumble.accel_variance / e.tumble.block))
-    motion = evidence.piecewise(rates, path, times, e.prior, reading_sd)
+    motion = observability.piecewise(rates, path, times, e.prior, reading_sd)
     return motion, np.cumsum(times).tolist()
 
 
@@ -234,7 +234,7 @@ def _residuals(e: Evidence) -> TableData:
 def _sensitivity(e: Evidence, site: Site) -> TableData:
     """d(reading)/d(coefficient) along the motion, thinned [m/s^2 per SI unit]."""
     factor = normalised(site.gravity)
-    thin = evidence.curves(e.tumble, e.fit.start, site.gravity, factor).thinned(DRAWN)
+    thin = observability.curves(e.tumble, e.fit.start, site.gravity, factor).thinned(DRAWN)
     out: dict[str, npt.NDArray[Any]] = {"time": thin.time}
     for i, axis in enumerate(AXES):
         for k, name in enumerate(thin.layout.names):

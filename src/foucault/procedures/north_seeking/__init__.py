@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose.foresight import Foresight
-from foucault.diagnose.north import calibration_checks as evidence
+from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north import calibration_report as shown
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, stops, units_first
@@ -166,7 +166,7 @@ def _require_readings(log: IndexedLog, dwells: Dwells) -> None:
 
 
 def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Result:
-    checks = evidence.checks(s.pairs, s.rig, s.problem, s.estimate, s.source)
+    checks = judge.checks(s.pairs, s.rig, s.problem, s.estimate, s.source)
     headings = shown.heading_table(s.estimate, s.pairs, s.rig, dwells)
     return Result(
         procedure="north_seeking",
@@ -179,15 +179,15 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
         findings=(
             *dwells.findings,
             *s.findings,
-            *evidence.suspicious(s.estimate, site.latitude or 0.0),
-            *evidence.findings(s.problem, s.estimate, dwells, s.source),
+            *judge.suspicious(s.estimate, site.latitude or 0.0),
+            *judge.findings(s.problem, s.estimate, dwells, s.source),
         ),
         status=s.estimate.status,
         site=site.as_dict(),
         diagnostics={
             "iterations": s.estimate.iterations,
             "noise": {"source": s.source} | noise_json(s.noise),
-            "chi_square": evidence.chi_square(s.estimate, s.pairs),
+            "chi_square": judge.chi_square(s.estimate, s.pairs),
             "budget": shown.budget(s.problem, s.estimate, s.pairs, s.rig),
             "unseen": shown.unseen(s.rig, s.estimate.coefficients.names),
             "table": shown.table_json(s.estimate, s.rig),

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north import fix_checks as evidence
+from foucault.diagnose.north import fix_checks as judge
 from foucault.diagnose.north.causes import causes
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, require_plausible, stops, units_first
@@ -180,18 +180,18 @@ def find_north(
     level = None
     if known.level_sd is not None and dwells.accel is not None:
         level = level_square(pairs, known, compensation)
-    judged = evidence.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy, level)
-    checks = evidence.checks(judged, _level(calibration))
+    judged = judge.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy, level)
+    checks = judge.checks(judged, _level(calibration))
     sd = float(np.hypot(settings.heading_sd, settings.heading_offset_sd))
     against = contradicted(dwells, fixes, sd)
-    noticed = tuple(a + b for a, b in zip(evidence.findings(judged), against, strict=True))
+    noticed = tuple(a + b for a, b in zip(judge.findings(judged), against, strict=True))
     if calibration is not None:
         told += other_conditions(dwells, log.temperature, calibration.validity)
     progress(1.0, "done")
     return Survey(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
         checks, tuple(Verdict.of(c) for c in checks), noticed, told, alone.sd,
-        evidence.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
+        judge.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
         provenance(log.source, clock.monotonic() - started),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north import calibration_checks as evidence
+from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import spent, stop_offsets, without, words
 from foucault.errors import Finding, error
@@ -119,15 +119,15 @@ def solved(
         pairs = reduce(dwells, noise, nuisance)
         pairs = spent(pairs) if offsets else pairs
     problem, estimate = _fit(pairs, rig, settings.z_coupling != "no", known, given)
-    evidence.require_sound(estimate)
+    judge.require_sound(estimate)
     z_test: tuple[float, float] | None = None
     if rig.tilt == "each":
         free = estimate
         if settings.z_coupling != "free":
             unknown = {k: v for k, v in given.items() if not k.startswith(Z_COUPLING)}
             free = _fit(pairs, rig, True, known, unknown)[1]
-        z_test = evidence.z_significance(free)
-        told += tuple(evidence.z_findings(z_test, settings.z_coupling))
+        z_test = judge.z_significance(free)
+        told += tuple(judge.z_findings(z_test, settings.z_coupling))
     return Solution(pairs, rig, noise, source, nuisance, problem, estimate, z_test, told, offsets)
 
 
@@ -145,7 +145,7 @@ def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
         dwells.heading, site, "one axis", accelerometers, settings.heading_sd,
         settings.heading_offset_sd, level, settings.latitude_sd,
     )  # fmt: skip
-    tilted = settings.tilt == "auto" and accelerometers and evidence.leans(pairs, rig)
+    tilted = settings.tilt == "auto" and accelerometers and judge.leans(pairs, rig)
     if settings.tilt == "each" or tilted:
         return replace(rig, tilt="each", level_sd=settings.level_sd or 0.0)
     return rig
@@ -171,7 +171,7 @@ def _noise(
 ) -> ImuNoise:  # fmt: skip
     """Measure the noise by what the calibration leaves."""
     _, estimate = _fit(pairs, rig, rig.tilt == "each", known, given)
-    found = from_residuals(pairs, dwells.accel is not None, evidence.squares(estimate, pairs))
+    found = from_residuals(pairs, dwells.accel is not None, judge.squares(estimate, pairs))
     if found is None:
         raise error("north.noise_unknown", what="[noise] in the campaign file")
     return found

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.faces import checks as face_checks
-from foucault.diagnose.faces import report as face_tables
+from foucault.diagnose.faces import report as face_report
 from foucault.diagnose.faces.checks import FaceEvidence
 from foucault.diagnose.faces.rests import Faces, find_faces
 from foucault.diagnose.first_rest import first_rest_orientation
@@ -195,7 +195,7 @@ def result_of(
     e = solution.evidence
     estimate, site, faces = e.estimate, e.scene.site, e.faces
     checks = face_checks.checks(e)
-    tables: dict[str, Any] = {"readings": face_tables.readings_table(e)}
+    tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
     if faces.rests is not None:
         tables["detection"] = detection_table(log, faces.rests)
     return Result(

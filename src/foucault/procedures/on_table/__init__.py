@@ -25,7 +25,7 @@ from foucault.diagnose.table.checks import TableEvidence
 from foucault.diagnose.table.gyro_axes import check_gyro_axes
 from foucault.diagnose.table.input import check_readings, enough_readings
 from foucault.errors import Finding, error, finding
-from foucault.estimate.table import likelihood as turntable_likelihood
+from foucault.estimate.table import likelihood as table_likelihood
 from foucault.estimate.table.fit import Options, TableFit, fit
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
@@ -287,9 +287,9 @@ def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[
 
 def _start(readings: Readings, task: Task, site: Site, options: Options) -> State:
     if task.trust is None:
-        start = turntable_likelihood.free_start(readings, site, options.lever_arm)
+        start = table_likelihood.free_start(readings, site, options.lever_arm)
     else:
-        start = turntable_likelihood.angle_start(readings, site, task.trust)
+        start = table_likelihood.angle_start(readings, site, task.trust)
     if start is None:
         up = _rough_up(readings)
         model = "accel table" if task.trust is not None else "accel"

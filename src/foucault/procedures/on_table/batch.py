@@ -18,8 +18,7 @@ import numpy.typing as npt
 from foucault.diagnose.checks import plausible_scales, status_check
 from foucault.diagnose.coverage import coverage, coverage_json
 from foucault.diagnose.positions import match as position_match
-from foucault.diagnose.table import batch_checks
-from foucault.diagnose.table import batch_report as batch_tables
+from foucault.diagnose.table import batch_checks, batch_report
 from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.checks import UNKNOWN_NOISE
 from foucault.errors import FoucaultError, Status, error
@@ -206,10 +205,10 @@ class Batch:
             site=site.as_dict(),
             diagnostics=self._diagnostics(i),
             tables={
-                "readings": batch_tables.readings_table(
+                "readings": batch_report.readings_table(
                     readings, coefficients, self.estimate.lever_arm[i], site
                 ),
-                "rig": batch_tables.rig_table(*self._arm(i)),
+                "rig": batch_report.rig_table(*self._arm(i)),
             },
         )
 

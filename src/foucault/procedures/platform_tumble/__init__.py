@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose.foresight import Foresight
-from foucault.diagnose.tumble import checks as evidence
+from foucault.diagnose.tumble import checks as judge
 from foucault.diagnose.tumble import input as tumble_input
 from foucault.diagnose.tumble import report as tumble_report
 from foucault.diagnose.tumble.checks import Evidence
@@ -210,7 +210,7 @@ def _look(log: Log, site: Site, settings: Settings) -> list[Finding]:
 def _result(s: Solution, shown: bool) -> Result:
     found = coefficients(s)
     e = Evidence(s.tumble, s.prior, s.fit, found, s.settings.angles, s.slow, s.advice)
-    checks = evidence.checks(e)
+    checks = judge.checks(e)
     bound = np.sqrt(np.diag(public(s, s.least)))
     budget = {k: np.diag(v).tolist() for k, v in parts(s).items()}
     more: dict[str, Any] = {"bound": bound.tolist(), "budget": budget, "filter": s.settings.filter}
@@ -224,7 +224,7 @@ def _result(s: Solution, shown: bool) -> Result:
         gauge=GAUGE,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*s.findings, *evidence.findings(e)),
+        findings=(*s.findings, *judge.findings(e)),
         status=s.fit.status,
         site=s.site.as_dict(),
         diagnostics=tumble_report.diagnostics(e, s.site, s.noise) | more,

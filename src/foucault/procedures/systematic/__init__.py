@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.systematic import checks as evidence
+from foucault.diagnose.systematic import checks as judge
 from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
@@ -169,14 +169,14 @@ def _calibrate(
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
     legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
-    e = evidence.Evidence(p.increments, p.rests, run, solution.states, p.prior.values,
+    e = judge.Evidence(p.increments, p.rests, run, solution.states, p.prior.values,
                           prior_of(p.sensors, {}).prior_sd, legs, solution.status)  # fmt: skip
-    checks = evidence.checks(e)
+    checks = judge.checks(e)
     if choice is not None:
         checks = (*checks, deflection_verdict.check(choice))
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
-    findings = [*log.findings, *problem.findings, *decision.findings, *evidence.findings(e)]
+    findings = [*log.findings, *problem.findings, *decision.findings, *judge.findings(e)]
     diagnostics = _diagnostics(problem, solution, settings)
     if choice is not None:
         diagnostics["choice"] = deflection_verdict.summary(choice)

@@ -9,7 +9,7 @@ import numpy as np
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.information import largest_shares, terms
-from foucault.diagnose.systematic import checks as evidence
+from foucault.diagnose.systematic import checks as judge
 from foucault.errors import Finding, finding
 from foucault.estimate.ins_filter import start_cov
 from foucault.estimate.systematic.fit import AtRest
@@ -77,7 +77,7 @@ def foresee(
         rank=len(states) - len(blind),
         fastest=max((a.rate for a in sequence.actions if isinstance(a, Rotate)), default=0.0),
         rate_limit=settings.rate_limit,
-        hardly=tuple(evidence.hardly(states)),
+        hardly=tuple(judge.hardly(states)),
         unseen=tuple(blind),
         remaining=tuple(r.words for r in alone.remaining(states.prior_sd)),
         correlated=alone.with_prior(states.prior_sd).correlated(),
@@ -95,24 +95,24 @@ def _blind(states: CoefficientVector) -> list[str]:
     assert states.cov is not None
     unit = states.prior_sd
     values, vectors = np.linalg.eigh(states.cov / np.outer(unit, unit))
-    hardly = vectors[:, values > evidence.HARDLY**2].T
+    hardly = vectors[:, values > judge.HARDLY**2].T
     return [terms(largest_shares(states.layout, v), dots=True) for v in hardly]
 
 
 def _told(found: Foreseen, settings: Settings, prior: Prior) -> list[Finding]:
     """Say what will not be seen, and whether a calibration will refuse that."""
     states = found.states
-    out = evidence.unseen_of(states, prior_of(settings.sensors, {}).prior_sd)
+    out = judge.unseen_of(states, prior_of(settings.sensors, {}).prior_sd)
     out += foreseen_of(found.problem, settings, found.solution, prior)
     if settings.model is None:
         return out
-    rank, blind = evidence.told_of(states, settings.model.layout.names)
+    rank, blind = judge.told_of(states, settings.model.layout.names)
     if blind:
         known = any(name.partition(".")[0] == "deflection" for name in prior)
         out.append(finding(
             "systematic.deflection_planned", model=settings.model.name, rank=rank,
             count=len(settings.model), blind="; ".join(blind[:6]) + "; ..." * (len(blind) > 6),
-            then="take from [prior]" if known else "refuse", wanted=evidence.WANTED["deflection"],
+            then="take from [prior]" if known else "refuse", wanted=judge.WANTED["deflection"],
         ))  # fmt: skip
     return out
 
@@ -185,13 +185,13 @@ def shown(
     """
     kept = {} if kept is None else kept
     plain = _quick_states(sequence, Settings(), site, noise, kept)
-    seen = int(np.count_nonzero(plain.sd <= evidence.HARDLY * plain.prior_sd))
+    seen = int(np.count_nonzero(plain.sd <= judge.HARDLY * plain.prior_sd))
     models = {}
     for name in MODELS:
         given = Settings.model_validate({"deflection": name})
         states = _quick_states(sequence, given, site, noise, kept)
         part = [n for n in states.names if n.startswith("deflection.")]
-        models[name] = (evidence.told_of(states, part)[0], len(part))
+        models[name] = (judge.told_of(states, part)[0], len(part))
     return (seen, len(plain)), models
 
 
