@@ -238,8 +238,8 @@ def _turns(
     assert w_b is not None
     C_se, bias, scale, force, noise, path = integrate_turns(
         log_.time,
-        w_b,
-        f_b,
+        np.ascontiguousarray(w_b),  # one layout, one compilation
+        np.ascontiguousarray(f_b),
         inverse @ np.diag(gyro_psd) @ inverse.T,
         first,
         last,

@@ -127,6 +127,7 @@ def fit_directions(
     def linearise(model: ImuModel, weights: FloatArray) -> Linearised:
         _, w_b = model.compensate(None, gyro)
         assert w_b is not None
+        w_b = np.ascontiguousarray(w_b)  # one layout, one compilation
         C_se, _, scale, _, _, _ = integrate_turns(
             log.time, w_b, w_b, no_noise, first, last, log.sampled == "increment"
         )

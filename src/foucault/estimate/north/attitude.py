@@ -153,6 +153,7 @@ def closed_form(
     place = np.nan if latitude is None else latitude
     sign = 1.0 if hemisphere == "north" else -1.0
     n = len(rate)
+    rate, up = np.ascontiguousarray(rate), np.ascontiguousarray(up)  # one layout, one compilation
     angles, sd, status = np.empty((n, 4)), np.empty((n, 4)), np.empty(n, np.int8)
 
     def part(rows: slice) -> None:

@@ -95,7 +95,8 @@ def run(
     """
     store = np.zeros((len(t.dt) // t.block + 1 if rows else 0, 3, COLUMNS))
     out = information_pass(
-        t.dt, t.command, t.reading, t.used, at.constants, scale, at.C_np,
+        t.dt, t.command, t.reading, t.used, at.constants, scale,
+        np.ascontiguousarray(at.C_np),  # one layout, one compilation
         t.w_ie_n, t.gyro_psd, t.accel_variance, t.arms, t.gravity, t.mean, t.block, store,
         checkpoints, at.delay + t.late,
     )  # fmt: skip

@@ -151,7 +151,8 @@ class TorquingSpace:
         command = commanded(a.turns[turns[:, 0]], turns[:, 1], a.slot, self._start, c.w_ie_n)
         dt, reading, used = self._readings
         gram = information_pass(
-            dt, command, reading, used, c.constants, c.prior_sd, c.C_np, c.w_ie_n, c.gyro_psd,
+            dt, command, reading, used, c.constants, c.prior_sd,
+            np.ascontiguousarray(c.C_np), c.w_ie_n, c.gyro_psd,
             c.accel_psd / a.slot, c.arms, c.gravity, True, 1, NO_ROWS, NO_MOMENTS, 0.0,
         )[0][0]  # fmt: skip
         return np.ascontiguousarray(gram[:KNOWN, :KNOWN].T)
