@@ -95,7 +95,7 @@ def with_sources(known: Known, shared: Mapping[Hashable, FloatArray]) -> Known:
         return known
     assert vector.cov is not None
     names = {source: f"shared {source}" for source in shared}
-    L = _at_most(vector, np.stack(list(shared.values()), axis=1))
+    L = at_most(vector, np.stack(list(shared.values()), axis=1))
     k = L.shape[1]
     more = tuple(Coefficient(name, "g", "scale factor error", "shared") for name in names.values())
     return replace(known, sources=names, vector=CoefficientVector(
@@ -107,10 +107,17 @@ def with_sources(known: Known, shared: Mapping[Hashable, FloatArray]) -> Known:
     ))  # fmt: skip
 
 
-def _at_most(vector: CoefficientVector, L: FloatArray) -> FloatArray:
+def at_most(vector: CoefficientVector, L: FloatArray) -> FloatArray:
     """Return shared errors no larger than the covariance allows: a prior may have made them less.
 
     ``P - L L'`` is positive where no eigenvalue of ``L' P^-1 L`` is above one.
+
+    Parameters
+    ----------
+    vector : CoefficientVector
+        The coefficients, each with a standard deviation, and their covariance P [SI].
+    L : ndarray, shape (n, k)
+        Errors per standard deviation of their k sources [SI].
     """
     assert vector.cov is not None
     sd = vector.sd

@@ -253,8 +253,10 @@ def _given(known: Known) -> dict[str, list[float]]:
 def _owed(known: Known) -> dict[str, Any]:
     """Return the diagnostics that say what coefficients owe to which gravity."""
     names = known.own.names
-    errors: dict[Any, FloatArray] = known.shared(names)
-    return {gravity.KEY: gravity.as_kept(errors, names)}
+    errors: Iterable[tuple[Any, FloatArray]] = known.shared(names).items()
+    return {gravity.KEY: gravity.as_kept({
+        site: dict(zip(names, error.tolist(), strict=True)) for site, error in errors
+    })}  # fmt: skip
 
 
 # -- what comes out ----------------------------------------------------------------------------

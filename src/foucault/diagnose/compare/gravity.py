@@ -55,17 +55,12 @@ def gravity_errors(result: Result, vector: CoefficientVector) -> dict[Site, Floa
     return {site: gravity_slope(vector) * sd / gravity}
 
 
-def as_kept(errors: Mapping[Site, FloatArray], names: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Return errors of coefficients `names`, shape (n,), as the diagnostics of a result keep them.
+def as_kept(errors: Mapping[Site, Mapping[str, float]]) -> list[dict[str, Any]]:
+    """Return errors as the diagnostics of a result keep them.
 
     Parameters
     ----------
-    errors : mapping of tuple to ndarray, shape (n,)
-        Site -> error of each coefficient per standard deviation of gravity [SI].
-    names : tuple of str, shape (n,)
-        The coefficients.
+    errors : mapping of tuple to mapping of str to float
+        Site -> coefficient -> its error per standard deviation of gravity [SI].
     """
-    return [
-        {"site": list(site), "error": dict(zip(names, error.tolist(), strict=True))}
-        for site, error in errors.items()
-    ]
+    return [{"site": list(site), "error": dict(error)} for site, error in errors.items()]

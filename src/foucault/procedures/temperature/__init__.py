@@ -15,11 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from foucault.diagnose.compare.gravity import KEY, as_kept
 from foucault.diagnose.temperature import checks as diagnose
 from foucault.diagnose.temperature import report as tables
 from foucault.errors import Finding, Status, error, finding
 from foucault.models.imu import INVERSES
 from foucault.models.temperature import TemperatureModel
+from foucault.procedures.temperature import gravity
 from foucault.procedures.temperature.evidence import Ramp, Session
 from foucault.procedures.temperature.task import (
     Settings,
@@ -43,8 +45,8 @@ UNIFORM = 1.0 / 12.0
 """Variance of a temperature that is anywhere in a span, over the square of the span [1]."""
 
 _UNSEEN = (
-    "Errors that all sessions share, such as those of local gravity or of the table: they do not "
-    "average out, and the covariance of the functions does not know them.",
+    "Errors that all sessions share, such as those of the table: they do not average out, and the "
+    "covariance of the functions does not know them. That of a gravity given to all, it does.",
     "How the instrument behaves while its temperature changes quickly: sessions and ramps show it "
     "near equilibrium.",
 )
@@ -80,9 +82,10 @@ def calibrate(
     begun = time.perf_counter()
     settings = settings or Settings()
     _one_instrument(sessions)
-    task = task_of(sessions, settings, ramps)
+    alone, common = gravity.taken_out(sessions)
+    task = task_of(alone, settings, ramps)
     choice = solved(task, settings)
-    model = model_of(task, choice)
+    model = gravity.put_back(model_of(task, choice), common)
     turning = settings.visited or any((r.rising != r.rising[0]).any() for r in ramps)
     seen = diagnose.Seen(
         task.layout, task.families, task.family, task.unit, task.spaces, task.evidence, choice,
@@ -104,7 +107,9 @@ def calibrate(
         instrument=dict(first.instrument),
         site=dict(first.site),
         validity=_validity(sessions, model),
-        diagnostics=_facts(sessions, ramps, settings) | tables.facts(seen, model),
+        diagnostics=_facts(sessions, ramps, settings)
+        | tables.facts(seen, model)
+        | {KEY: as_kept(common)},
         provenance=_provenance(sessions, time.perf_counter() - begun),
         tables=_tables(seen, model, ramps),
         temperature=model,
