@@ -408,6 +408,17 @@ def test_progress_shows_on_a_terminal_after_a_while(monkeypatch: pytest.MonkeyPa
     assert "thinking" not in shown(_Terminal())
 
 
+def test_output_in_an_encoding_that_lacks_its_signs(tmp_path: Path) -> None:
+    """As Windows redirects it: nothing fails, and JSON keeps every sign."""
+    folder = tmp_path / "Müller"
+    env = dict(os.environ) | {"PYTHONIOENCODING": "ascii"}
+    run = [sys.executable, "-m", "foucault", "simulate", "rate_table", "-o", folder]
+    said = subprocess.run(run, capture_output=True, text=True, env=env, check=True).stdout
+    assert "M?ller" in said
+    told = subprocess.run([*run, "--json"], capture_output=True, text=True, env=env, check=True)
+    assert json.loads(told.stdout)["folder"] == str(folder)
+
+
 def test_the_installed_program(tmp_path: Path) -> None:
     program = Path(sys.executable).with_name("foucault")
     done = subprocess.run(

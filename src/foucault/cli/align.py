@@ -29,6 +29,9 @@ def add_to(app: typer.Typer) -> None:
         epilog=words.epilog(
             'foucault align static.csv --latitude "47.3 deg" --gyro-bias-sd "0.01 deg/h"',
             'foucault align campaign.toml --rest "0 s to 300 s" --rest "360 s to 660 s"',
+            notes=words.SITE + " Noise that nobody says is measured in the rest. Without --from, "
+            "--until and --rest the first rest that is found is used; without bias sds those of "
+            "the calibration, or none.",
             exits={0: "north is seen", 3: "something is doubtful"},
         ),
     )(align)
@@ -46,15 +49,17 @@ def align(
     rest: Annotated[
         list[str] | None,
         typer.Option(
+            metavar="<str>",
             help='A rest, such as "0 s to 300 s"; may be repeated: two rests or more at different '
-            "headings take the gyro bias out."
+            "headings take the gyro bias out.",
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
         typer.Option(
+            metavar="<str>",
             help="inertial_frame, kalman, two_vector or two_position; may be repeated. All "
-            "that fit if left out."
+            "that fit if left out.",
         ),
     ] = None,
     gyro_bias_sd: Annotated[

@@ -35,7 +35,10 @@ def allan(
     log: words.LogFile,
     axis: Annotated[
         list[str] | None,
-        typer.Option(help="Axis, such as gyro.x, gyro or x; may be repeated. All if left out."),
+        typer.Option(
+            metavar="<str>",
+            help="Axis, such as gyro.x, gyro or x; may be repeated. All if left out.",
+        ),
     ] = None,
     kind: Annotated[
         str, typer.Option(help="Deviation: overlapping, modified or hadamard.")

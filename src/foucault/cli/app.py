@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import traceback
+from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
@@ -143,5 +144,9 @@ def _on_interrupt(_signal: int, _frame: Any) -> None:
 
 def main() -> None:
     """Run the program."""
+    # A sign that the encoding of a file on Windows lacks becomes a question mark.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
     signal.signal(signal.SIGINT, _on_interrupt)
     app()

@@ -110,7 +110,9 @@ def export(
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     drop: Annotated[
         list[str] | None,
-        typer.Option(help="Leave out a coefficient or a group of them; may be repeated."),
+        typer.Option(
+            metavar="<str>", help="Leave out a coefficient or a group of them; may be repeated."
+        ),
     ] = None,
     axes: Annotated[
         str | None,

@@ -25,7 +25,7 @@ _EPILOG = words.epilog(
     notes="The log begins with a rest. Without --reference a log that rests all along is compared "
     "with the known site. Titles of a reference: time (s), latitude (deg), longitude (deg), "
     "height (m), velocity east (m/s), velocity north (m/s), velocity up (m/s), heading (deg), "
-    "pitch (deg), roll (deg).",
+    "pitch (deg), roll (deg). " + words.SITE,
     exits={
         0: "passed",
         3: "the error is larger than predicted, or could not be judged",

@@ -27,7 +27,7 @@ _EPILOG = words.epilog(
     "foucault north campaign.toml --calibration run -o north",
     "foucault north plan --help",
     notes="Titles of a file given alone: setup, time (s), index (deg), gyro (deg/h), "
-    "specific force (g), dwell (s). `north plan` says how long to measure.",
+    "specific force (g), dwell (s). `north plan` says how long to measure. " + words.SITE,
     exits={0: "all set-ups passed", 3: "some did not", 4: "none is usable"},
 )
 

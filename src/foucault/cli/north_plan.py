@@ -94,7 +94,8 @@ def plan(
     order: Annotated[
         list[str] | None,
         typer.Option(
-            help='Compare only this order, such as palindrome or "8 positions"; may be repeated.'
+            metavar="<str>",
+            help='Compare only this order, such as palindrome or "8 positions"; may be repeated.',
         ),
     ] = None,
     cycles: Annotated[int, typer.Option(help="How often each order of stops is repeated.")] = 1,

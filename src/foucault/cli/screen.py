@@ -60,7 +60,7 @@ class Screen:
     def data(self, value: Any) -> None:
         """Print `value` as JSON, with --json only."""
         if self.json:
-            print(json.dumps(value, indent=1, ensure_ascii=False))
+            print(json.dumps(value, indent=1))  # in ASCII: whoever reads it need know no encoding
 
     def error(self, problem: FoucaultError) -> None:
         """Print what was wrong and what to do; both in JSON too with --json."""

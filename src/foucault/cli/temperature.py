@@ -38,13 +38,17 @@ def temperature(
     output: words.RunFolder,
     at: Annotated[
         list[str] | None,
-        typer.Option(help="RESULT=TEMPERATURE, where its log does not say it; may be repeated."),
+        typer.Option(
+            metavar="<str>",
+            help="RESULT=TEMPERATURE, where its log does not say it; may be repeated.",
+        ),
     ] = None,
     order: Annotated[
         list[str] | None,
         typer.Option(
+            metavar="<str>",
             help="Highest power of temperature: 2, or FAMILY=2; may be repeated. The results "
-            "tell it if left out."
+            "tell it if left out.",
         ),
     ] = None,
     knots: Annotated[
@@ -54,8 +58,9 @@ def temperature(
     scatter: Annotated[
         list[str] | None,
         typer.Option(
+            metavar="<str>",
             help="FAMILY=SD from one switch-on to the next, or none; may be repeated. The "
-            "results tell it if left out."
+            "results tell it if left out.",
         ),
     ] = None,
     ramp: Annotated[

@@ -237,7 +237,7 @@ class JsonLines(Display):
         if seen is not None:
             document |= asdict(seen) | {"complete": seen.complete}
             document["visited"] = [words for words, near in seen.visited if near]
-        print(json.dumps(document, ensure_ascii=False), flush=True)
+        print(json.dumps(document), flush=True)
 
 
 @dataclass

@@ -29,14 +29,22 @@ ResultFile = Annotated[Path, typer.Argument(help="A run folder or its result.jso
 ResultFiles = Annotated[list[Path], typer.Argument(help="Run folders or their result.json.")]
 
 Calibration = Annotated[
-    Path | None, typer.Option(help="Run folder of `foucault calibrate`, or its result.json.")
+    Path | None,
+    typer.Option(help="Run folder of `foucault calibrate`, or its result.json; none if left out."),
 ]
 Tolerance = Annotated[
-    Path | None, typer.Option(help="TOML file with the limits of coefficients.")
-]  # fmt: skip
+    Path | None,
+    typer.Option(help="TOML file with the limits of coefficients; none if left out."),
+]
 Serial = Annotated[
     str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
 ]
+SITE = (
+    "Site and noise that are left out are those of the campaign, where the log is one; otherwise "
+    "the height is 0 m and gravity is normal gravity there."
+)
+"""Note of commands that take a site and noise."""
+
 Gaps = Annotated[
     Literal["stop", "bridge"], typer.Option(help="What to do where samples are missing.")
 ]
