@@ -26,7 +26,15 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
 sys.path.insert(0, str(ROOT / "tests"))
 
+from hand_rotated_logs import XSENS as XSENS_LOG  # noqa: E402
+
 from make_noise import draw  # noqa: E402
+
+XSENS = (
+    XSENS_LOG.replace("{folder}", "{data}/xsens_hand_rotated")
+    .replace("{procedure}", "hand_rotated")
+    .replace("{settings}", "")
+)
 
 FALSE_ALARM = 0.01
 SAMPLES = 32768
@@ -52,29 +60,6 @@ record = {{ type = "float64", columns = 7 }}
 time = {{ column = 0, unit = "s" }}
 gyro = {{ columns = [1, 2, 3], unit = "deg/s" }}
 accel = {{ columns = [4, 5, 6], unit = "m/s^2" }}
-[procedure]
-name = "hand_rotated"
-"""
-
-XSENS = """
-[site]
-gravity = "9.81744 m/s^2"
-[log]
-format = "text"
-header = "none"
-time = {{ column = 0, unit = "s" }}
-[log.accel]
-file = "{data}/xsens_hand_rotated/xsens_acc.mat.gz"
-columns = [1, 2, 3]
-unit = "count"
-scale = "415 count/(m/s^2)"
-zero = 33000
-[log.gyro]
-file = "{data}/xsens_hand_rotated/xsens_gyro.mat.gz"
-columns = [1, 2, 3]
-unit = "count"
-scale = "4778 count/(rad/s)"
-zero = 32500
 [procedure]
 name = "hand_rotated"
 """

@@ -24,7 +24,7 @@ from foucault.procedures import ferraris, six_position
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import READINGS, Log
-from make_faces import MEMS, SITE, TURN, calibrate, moved, short_log
+from make_faces import IMUCAL, MEMS, SITE, TURN, calibrate, moved, short_log
 
 ARCMIN = np.radians(1 / 60)
 REAL = Path(os.environ.get("FOUCAULT_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -32,23 +32,6 @@ SESSION = REAL / "ferraris_session"
 needs_session = pytest.mark.skipif(
     not SESSION.is_dir(), reason=f"real logs are not here: set FOUCAULT_DATA ({SESSION})"
 )
-
-# imucal 2.6.0: sensitivity matrix K R and the rest, in deg/s and m/s^2, g = 9.81, turns -360 deg.
-IMUCAL = {
-    "K_a": [0.9967458650887003, 1.0024376185894108, 1.0233953475452096],
-    "R_a": [[0.9998620291746435, -0.014830571004926794, -0.007481763056406514],
-            [0.008576740442555632, 0.9999615197419686, 0.0018435180263559792],
-            [0.01333118773067902, 0.002003617949970859, 0.9999091283455711]],
-    "b_a": [0.5371174244458201, -0.6162029930860964, 0.3988673423902682],
-    "K_g": [1.0279243264288036, 0.9824277738468916, 0.9983104874451514],
-    "R_g": [[0.999979342528037, -0.00045421361799804057, -0.006411568231274507],
-            [-0.00022220540636464124, 0.9999961009525417, -0.002783649487862618],
-            [0.009714004498496572, 0.0076410932929403316, 0.9999236229882218]],
-    "b_g": [-0.5996686296674446, -0.36984313466306884, 0.0587739354671091],
-    "K_ga": [[0.00038961109153281214, -0.00045815544407725904, -2.9844819440802578e-05],
-             [0.0004320123104123373, 0.0004871099695542217, 0.0006178601683550832],
-             [9.966554956457076e-05, -9.110691206112818e-05, 0.0002356473632041452]],
-}  # fmt: skip
 
 
 @cache

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from foucault.campaign.navigation import Said, calibration_of, noise_of, read, site_of
+from foucault.campaign.navigation import Said
+from foucault.campaign.source import calibration_of, noise_of, read, site_of
 from foucault.errors import error
 from foucault.navigate.align import Method
+from foucault.procedures import Progress, silent
 from foucault.procedures.alignment import Comparison, align_log
-from foucault.procedures.hand_rotated import Progress, silent
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from foucault import logs
 from foucault.campaign.mistakes import validate
-from foucault.campaign.navigation import read
+from foucault.campaign.source import read
 from foucault.errors import error
 from foucault.estimate.delay.fit import BRACKET
 from foucault.files import read_text
@@ -21,8 +21,8 @@ from foucault.logs.raw import open_raw
 from foucault.logs.titles import description_of
 from foucault.models.attitude import matrix_of
 from foucault.models.master import MasterTable
+from foucault.procedures import Progress, silent
 from foucault.procedures.delay import FoundDelay, find_delay
-from foucault.procedures.hand_rotated import Progress, silent
 from foucault.tables import Log
 
 _HEADINGS = ("heading", "yaw", "trueheading", "true heading")

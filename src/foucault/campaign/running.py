@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -25,11 +24,10 @@ from foucault.models.cluster import ClusterModel
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import model_of
 from foucault.models.size_effect import SizeEffect
+from foucault.procedures import Progress, silent
 from foucault.result import Result
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import IndexedLog, Log
-
-Progress = Callable[[float, str], None]
 
 STREAMED = 1 << 28
 """A larger log stays on disk, where its procedure needs no more than blocks of it [1]."""
@@ -39,11 +37,7 @@ SESSION_LOG = "log.csv"
 SESSION_CAMPAIGN = "campaign.toml"
 
 
-def _silent(_fraction: float, _words: str) -> None:
-    """Tell nobody."""
-
-
-def read_log(campaign: Campaign, progress: Progress = _silent) -> Any:
+def read_log(campaign: Campaign, progress: Progress = silent) -> Any:
     """Read the log of a campaign; its findings follow those of the campaign file."""
     read = getattr(procedures.load(campaign.procedure), "read_log", logs.read)
     log = read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
@@ -68,7 +62,7 @@ def _unedited(campaign: Campaign) -> str:
     return " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
 
 
-def calibrate(campaign: Campaign | str | Path, progress: Progress = _silent) -> Result:
+def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> Result:
     """Read the log of a campaign and calibrate it.
 
     Parameters

@@ -10,9 +10,13 @@ methods: they hold what the methods on the faces of a cube and on a table share.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import Any
 
 from foucault.errors import error, suggestion
+
+Progress = Callable[[float, str], None]
+"""Called with the fraction done and what is being done."""
 
 PROCEDURES = {
     "hand_rotated": "foucault.procedures.hand_rotated",
@@ -29,6 +33,18 @@ PROCEDURES = {
     "transfer_alignment": "foucault.procedures.transfer_alignment",
 }
 """Name in a campaign file -> module."""
+
+
+def silent(fraction: float, words: str) -> None:
+    """Tell nobody.
+
+    Parameters
+    ----------
+    fraction : float
+        How much is done [1].
+    words : str
+        What is being done.
+    """
 
 
 def load(name: str) -> Any:

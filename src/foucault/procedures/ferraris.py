@@ -31,8 +31,7 @@ from foucault.estimate.faces.likelihood import Scene, State
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.procedures import on_faces
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, on_faces, silent
 from foucault.procedures.on_faces import Solution
 from foucault.procedures.on_faces import settings as face_settings
 from foucault.procedures.on_faces.settings import Angle, FaceSession, FaceSettings, Seconds

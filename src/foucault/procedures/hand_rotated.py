@@ -19,7 +19,7 @@ References
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -56,6 +56,7 @@ from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.rests_and_turns import predict
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
+from foucault.procedures import Progress, silent
 from foucault.result import Estimate, Result, Verdict, provenance
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
@@ -63,7 +64,6 @@ from foucault.tables import AXES, Log
 from foucault.units import Quantity
 
 FloatArray = npt.NDArray[np.float64]
-Progress = Callable[[float, str], None]
 Seconds = Annotated[float, Quantity("time")]
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
@@ -157,10 +157,6 @@ def simulate(
         plan, model=model, noise=noise, site=site, rate=session.rate, sampled=session.kind,
         seed=int(noise_seed),
     )  # fmt: skip
-
-
-def silent(fraction: float, words: str) -> None:
-    """Tell nobody of `fraction` [1] and `words`."""
 
 
 def calibrate(

@@ -34,15 +34,8 @@ from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.procedures.hand_rotated import (
-    FRAME,
-    NEEDED,
-    Progress,
-    Seconds,
-    complete,
-    silent,
-    simulate,
-)
+from foucault.procedures import Progress, silent
+from foucault.procedures.hand_rotated import FRAME, NEEDED, Seconds, complete, simulate
 from foucault.procedures.hand_rotated import Session as HandRotatedSession
 from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log

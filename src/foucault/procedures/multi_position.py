@@ -21,9 +21,9 @@ from foucault.models.noise import ImuNoise
 from foucault.models.table_geometry import Trust
 from foucault.plans.table.search import PositionSpace
 from foucault.plans.table.search import Wanted as Wanted
-from foucault.procedures import on_table
+from foucault.procedures import Progress, on_table, silent
 from foucault.procedures.on_table import STREAMS as STREAMS
-from foucault.procedures.on_table import Progress, Task, silent
+from foucault.procedures.on_table import Task
 from foucault.procedures.on_table import plan as table_plan
 from foucault.procedures.on_table.plan import UNDECLARED as UNDECLARED
 from foucault.procedures.on_table.session import LOG_LINES as LOG_LINES

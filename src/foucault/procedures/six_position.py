@@ -24,8 +24,7 @@ from foucault.diagnose.faces.moves import check_moves
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.procedures import on_faces
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, on_faces, silent
 from foucault.procedures.on_faces import settings as face_settings
 from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
 from foucault.result import Result

@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -17,14 +16,15 @@ from typing import Any
 
 from foucault.campaign.comparison import Comparison
 from foucault.campaign.comparison.verdict import Judged
+from foucault.campaign.folder import write
 from foucault.campaign.tolerance import Tolerance
 from foucault.diagnose.compare.changes import History
 from foucault.diagnose.compare.comparable import Comparable, Entry
 from foucault.diagnose.compare.instruments import Between
 from foucault.errors import error
-from foucault.files import atomic, plain_json, read_document, unwritable
+from foucault.files import plain_json, read_document
 from foucault.result import provenance
-from foucault.run_folder import REPORT_FILE, RESULT_FILE
+from foucault.run_folder import RESULT_FILE
 
 SCHEMA = "foucault.compare/1"
 COMPARE_FILE = "compare.json"
@@ -162,14 +162,7 @@ def save(about: Mapping[str, Any], folder: str | Path) -> Path:
     """
     folder = Path(folder)
     _refuse_foreign(folder, FOREIGN)
-    text = json.dumps(about, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with atomic(folder / COMPARE_FILE) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-        (folder / REPORT_FILE).unlink(missing_ok=True)  # it belongs to an earlier comparison
-    except OSError as problem:
-        raise unwritable(folder, problem) from problem
+    write(folder, COMPARE_FILE, about)
     return folder / COMPARE_FILE
 
 

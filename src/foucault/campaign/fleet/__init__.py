@@ -40,13 +40,12 @@ from foucault.errors import Finding, FoucaultError, error
 from foucault.files import atomic, unwritable
 from foucault.logs.serials import by_serial
 from foucault.models.readings import Readings
-from foucault.procedures import on_table
+from foucault.procedures import Progress, on_table, silent
 from foucault.procedures.norm_observation import task_of
 from foucault.procedures.on_table import batch as on_table_batch
 from foucault.result import Result, provenance
 from foucault.tables import Log
 
-Progress = Callable[[float, str], None]
 Report = Callable[[Path], Path]
 Entry = tuple[str, "Log | FoucaultError"]
 
@@ -57,10 +56,6 @@ FLEET_FILE, TABLE_FILE, PAGE_FILE, INSTRUMENTS = (
 
 LONGEST = 80
 """Longest name of a folder that is made of a serial number [1]."""
-
-
-def _silent(_fraction: float, _words: str) -> None:
-    """Tell nobody."""
 
 
 @dataclass
@@ -121,7 +116,7 @@ def run(
     tolerance: Tolerance | None = None,
     report: Report | None = None,
     workers: int = 2,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> FleetTable:
     """Calibrate all instruments of a campaign and write one folder.
 

@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from foucault import run_folder
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.running import read_log
+from foucault.campaign.source import calibration_of, noise_of
 from foucault.campaign.tables import SiteTable
 from foucault.errors import error, finding
-from foucault.files import sha256
 from foucault.logs import indexed
 from foucault.logs.indexed_own import description_of
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.noise import ImuNoise
+from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking.fix import Survey, find_north
 from foucault.procedures.north_seeking.settings import Settings
 from foucault.result import Result
 from foucault.tables import IndexedLog
 
-Progress = Callable[[float, str], None]
-
 PROCEDURE = "north_seeking"
-
-
-def _silent(_fraction: float, _words: str) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +68,7 @@ def run(
     said: Said | None = None,
     *,
     calibration: str | Path | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Survey:
     """Find the heading of every set-up of a file.
 
@@ -99,7 +93,7 @@ def run(
     known: dict[str, str] = {}
     result: Result | None = None
     if calibration is not None:
-        result, known = _calibration(Path(calibration))
+        result, known = calibration_of(Path(calibration))
     read = _campaign(path, said, progress) if path.suffix == ".toml" else _bare(path, said)
     settings = Settings.model_validate(read.settings.model_dump() | dict(said.settings))
     instrument = read.instrument | ({"serial": said.serial} if said.serial else {})
@@ -113,13 +107,6 @@ def run(
         findings += (finding("north.whose", serial=survey.compensation.serial),)
     made = survey.provenance | {"settings": settings.model_dump(), "calibration": known}
     return replace(survey, findings=findings, provenance=made)
-
-
-def _calibration(path: Path) -> tuple[Result, dict[str, str]]:
-    result = run_folder.load_result(path, with_tables=False)
-    file = path / run_folder.RESULT_FILE if path.is_dir() else path
-    made = result.provenance | {"file": str(file)}
-    return replace(result, provenance=made), {"file": str(file), "sha256": sha256(file)}
 
 
 def _campaign(path: Path, said: Said, progress: Progress) -> _Read:
@@ -151,8 +138,6 @@ def _site(given: Mapping[str, Any], said: Said, settings: Settings) -> Site:
 
 
 def _noise(read: _Read, said: Said) -> ImuNoise | None:
-    if said.gyro_white is None and said.accel_white is None:
-        return read.noise
     if read.noise is None:
         for given, mine, missing, other in (
             ("gyro", said.gyro_white, "accelerometers", said.accel_white),
@@ -161,10 +146,4 @@ def _noise(read: _Read, said: Said) -> ImuNoise | None:
             needed = missing == "gyro" or read.log.accel is not None
             if mine is not None and other is None and needed:
                 raise error("north.noise_half", given=given, missing=missing)
-    start = read.noise or ImuNoise(TriadNoise(), TriadNoise())
-    accel, gyro = start.accel, start.gyro
-    if said.accel_white is not None:
-        accel = replace(accel, white=said.accel_white)
-    if said.gyro_white is not None:
-        gyro = replace(gyro, white=said.gyro_white)
-    return ImuNoise(accel, gyro)
+    return noise_of(said, read.noise)

@@ -14,11 +14,8 @@ north.json is replaced last and knows the hashes of the tables.
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
-import json
 from collections.abc import Mapping
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,10 +23,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.campaign.folder import as_arrays, parquet, read_table, write
 from foucault.errors import error
-from foucault.files import atomic, plain_json, read_document, unwritable
+from foucault.files import plain_json, read_document
 from foucault.models.readings import mean_variance
-from foucault.run_folder import REPORT_FILE, RESULT_FILE
+from foucault.run_folder import RESULT_FILE
 
 if TYPE_CHECKING:
     from foucault.procedures.north_seeking.fix import Survey
@@ -78,8 +76,7 @@ def record(survey: Survey) -> NorthRecord:
     survey : Survey
         The solution of all set-ups [SI].
     """
-    columns = _dwells(survey)
-    return NorthRecord(_document(survey), {k: np.asarray(v) for k, (v, _) in columns.items()})
+    return NorthRecord(_document(survey), as_arrays(_dwells(survey)))
 
 
 def save(survey: Survey, folder: str | Path) -> NorthRecord:
@@ -102,22 +99,11 @@ def save(survey: Survey, folder: str | Path) -> NorthRecord:
         raise error("north.folder", folder=folder)
     columns, about = _dwells(survey), _document(survey)
     files = {
-        DWELLS_FILE: _parquet(columns),
-        FIXES_FILE: _parquet(_fixes(about)),
+        DWELLS_FILE: parquet(columns),
+        FIXES_FILE: parquet(_fixes(about)),
         CSV_FILE: _csv(about).encode("utf-8"),
     }
-    about["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    text = json.dumps(about, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as stack:  # closed in reverse order, once everything is on the disk
-            stack.enter_context(atomic(folder / NORTH_FILE)).write_text(text, encoding="utf-8")
-            for name, data in files.items():
-                stack.enter_context(atomic(folder / name)).write_bytes(data)
-        (folder / REPORT_FILE).unlink(missing_ok=True)  # it belongs to an earlier survey
-    except OSError as problem:
-        raise unwritable(folder, problem) from problem
-    return NorthRecord(about, {k: np.asarray(v) for k, (v, _) in columns.items()})
+    return NorthRecord(write(folder, NORTH_FILE, about, files), as_arrays(columns))
 
 
 def load(folder: str | Path) -> NorthRecord:
@@ -128,19 +114,9 @@ def load(folder: str | Path) -> NorthRecord:
     folder : str or Path
         The folder.
     """
-    import pyarrow.parquet as pq
-
     file = Path(folder) / NORTH_FILE
     about = read_document(file, SCHEMA)
-    where = {"file": file, "table": "dwells", "path": DWELLS_FILE}
-    try:
-        data = (file.parent / DWELLS_FILE).read_bytes()
-    except FileNotFoundError:
-        raise error("result.table_missing", **where) from None
-    if hashlib.sha256(data).hexdigest() != about["files"][DWELLS_FILE]:
-        raise error("result.table_changed", **where)
-    table = pq.read_table(io.BytesIO(data))
-    return NorthRecord(about, {c: table.column(c).to_numpy() for c in table.column_names})
+    return NorthRecord(about, read_table(file, DWELLS_FILE, about["files"][DWELLS_FILE]))
 
 
 # -- north.json ----------------------------------------------------------------------------
@@ -328,17 +304,3 @@ def _csv(about: Mapping[str, Any]) -> str:
 
 def _degrees(value: float | None) -> str:
     return "" if value is None else f"{np.degrees(value):.6f}"
-
-
-def _parquet(columns: Columns) -> bytes:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    arrays = [pa.array(v) for v, _ in columns.values()]
-    schema = pa.schema(
-        [pa.field(name, array.type, metadata={"unit": unit})
-         for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]
-    )  # fmt: skip
-    buffer = io.BytesIO()
-    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), buffer)
-    return buffer.getvalue()

@@ -27,7 +27,7 @@ from foucault.models.layouts import is_imu, of_sensors
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import Trajectory
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, silent
 from foucault.procedures.navigation import evidence
 from foucault.procedures.navigation import place as places
 from foucault.procedures.navigation.run import Made, Task, without

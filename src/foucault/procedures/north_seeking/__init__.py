@@ -35,7 +35,7 @@ from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import EQUATION, Compensation
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking import foresight as north_foresight
 from foucault.procedures.north_seeking.settings import Session as Session
 from foucault.procedures.north_seeking.settings import Settings as Settings

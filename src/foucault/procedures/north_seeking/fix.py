@@ -30,7 +30,7 @@ from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER, Compensation
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking.settings import Settings
 from foucault.procedures.north_seeking.solution import accelerometers_before, require_latitude
 from foucault.result import Check, Level, Result, Verdict, provenance

@@ -38,12 +38,12 @@ from foucault.models.table_state import State
 from foucault.models.turntable import up_k
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
+from foucault.procedures import Progress, silent
 from foucault.procedures.on_table.session import TableSettings
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import AXES, Log
 
 FloatArray = npt.NDArray[np.float64]
-Progress = Callable[[float, str], None]
 Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
@@ -51,10 +51,6 @@ FRAME = "body axes, right-forward-up, as the accelerometers define them (see gau
 
 STREAMS = True
 """The procedures on a table take a log on disk too."""
-
-
-def silent(fraction: float, words: str) -> None:
-    """Tell nobody of `fraction` [1] and `words`."""
 
 
 @dataclass(frozen=True)

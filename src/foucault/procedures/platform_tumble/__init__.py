@@ -31,7 +31,7 @@ from foucault.models.cluster import EQUATION
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.plans.tumble.torquing import nominal
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, silent
 from foucault.procedures.platform_tumble import foresight as tumble_foresight
 from foucault.procedures.platform_tumble.log import ERRORS_LINE as ERRORS_LINE
 from foucault.procedures.platform_tumble.log import NOISE_LINES as NOISE_LINES

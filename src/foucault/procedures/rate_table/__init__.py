@@ -17,7 +17,7 @@ References
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -38,14 +38,13 @@ from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
 from foucault.models.noise import ImuNoise
 from foucault.models.rate_steps import Steps
 from foucault.models.readings import Readings
+from foucault.procedures import Progress, silent
 from foucault.procedures.rate_table.session import LOG_LINES as LOG_LINES
 from foucault.procedures.rate_table.session import Session as Session
 from foucault.procedures.rate_table.session import Settings, in_si
 from foucault.procedures.rate_table.session import simulate as simulate
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import Log
-
-Progress = Callable[[float, str], None]
 
 FRAME = "axes of the fixture, right-forward-up as it holds the instrument"
 UNKNOWN = "readings.noise_unknown"
@@ -67,10 +66,6 @@ def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
     families += ["gyro.asymmetry"] if settings.asymmetry else []
     families += ["gyro.cubic"] if settings.cubic else []
     return tuple(n for n in LAYOUT.names if n.rpartition(".")[0] in families)
-
-
-def silent(fraction: float, words: str) -> None:
-    """Tell nobody of `fraction` [1] and `words`."""
 
 
 def calibrate(

@@ -32,7 +32,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.references import with_references
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, silent
 from foucault.procedures.systematic.bound import bound
 from foucault.procedures.systematic.choice import decided
 from foucault.procedures.systematic.foresight import foresee as foresee

@@ -44,7 +44,7 @@ from foucault.logs.master_description import MasterDescription
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION
 from foucault.models.noise import ImuNoise
-from foucault.procedures.hand_rotated import Progress, silent
+from foucault.procedures import Progress, silent
 from foucault.procedures.transfer_alignment.foresight import foresee as foresee
 from foucault.procedures.transfer_alignment.input import heard, usable
 from foucault.procedures.transfer_alignment.log import SlaveLog
