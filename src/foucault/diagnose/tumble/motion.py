@@ -30,6 +30,9 @@ STILL = 1e-3
 GRAIN, LATEST = 1.0, 60.0
 """Delays that are looked for beforehand [s]: shorter ones are for the estimate to tell."""
 
+TOGETHER = 100_000
+"""Delays times rows that are tried at once [1]."""
+
 EXPLAINED = 0.9
 """Share of the motion that a right command explains at least [1]."""
 
@@ -120,27 +123,31 @@ def _late(log: Log, from_its_time: bool) -> tuple[float, float] | None:
     if log.sampled == "increment":
         time = time - log.interval / 2  # of the middle of a mean
 
-    def predicted(late: float) -> FloatArray:
-        turned = [np.interp(time - late, log.time, column) for column in angle.T]
-        return np.cross(middle, np.diff(np.column_stack(turned), axis=0))
+    def predicted(late: FloatArray) -> FloatArray:
+        turned = [np.interp(time - late[:, None], log.time, column) for column in angle.T]
+        return np.cross(middle, np.diff(np.stack(turned, axis=-1), axis=1))
 
-    left = np.diff(f[rows], axis=0) - predicted(0.0)
+    now = predicted(np.zeros(1))[0]
+    left = np.diff(f[rows], axis=0) - now
     jump = np.diff(angle[rows], n=2, axis=0)
     if np.linalg.norm(left, axis=1).max() < 0.3 * np.linalg.norm(jump, axis=1).max():
         return None
 
-    def better(late: float) -> float:
-        change = predicted(late) - predicted(0.0)
-        return float(np.sum((2 * left - change) * change))
+    def best(tried: FloatArray) -> float:
+        gain = []
+        for some in np.array_split(tried, 1 + tried.size * len(time) // TOGETHER):
+            change = predicted(some) - now
+            gain.append(np.sum((2 * left - change) * change, axis=(1, 2)))
+        return float(tried[np.argmax(np.concatenate(gain))])
 
-    late = max(np.arange(-latest, latest, GRAIN), key=better)
-    late = max(late + GRAIN * np.linspace(-1, 1, 41), key=better)
-    change = predicted(late) - predicted(0.0)
+    late = best(np.arange(-latest, latest, GRAIN))
+    late = best(late + GRAIN * np.linspace(-1, 1, 41))
+    change = predicted(np.array([late]))[0] - now
     there = np.linalg.norm(change, axis=1) > 0.1 * np.linalg.norm(change, axis=1).max()
     square = float(np.sum((left - change)[there] ** 2))
     if abs(late) < GRAIN or square > (1 - EXPLAINED) * float(np.sum(left[there] ** 2)):
         return None
-    return float(late), abs(float(late)) * float(np.sqrt(square / np.sum(change**2)))
+    return late, abs(late) * float(np.sqrt(square / np.sum(change**2)))
 
 
 def _expected(log: Log) -> float:
