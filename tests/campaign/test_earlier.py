@@ -15,6 +15,7 @@ from foucault.campaign import earlier, preflight
 from foucault.cli import app
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.compare.comparable import comparable
+from foucault.diagnose.compare.gravity import gravity_errors
 from foucault.errors import FoucaultError
 from foucault.models.layouts import BESIDE, EVERY
 from foucault.models.references import gravity_slope
@@ -186,6 +187,22 @@ def test_a_gravity_that_all_were_given_counts_once_however_they_are_merged():
     # Another place has another error.
     two = merged([*some[:2], ("e", "e", session("e", 0.7, 9))]).coefficients
     assert two["accel.scale"].sd[0] == pytest.approx(1e-3 / np.sqrt(2), rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["norm_observation", "ferraris", "platform_tumble", "systematic"])
+def test_what_a_result_owes_to_gravity_is_what_another_gravity_makes(name, tmp_path):
+    """However a procedure uses gravity, its results say by how much each coefficient follows it."""
+    described = campaign.parse(campaign.template(name), f"{name}.toml")
+    one = campaign.load(campaign.save_session(campaign.simulate(described, seed=3), tmp_path))
+    site = replace(one.site, gravity=one.site.gravity + one.site.gravity_sd)
+    result, other = (campaign.calibrate(c) for c in (one, replace(one, site=site)))
+    vector = result.coefficients
+    sure = [i for i, n in enumerate(vector.names) if "quadratic" not in n]
+    step = (other.coefficients.values - vector.values)[sure]
+    (error,) = gravity_errors(result, vector).values()
+    np.testing.assert_allclose(step / vector.sd[sure], error[sure] / vector.sd[sure], atol=0.05)
+    scale = vector.layout.index("accel.scale.x")
+    assert error[scale] == pytest.approx(-one.site.gravity_sd / one.site.gravity, rel=0.05)
 
 
 def test_the_prior_of_a_prior_is_remembered():

@@ -1,8 +1,9 @@
 """The error of local gravity that several results owe to the same number.
 
 Two results that were given gravity of the same place are wrong by it in the same direction: their
-difference does not know it, and more of them do not make it smaller. A result that was made of
-others (merged, or with an earlier one as prior) says itself how much of it is left, site by site.
+difference does not know it, and more of them do not make it smaller. A procedure that uses gravity
+otherwise than for the norm of specific force says itself what its error makes, and so does a result
+that was made of others (merged, or with an earlier one as prior), site by site.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Site = tuple[Any, ...]
 """Gravity, its standard deviation, latitude and height."""
 
 KEY = "gravity_errors"
-"""Where a result that was made of others keeps them, in its diagnostics."""
+"""Where a result that says so itself keeps them, in its diagnostics."""
 
 
 def gravity_errors(result: Result, vector: CoefficientVector) -> dict[Site, FloatArray]:
@@ -51,8 +52,13 @@ def gravity_errors(result: Result, vector: CoefficientVector) -> dict[Site, Floa
     gravity, sd = result.site.get("gravity"), result.site.get("gravity_sd")
     if not (part and gravity and sd) or is_cluster(result.coefficients):
         return {}
-    site = (gravity, sd, result.site.get("latitude"), result.site.get("height"))
-    return {site: gravity_slope(vector) * sd / gravity}
+    return {site_of(result.site): gravity_slope(vector) * sd / gravity}
+
+
+def site_of(said: Mapping[str, Any]) -> Site:
+    """Return which gravity it is that a result was given, from its `site`."""
+    gravity, sd, latitude, height = map(said.get, ("gravity", "gravity_sd", "latitude", "height"))
+    return gravity, sd, latitude, height
 
 
 def as_kept(errors: Mapping[Site, Mapping[str, float]]) -> list[dict[str, Any]]:
@@ -64,3 +70,20 @@ def as_kept(errors: Mapping[Site, Mapping[str, float]]) -> list[dict[str, Any]]:
         Site -> coefficient -> its error per standard deviation of gravity [SI].
     """
     return [{"site": list(site), "error": dict(error)} for site, error in errors.items()]
+
+
+def of_site(
+    said: Mapping[str, Any], names: tuple[str, ...], error: FloatArray
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the diagnostics of a result that was given one gravity.
+
+    Parameters
+    ----------
+    said : mapping
+        The site of the result.
+    names : tuple of str, shape (n,)
+        Coefficients.
+    error : ndarray, shape (n,)
+        Their errors per standard deviation of gravity [SI].
+    """
+    return {KEY: as_kept({site_of(said): dict(zip(names, error.tolist(), strict=True))})}

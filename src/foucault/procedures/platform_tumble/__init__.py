@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.tumble import checks as judge
 from foucault.diagnose.tumble import input as tumble_input
@@ -58,7 +59,7 @@ from foucault.procedures.platform_tumble.solution import (
     solved,
 )
 from foucault.result import Result, Verdict, provenance
-from foucault.tables import Log
+from foucault.tables import FloatArray, Log
 
 LAYOUT = cluster.LAYOUT
 FRAME = "cluster axes p; attitude: outer, middle, inner angle from North-Up-East"
@@ -212,8 +213,13 @@ def _result(s: Solution, shown: bool) -> Result:
     e = Evidence(s.tumble, s.prior, s.fit, found, s.settings.angles, s.slow, s.advice)
     checks = judge.checks(e)
     bound = np.sqrt(np.diag(public(s, s.least)))
-    budget = {k: np.diag(v).tolist() for k, v in parts(s).items()}
+    added = parts(s)
+    budget = {k: np.diag(v).tolist() for k, v in added.items()}
     more: dict[str, Any] = {"bound": bound.tolist(), "budget": budget, "filter": s.settings.filter}
+    if "local gravity" in added:
+        names = found.names
+        error = _one_error(added["local gravity"], names.index("accel.scale.x"))
+        more |= of_site(s.site.as_dict(), names, error)
     if shown:
         more["observability"] = tumble_report.observability_json(e)
     return Result(
@@ -230,6 +236,11 @@ def _result(s: Solution, shown: bool) -> Result:
         diagnostics=tumble_report.diagnostics(e, s.site, s.noise) | more,
         tables=tumble_report.tables(e, s.site) if shown else {},
     )
+
+
+def _one_error(cov: FloatArray, k: int) -> FloatArray:
+    """Return the error that a covariance of rank one is of; that of number `k` is negative."""
+    return np.asarray(-cov[:, k] / np.sqrt(cov[k, k]))
 
 
 def _validity(log: Log, site: Site) -> dict[str, Any]:

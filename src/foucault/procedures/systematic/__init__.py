@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.systematic import checks as judge
 from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
@@ -31,7 +32,7 @@ from foucault.errors import error
 from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.noise import ImuNoise
-from foucault.models.references import with_references
+from foucault.models.references import gravity_error, with_references
 from foucault.procedures import Progress, silent
 from foucault.procedures.systematic.bound import bound
 from foucault.procedures.systematic.choice import decided
@@ -177,7 +178,8 @@ def _calibrate(
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
     findings = [*log.findings, *problem.findings, *decision.findings, *judge.findings(e)]
-    diagnostics = _diagnostics(problem, solution, settings)
+    diagnostics = _diagnostics(problem, solution, settings) | of_site(
+        site.as_dict(), found.names, gravity_error(found, site))  # fmt: skip
     if choice is not None:
         diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
