@@ -86,11 +86,13 @@ def rate_slope(vector: CoefficientVector) -> FloatArray:
     Parameters
     ----------
     vector : CoefficientVector
-        The coefficients [SI].
+        The coefficients; those of other models do not change with it [SI].
     """
-    model, out = ImuModel.from_coefficients(vector), np.zeros(len(vector))
-    for i, name in enumerate(vector.names):
-        block, where = coefficient_slot(name)
+    known = [i for i, name in enumerate(vector.names) if name in LAYOUT]
+    model = ImuModel.from_coefficients(vector.chosen(vector.names[i] for i in known))
+    out = np.zeros(len(vector))
+    for i in known:
+        block, where = coefficient_slot(vector.names[i])
         if block == "gyro_matrix":
             out[i] = -model.gyro_matrix[where]
     return out
