@@ -91,3 +91,17 @@ def test_it_is_the_dense_filter(monkeypatch, form, names, latitude):
     assert np.max(np.abs(found.coefficients[-1] - twin) / sd[9:], initial=0.0) < 1e-3
     np.testing.assert_allclose(found.nis, nis, rtol=0, atol=2e-3)
     assert np.ptp(found.measured) == 6 and not found.measured[3]
+
+
+@pytest.mark.parametrize("form", ["compiled", "python"])
+def test_errors_are_taken_out_again(form):
+    """What is left of an error is of its second order."""
+    rng = np.random.default_rng(4)
+    _, state, *_ = case((), 24, 4, latitude=70.0)
+    given = 1e-5 * rng.standard_normal((5, 9)) * np.repeat([1.0, 10.0, 100.0], 3)
+    wrong = np.array([off(state, e).packed() for e in given])
+    found = kernel(form, module, "corrected")(wrong, given)
+    left = errors(found, np.tile(state.packed(), (5, 1)))
+    assert np.max(np.abs(left) / np.abs(given).max(axis=0)) < 1e-3
+    np.testing.assert_allclose(errors(wrong, np.tile(state.packed(), (5, 1))), given, rtol=1e-3,
+                               atol=1e-8)  # fmt: skip
