@@ -1,14 +1,22 @@
-"""How many examples property-based tests try: few and always the same, or many by request.
+"""How many examples property-based tests try, and a look at every text that a test makes.
 
-``FOUCAULT_FUZZ=thorough pytest tests/fuzz`` draws new ones, a hundred times as many.
+``FOUCAULT_FUZZ=thorough pytest tests/fuzz`` draws new examples, many times as many; otherwise they
+are few and always the same. Every error and finding that comes up in a test has to read well with
+the values it was filled with.
 """
 
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Iterator
 from datetime import timedelta
+from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, settings
+
+from foucault import errors
 
 _SLOW = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture, HealthCheck.data_too_large]
 _HANG = timedelta(seconds=30)  # a busy machine takes its time; what hangs takes longer
@@ -21,3 +29,28 @@ settings.register_profile(
     "thorough", max_examples=1000, deadline=_HANG, suppress_health_check=_SLOW
 )
 settings.load_profile(os.environ.get("FOUCAULT_FUZZ", "quick"))
+
+_ODD = re.compile(r"[{}]|\bnp\.\w+\(|\barray\(|  |\(SI\)|(?<![\w.'\"])\d[\d.]*e\+0\d|-0\.0\b")
+"""A field left open, what Python prints, doubled spaces, no unit, or an exponent."""
+
+_odd: list[str] = []
+_fill = errors._filled
+
+
+def _filled(code: str, values: Any) -> tuple[str, str]:
+    message, cure = _fill(code, values)
+    if found := _ODD.search(f"{message} {cure}"):
+        _odd.append(f"{code}, '{found[0]}': {message} {cure}")
+    return message, cure
+
+
+errors._filled = _filled
+
+
+@pytest.fixture(autouse=True)
+def every_text_reads_well(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Refuse a text with something odd in it; fuzzed files have any words."""
+    _odd.clear()
+    yield
+    if request.node.path.parent.name not in ("fuzz", "contracts"):
+        assert not _odd

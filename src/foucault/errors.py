@@ -20,6 +20,10 @@ _LONG = re.compile(r"([^,\s]{200})[^,\s]{200,}([^,\s]{60})")
 """A word too long for a sentence; paths are shorter."""
 
 
+_LARGE = re.compile(r"(?<![\w.'\"])\d(?:\.\d+)?e\+0\d\b")
+"""A number such as 1.34e+04, of few digits but not too large to be written out."""
+
+
 class FoucaultError(Exception):
     """Bad input: says what was given, what is allowed and what to do.
 
@@ -97,7 +101,12 @@ def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:
     """Return message and cure; damaged files hold words that no screen does."""
     row = SYMPTOMS[code]
     short = {k: _LONG.sub(r"\1 ... \2", v) if isinstance(v, str) else v for k, v in values.items()}
-    return row.message.format(**short), row.cure.format(**short)
+    message, cure = (_LARGE.sub(_plain, t.format(**short)) for t in (row.message, row.cure))
+    return message, cure
+
+
+def _plain(found: re.Match[str]) -> str:
+    return f"{float(found[0]):.0f}"
 
 
 def suggestion(word: str, allowed: Iterable[str]) -> str:

@@ -107,7 +107,7 @@ def test_stuck_axis():
     f[1500:1700, 0] = f[1500, 0]
     (found,) = axes.check(time, f, "accel")
     assert found.code == "log.stuck"
-    assert f"accel x stays at {f[1500, 0]:.6g} (SI) from 15 s to 16.99 s" in found.message
+    assert "accel x repeats one reading from 15 s to 16.99 s" in found.message
     f[:, 2] = 0.0
     assert codes(axes.check(time, f, "accel")) == ["log.stuck", "log.stuck"]
 

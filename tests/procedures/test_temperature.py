@@ -487,7 +487,7 @@ def test_sessions_read_with_unlike_count_scales() -> None:
         made[k] = changed(made[k], provenance={"input": said})
     problem = refused(lambda: calibrate(made))
     assert problem.code == "temperature.unlike"
-    assert "count scale" in problem.message
+    assert "count scale of run0 is 'accel 415 count/(m/s^2)', that of run2" in problem.message
     made[2] = changed(made[2], provenance=made[0].result.provenance)
     kept = calibrate(made).provenance["input"]["description"]
     assert kept["accel"]["scale"].startswith("415")

@@ -24,8 +24,9 @@ IntArray = npt.NDArray[np.int64]
 SUSPICIOUS = np.radians(10.0)
 """A miss of the direction of gravity that no calibration error explains, rms [rad]."""
 
-BETTER = 0.35
-"""An exchange is blamed when it reduces the miss to this part [1]."""
+BETTER, WELL = 0.35, 0.1
+"""An exchange is blamed when it reduces the miss to the first part, even where gyros are saturated
+when it is to the second [1]."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +163,10 @@ def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:
     declared, best : Match
         As `explain_turns` returns them.
     """
+    clipped = [f.message for f in log.findings if f.code == "log.saturated" and "gyro" in f.message]
+    if clipped and declared.miss >= SUSPICIOUS and not best.miss <= WELL * declared.miss:
+        return error("gyro.saturated", declared=f"{np.degrees(declared.miss):.0f}",
+                     where=" ".join(clipped))  # fmt: skip
     # Written so that a miss that is not a number is no explanation.
     if not (declared.miss >= SUSPICIOUS and best.miss <= BETTER * declared.miss):
         return None

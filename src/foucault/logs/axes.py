@@ -74,14 +74,14 @@ def check(
         x = np.ascontiguousarray(values[:, i])
         runs = _runs(x)
         words = {"triad": triad, "axis": axis}
+        told = _clipped(x, runs) if limits is None else _at_limit(x, runs, limits[i])
         still = _stuck(x, values, i, runs, needed)
-        if still is not None:
+        # What stands still at the end of its range, and came there in full flight, is not stuck.
+        if still is not None and (told is None or x.min() < x[still[0]] < x.max()):
             start, end = still
             words |= {"start": moment(time[start] - zero), "end": moment(time[end - 1] - zero)}
-            found.append(finding("log.stuck", value=f"{x[start]:.6g}", **words))
-            continue
-        told = _clipped(x, runs) if limits is None else _at_limit(x, runs, limits[i])
-        if told is not None:
+            found.append(finding("log.stuck", **words))
+        elif told is not None:
             first, count = told
             words["start"] = moment(time[first] - zero)
             found.append(finding("log.saturated", count=count, **words))

@@ -46,7 +46,7 @@ def _stuck(log: IndexedLog) -> tuple[Finding, ...]:
         return ()
     last = f"{float(log.time[-1] - log.time[0]):.9g}"
     return tuple(
-        finding("log.stuck", triad=name, axis="column", value=f"{x[0]:.6g}", start="0", end=last)
+        finding("log.stuck", triad=name, axis="column", start="0", end=last)
         for name, x in turning.items()
         if np.ptp(x) == 0
     )

@@ -24,11 +24,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Record the instrument at rest for longer: nine times the longest averaging time you want to "
      "see, and hours for a bias instability."),
     ("allan.constant", "error", "An axis that reads one value only",
-     "{axis} reads {value} (SI) throughout: it is stuck, or its noise is below the step of its "
+     "{axis} reads one value throughout: it is stuck, or its noise is below the step of its "
      "output.",
      "Check the column in the log description; log with a finer step, or leave the axis out."),
     ("allan.stuck", "warning", "One axis of several that reads one value only",
-     "{axis} reads {value} (SI) throughout and was left out: it is stuck, or its noise is below "
+     "{axis} reads one value throughout and was left out: it is stuck, or its noise is below "
      "the step of its output.",
      "Check the column in the log description, or log with a finer step."),
     ("allan.quantised", "warning", "A step of the output that hides the noise",

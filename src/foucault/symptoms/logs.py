@@ -248,7 +248,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "start.",
      "Turn more slowly or choose a wider range; leave the saturated turns out."),
     ("log.stuck", "warning", "An axis that does not move",
-     "{triad} {axis} stays at {value} (SI) from {start} s to {end} s, counted from the start.",
+     "{triad} {axis} repeats one reading from {start} s to {end} s, counted from the start.",
      "The axis is stuck or its resolution is too coarse: check the column in [log.{triad}] and "
      "the instrument."),
     ("log.accel_unit", "warning", "g given as m/s^2, or rates as increments, or the reverse",

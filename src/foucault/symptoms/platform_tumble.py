@@ -60,7 +60,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The command in the log was used, not the plan. Was it cut off? Correct the plan if not."),
     ("tumble.plan_other", "warning",
      "A command that is not that of the plan",
-     "The command differs from the plan '{name}' by {given} deg/h rms, most at {time} s. {more}",
+     "The command differs from the plan '{name}' by {given} deg/h rms, most at {time} s.{more}",
      "The command in the log was used. Correct `plan`, `rate`, `segment` or `steps`, or leave them "
      "out."),
     ("tumble.delay", "warning",

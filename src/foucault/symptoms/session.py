@@ -61,6 +61,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The turns miss the change of gravity by {declared} deg; with all rates multiplied by "
      "{factor} they miss by {better} deg: probably {cause}.",
      "Correct `unit` and `kind` in [log.gyro]."),
+    ("gyro.saturated", "error",
+     "Turns faster than the range of the gyros",
+     "The turns miss the change of gravity by {declared} deg, and the gyros are saturated, so that "
+     "they say too little of them. {where}",
+     "Turn more slowly or choose a wider range. Whether axes, signs or unit are wrong as well can "
+     "be told when nothing is saturated."),
     ("session.no_gyro", "note",
      "A log without gyros",
      "The log has no gyro columns; only the accelerometers were calibrated.",

@@ -292,4 +292,4 @@ def check(rate: FloatArray, interval: float, axis: str = "the channel") -> None:
         wrong = np.flatnonzero(~np.isfinite(rate))
         raise error("allan.not_finite", axis=axis, count=len(wrong), row=wrong[0])
     if rate.min() == rate.max():
-        raise error("allan.constant", axis=axis, value=f"{rate[0]:.6g}")
+        raise error("allan.constant", axis=axis)

@@ -100,7 +100,7 @@ def measure_log(
             if problem.code != "allan.constant":
                 raise
             stuck = problem
-            findings.append(finding("allan.stuck", axis=name, value=f"{x[0]:.6g}"))
+            findings.append(finding("allan.stuck", axis=name))
             continue
         channels[name] = channel
         findings += _quantised(name, x)

@@ -38,7 +38,8 @@ def check_moves(log: Log, faces: Faces) -> None:
     moves = (up_k, bias, last[:-1] - 1, first[1:])
     declared, best = axes.explain_turns(log, *moves)
     problem = axes.mistake(log, declared, best)
-    if problem is None:
+    # Saturated moves are told, and do no harm: the rests calibrate.
+    if problem is None or problem.code == "gyro.saturated":
         return
     # From face to face an axis may turn by half turns alone, which do not show its sign.
     every = axes.as_good(log, *moves, best)

@@ -205,7 +205,7 @@ def _words(data: Reduced, run: Stretch) -> dict[str, str]:
     label = int(cells.label[run.first])
     zero = float(cells.first[0])
     reach = cells_of(data, run)
-    start, end = (f"{t - zero:.1f}" for t in (reach.start, reach.end))
+    start, end = (f"{max(0.0, t - zero):.1f}" for t in (reach.start, reach.end))
     name = f"Position {label}" if label >= 0 else "The position"
     return {"position": name, "start": start, "end": end}
 

@@ -147,7 +147,7 @@ def plan_findings(
     if rms > 0.02 * fastest:
         each = max(1, round(step / log.interval))
         late = _shift(command[::each], wanted[::each]) * each * log.interval
-        more = "" if late == 0 else f"It fits when shifted by {late:.6g} s."
+        more = "" if late == 0 else f" It fits when shifted by {late:.6g} s."
         out.append(
             finding(
                 "tumble.plan_other", name=plan.name, given=f"{np.degrees(rms) * 3600:.3g}",

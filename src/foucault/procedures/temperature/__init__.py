@@ -145,12 +145,14 @@ def _description(result: Result) -> Mapping[str, Any] | None:
     return said if isinstance(said, Mapping) else None
 
 
-def _scales(result: Result) -> dict[str, Any] | None:
+def _scales(result: Result) -> str | None:
     """Return the count scales that a log was read with; None where nothing is known of it."""
     said = _description(result)
     if said is None:
         return None
-    return {t: (said.get(t) or {}).get("scale") for t in ("accel", "gyro")}
+    scales = {t: (said.get(t) or {}).get("scale") for t in ("accel", "gyro")}
+    words = (f"{t} {s if isinstance(s, str) else ', '.join(s)}" for t, s in scales.items() if s)
+    return "; ".join(words) or "none"
 
 
 def _size(equation: str) -> int:
