@@ -135,3 +135,12 @@ def test_no_sentence_of_ours(imu):
     with pytest.raises(FoucaultError) as caught:
         imu(["$GPGGA,1,2,3*00"], format="novatel")
     assert caught.value.code == "log.no_topic"
+
+
+def test_corrected_readings_are_refused_by_name(imu):
+    """Less gravity, the Earth's rate and what a filter believes the errors to be."""
+    row = "%CORRIMUDATASA,1581,341553.000;1581,341552.9975,-6e-7,-1e-6,1e-6,6e-5,-1e-5,-2e-5*0"
+    with pytest.raises(FoucaultError) as caught:
+        imu(50 * [row])
+    assert caught.value.code == "log.no_topic"
+    assert "CORRIMUDATA" in str(caught.value)

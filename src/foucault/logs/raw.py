@@ -114,7 +114,7 @@ _SUFFIXES = {
     ".ulg": "ulog",
 }
 _SENTENCES = {
-    "novatel": re.compile(rb"(?m)^[#%]RAWIMU\w*A,"),
+    "novatel": re.compile(rb"(?m)^[#%](?:RAWIMU|CORRIMU)\w*A,"),
     "vectornav": re.compile(rb"(?m)^\$VNIMU,"),
 }
 ROS_FOLDER = "metadata.yaml"

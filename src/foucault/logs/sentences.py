@@ -64,7 +64,8 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
                      None)  # fmt: skip
     if found is None:
         raise error("log.no_topic", file=path.name, what="no sentence RAWIMU or $VNIMU",
-                    have="other lines")  # fmt: skip
+                    have="other lines; of CORRIMUDATA gravity and errors are taken off, so that no "
+                    "sensor can be calibrated from it")  # fmt: skip
     form = found[1]
 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
