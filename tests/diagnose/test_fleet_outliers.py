@@ -37,7 +37,7 @@ def test_outlying_instruments_are_named_with_what_differs():
 @pytest.mark.parametrize("n", [8, 12, 60])
 def test_one_fleet_in_a_hundred_has_a_false_outlier(n):
     rng = np.random.default_rng(n)
-    fleets, p = 500, 21
+    fleets, p = 500, 7
     names = [str(k) for k in range(p)]
     alarms = sum(bool(fleet.outlying(names, rng.normal(size=(n, p)))) for _ in range(fleets))
     assert alarms <= stats.binom.ppf(0.999, fleets, 0.01)

@@ -170,15 +170,18 @@ def _extreme(z: FloatArray, false_alarm: float) -> list[int]:
     """Return which values do not belong to one normal distribution, the farthest first [1]_."""
     from scipy.special import stdtrit
 
-    left, taken, count = list(range(len(z))), list[int](), 0
-    for _ in range(int(ODD * len(z))):
-        m, y = len(left), z[left]
-        distance = np.abs(y - y.mean()) / y.std(ddof=1)
-        t = stdtrit(m - 2, 1 - false_alarm / (2 * m))
-        worst = int(np.argmax(distance))
-        taken.append(left.pop(worst))
-        if distance[worst] > (m - 1) * t / np.sqrt(m * (m - 2 + t**2)):
+    order = np.argsort(z, kind="stable")  # the farthest is the first or the last of those left
+    first, last, taken, count = 0, len(z) - 1, list[int](), 0
+    m = len(z) - np.arange(int(ODD * len(z)))
+    t = stdtrit(m - 2, 1 - false_alarm / (2 * m))
+    for limit in (m - 1) * t / np.sqrt(m * (m - 2 + t**2)):
+        y = z[order[first : last + 1]]
+        middle, spread = y.mean(), y.std(ddof=1)
+        above = y[-1] - middle > middle - y[0]
+        taken.append(int(order[last if above else first]))
+        if max(y[-1] - middle, middle - y[0]) / spread > limit:
             count = len(taken)
+        first, last = first + (not above), last - above
     return taken[:count]
 
 

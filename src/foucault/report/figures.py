@@ -31,8 +31,9 @@ FULL = 0.99
 
 def numbers(values: npt.ArrayLike) -> list[float | None]:
     """Return numbers for JSON, to the six digits a screen can show; None where not finite."""
-    array = np.asarray(values, float)
-    return [float(f"{v:.6g}") if np.isfinite(v) else None for v in array.ravel()]
+    array = np.asarray(values, float).ravel()
+    told = zip(array.tolist(), np.isfinite(array).tolist(), strict=True)
+    return [float(f"{v:.6g}") if finite else None for v, finite in told]
 
 
 def layout(height: int, **more: Any) -> dict[str, Any]:
