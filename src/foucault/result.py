@@ -130,7 +130,7 @@ class Estimate:
 
 
 class Level(StrEnum):
-    """How far a result can be trusted."""
+    """How far a result can be trusted: every check passed, one failed, or it must not be used."""
 
     PASS = "pass"
     DOUBTFUL = "doubtful"
@@ -157,7 +157,15 @@ class Check:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Pass, doubtful or unusable, and why in plain sentences."""
+    """Pass, doubtful or unusable, and why in plain sentences.
+
+    Attributes
+    ----------
+    level : Level
+        The worst that a failed check says.
+    reasons : tuple of str
+        Sentences of the checks that failed.
+    """
 
     level: Level
     reasons: tuple[str, ...] = ()

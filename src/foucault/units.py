@@ -236,7 +236,17 @@ def parse(text: object, kind: str, key: str = "value") -> float:
 
 
 def convert(value: float, kind: str, unit: str) -> float:
-    """Express `value` [SI unit of `kind`] in `unit`."""
+    """Express an SI number in a unit.
+
+    Parameters
+    ----------
+    value : float
+        What is to be expressed [SI unit of `kind`].
+    kind : str
+        What it measures, such as "angular rate"; see `KINDS`.
+    unit : str
+        The unit, such as "deg/h"; one of another kind is refused.
+    """
     if kind == "temperature" and unit in CELSIUS:
         return value - ZERO_CELSIUS
     return value / factor(unit, kind)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from foucault.errors import FoucaultError
 from foucault.models.imu import LINEAR_LOWER
 from foucault.models.noise import GRADES, grade
 
@@ -33,6 +34,6 @@ def test_every_linear_coefficient_has_a_spread():
         assert {n.rpartition(".")[0] for n in LINEAR_LOWER} == set(grade(name).spread)
 
 
-def test_an_unknown_grade_is_not_there():
-    with pytest.raises(KeyError):
+def test_an_unknown_grade_says_which_there_are():
+    with pytest.raises(FoucaultError, match="one of mems, tactical, navigation"):
         grade("consumer")

@@ -20,10 +20,10 @@ from foucault.campaign import earlier
 from foucault.campaign.mistakes import validate
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import simulate
-from foucault.campaign.tables import grade
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, finding
 from foucault.files import atomic
+from foucault.models.noise import grade
 
 PLAN = ("plan", "rate", "segment", "steps", "positions")
 """Keys of [procedure] that say how it is turned; another plan takes the place of them all."""

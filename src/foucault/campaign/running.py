@@ -14,7 +14,7 @@ from foucault import logs, procedures
 from foucault.campaign import earlier
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign, layout_of, load
-from foucault.campaign.tables import SiteTable, grade
+from foucault.campaign.tables import SiteTable
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error, finding
@@ -23,6 +23,7 @@ from foucault.logs.streaming import OnDisk
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import model_of
+from foucault.models.noise import grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
 from foucault.result import Result

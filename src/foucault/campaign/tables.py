@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
-from foucault.errors import Finding, error, finding, suggestion
+from foucault.errors import Finding, error, finding
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, noise
@@ -150,7 +150,9 @@ class NoiseTable(_Table):
         """Return the noise: the grade, with what is given for accel and gyro replaced."""
         if self.grade is None and self.accel is None and self.gyro is None:
             raise error("noise.empty", allowed=", ".join(noise.GRADES))
-        start = noise.ImuNoise() if self.grade is None else grade(self.grade, "noise.grade").noise
+        start = (
+            noise.ImuNoise() if self.grade is None else noise.grade(self.grade, "noise.grade").noise
+        )
         return noise.ImuNoise(
             start.accel if self.accel is None else self.accel.over(start.accel),
             start.gyro if self.gyro is None else self.gyro.over(start.gyro),
@@ -234,17 +236,3 @@ def joined(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
         else:
             out[before + key] = value
     return out
-
-
-def grade(name: str, key: str) -> noise.Grade:
-    """Return the typical class `name` given for `key`."""
-    if name not in noise.GRADES:
-        raise error(
-            "campaign.value",
-            key=key,
-            given=repr(name),
-            reason=f"it should be one of {', '.join(noise.GRADES)}",
-            hint=suggestion(name, noise.GRADES),
-            more="",
-        )
-    return noise.grade(name)

@@ -17,6 +17,7 @@ import math
 from dataclasses import dataclass, field
 
 from foucault import units
+from foucault.errors import error, suggestion
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,13 @@ class TriadNoise:
 
 @dataclass(frozen=True)
 class ImuNoise:
-    """Noise of accelerometers [m/s^2] and gyros [rad/s]."""
+    """Noise of accelerometers [m/s^2] and gyros [rad/s].
+
+    Attributes
+    ----------
+    accel, gyro : TriadNoise
+        Noise of each triad; without noise where it is left out.
+    """
 
     accel: TriadNoise = field(default_factory=TriadNoise)
     gyro: TriadNoise = field(default_factory=TriadNoise)
@@ -89,8 +96,26 @@ GRADES = tuple(_GRADES)
 """Names of the typical classes."""
 
 
-def grade(name: str) -> Grade:
-    """Return the typical class `name`, one of `GRADES`; measure your own with an Allan plot."""
+def grade(name: str, key: str = "grade") -> Grade:
+    """Return a typical class of instruments; measure your own with an Allan plot.
+
+    Parameters
+    ----------
+    name : str
+        One of `GRADES`: "mems", "tactical" or "navigation".
+    key : str
+        What the class was given for, as an error calls it.
+
+    Raises
+    ------
+    FoucaultError
+        No class has that name.
+    """
+    if name not in _GRADES:
+        raise error(
+            "campaign.value", key=key, given=repr(name), hint=suggestion(name, GRADES),
+            reason=f"it should be one of {', '.join(GRADES)}", more="",
+        )  # fmt: skip
     accel_white, gyro_white, accel_bias, gyro_bias, scale, misalignment = _GRADES[name]
     spread = {
         "accel.bias": units.parse(accel_bias, "specific force"),

@@ -13,11 +13,11 @@ from foucault import procedures
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import SESSION_CAMPAIGN, with_own_log, with_seed
-from foucault.campaign.tables import grade
 from foucault.campaign.writing import log_table
 from foucault.errors import error
 from foucault.files import atomic, unwritable
 from foucault.models.imu import LAYOUT
+from foucault.models.noise import grade
 from foucault.procedures.on_table.session import TableSession, TableSettings, draw_rig, plan_of
 from foucault.simulate.table.fleet import table_of_means, truth_of
 from foucault.simulate.table.readings import Fleet, SimulatedReadings, simulate_readings
