@@ -189,6 +189,12 @@ def test_a_file_without_attitude_is_refused(tmp_path) -> None:
     )
 
 
+def test_a_column_that_is_not_there_is_asked_for_in_the_master(tmp_path) -> None:
+    about = said(tmp_path, columns_of(), time={"column": "tt"})
+    text = refused("log.unknown_column", lambda: master.read(about, tmp_path))
+    assert "Correct it in [master.time]." in text
+
+
 def test_a_real_master_counts_counter_clockwise(real) -> None:
     path = real("fog_mems_transfer") / "transfer_align_fog_mems.mat"
     about = {

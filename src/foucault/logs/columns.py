@@ -23,7 +23,9 @@ TRIAD_PREFIXES = {
 """Usual beginnings of column names; ``gx``, ``gyr_x``, ``gyro.x`` and ``Gyro X`` all count."""
 
 
-def find(raw: RawTable, wanted: ColumnName, path: Path, block: str) -> tuple[int, float]:
+def find(
+    raw: RawTable, wanted: ColumnName, path: Path, block: str, table: str = "log"
+) -> tuple[int, float]:
     """Find one column.
 
     Parameters
@@ -36,6 +38,8 @@ def find(raw: RawTable, wanted: ColumnName, path: Path, block: str) -> tuple[int
         The file, for the error text.
     block : str
         Block of the campaign that names the column, for the error text.
+    table : str
+        Table of the campaign that the block is in, for the error text.
 
     Returns
     -------
@@ -45,7 +49,7 @@ def find(raw: RawTable, wanted: ColumnName, path: Path, block: str) -> tuple[int
         -1.0 where the sign is to be turned, else 1.0.
     """
     if isinstance(wanted, str) and wanted not in raw.names and wanted.startswith("-"):
-        number, _ = find(raw, wanted[1:], path, block)
+        number, _ = find(raw, wanted[1:], path, block, table)
         return number, -1.0
     text = str(wanted)
     # `t` names "t (s)" too, where no other column is called so.
@@ -63,9 +67,8 @@ def find(raw: RawTable, wanted: ColumnName, path: Path, block: str) -> tuple[int
         hint = ""
         count = len(raw.names)
         allowed = f"The file has no names; its {count} columns are numbered 0 to {count - 1}."
-    raise error(
-        "log.unknown_column", file=path.name, name=text, block=block, hint=hint, allowed=allowed
-    )
+    words = {"hint": hint, "allowed": allowed, "table": table, "block": block}
+    raise error("log.unknown_column", file=path.name, name=text, **words)
 
 
 def guess(raw: RawTable, block: str, path: Path) -> list[int]:

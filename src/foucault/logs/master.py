@@ -130,7 +130,7 @@ def _described(
         wanted.append((_ANGLES, used.attitude.columns, sizes, "attitude"))
     for names, some, sizes, what in wanted:
         for name, column, size in zip(names, some or (), sizes, strict=False):
-            number, sign = columns.find(raw, column, path, what)
+            number, sign = columns.find(raw, column, path, what, "master")
             yield name, (number, sign * size)
 
 
@@ -139,7 +139,7 @@ def _time(raw: RawTable, block: TimeColumn, name: str, path: Path) -> tuple[int,
         if name != "time":
             raise error("master.columns", file=path.name, what=f"{name} has no `column`")
         return columns.guess(raw, name, path)[0], block.one()
-    number, sign = columns.find(raw, block.column, path, name)
+    number, sign = columns.find(raw, block.column, path, name, "master")
     if block.iso != (number in raw.stamps):
         code = "log.time_not_iso" if block.iso else "log.time_iso"
         raise error(code, file=path.name, column=raw.names[number], unit=block.unit)

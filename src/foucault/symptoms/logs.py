@@ -104,7 +104,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Write {example} in [log.{block}], by name or by number from 0."),
     ("log.unknown_column", "error", "A column that the file does not have",
      "'{file}' has no column '{name}'.{hint}",
-     "{allowed} Correct it in [log.{block}]."),
+     "{allowed} Correct it in [{table}.{block}]."),
     ("log.three_columns", "error", "A triad with more or fewer than three columns",
      "[log.{block}] columns = {given} is not a list of three.",
      'Name the columns of x, y and z, for example columns = ["gx", "gy", "gz"].'),

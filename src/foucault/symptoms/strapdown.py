@@ -54,6 +54,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("strapdown.not_finite", "error",
      "Navigation that runs into numbers that are not finite",
      "The state is not finite from row {row} on, {time} s.",
-     "Look for missing or saturated samples with `foucault inspect`."),
+     "Look for missing or saturated samples with `foucault inspect`. A log without noise, such as "
+     "one that was simulated, wants [noise] in its campaign: it cannot be measured there."),
 )
 # fmt: on
