@@ -97,7 +97,7 @@ class Bag:
         self.add(topic, kind, stamps, messages)
 
 
-_TYPES = {"uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "float": "f"}
+_TYPES = {"uint64_t": "Q", "uint32_t": "I", "int32_t": "i", "uint16_t": "H", "float": "f"}
 
 
 def ulog(

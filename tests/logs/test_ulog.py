@@ -56,6 +56,18 @@ def test_means_are_the_log_of_a_csv_of_the_same_numbers(tmp_path):
     assert "forward-right-down" in told.message
 
 
+def test_accelerometers_that_px4_calls_invalid_are_missing(tmp_path):
+    kind = COMBINED + "int32_t accelerometer_timestamp_relative;"
+    invalid = {7: 2**31 - 1, 9: 2**31 - 1}
+    rows = [(*row, invalid.get(i, -200)) for i, row in enumerate(combined()[1])]
+    ulog(tmp_path / "flight.ulg", {"sensor_combined": (kind, rows)})
+    with pytest.raises(FoucaultError) as caught:
+        read(described(), tmp_path)
+    assert "row 7" in str(caught.value)
+    log = read(described(missing="drop"), tmp_path)
+    np.testing.assert_array_equal(log.time, np.delete(TICKS, [7, 9]) * 1e-6)
+
+
 def test_increments_are_divided_by_their_own_times(tmp_path):
     spans = RNG.integers(3000, 7000, (N, 2))
     rows = [

@@ -36,6 +36,9 @@ Columns = dict[str, FloatArray]
 _PAIRED = 0.9
 """Samples of a gyro that must have an accelerometer beside them, as part of all [1]."""
 
+_AGE, _INVALID = "accelerometer_timestamp_relative", 2**31 - 1
+"""Field of ``sensor_combined``, and its value where that of the accelerometer is not valid [us]."""
+
 _OWN = re.compile(r"CAL_(?:ACC|GYRO)\d_[XYZ](OFF|SCALE)")
 """Parameters of PX4's own calibration."""
 
@@ -137,6 +140,9 @@ def _vehicle_imu(data: Any, _accel: Any, _topic: str, path: Path) -> Columns:
 
 def _combined(data: Any, _accel: Any, _topic: str, _path: Path) -> Columns:
     triads = _triads(_fields(data, "gyro_rad"), _fields(data, "accelerometer_m_s2"))
+    if _AGE in data:
+        for axis in "xyz":
+            triads[f"accel_{axis}"][data[_AGE] == _INVALID] = np.nan
     return {"time": _seconds(data), **triads}
 
 
