@@ -195,8 +195,8 @@ _QUICK: dict[str, dict[str, dict[str, Any]]] = {
 """Shorter than the templates: as much as each procedure needs to pass."""
 
 
-def _simulated(name: str, folder: Path) -> Session:
-    read = campaign.parse(changed(campaign.parse(campaign.template(name)), _QUICK[name], "quick"))
+def _simulated(name: str, folder: Path, words: dict[str, dict[str, Any]]) -> Session:
+    read = campaign.parse(changed(campaign.parse(campaign.template(name)), words, "quick"))
     path = campaign.save_session(campaign.simulate(read), folder)
     file = folder / "log.csv"
     marked = file.read_text().startswith("#")
@@ -274,6 +274,14 @@ RESTING = {"align": _align, "navigate": _navigate, "allan": _allan}
 """Commands that are tried with a log at rest."""
 
 
+def another(name: str, **simulate: Any) -> Session:
+    """Return the session of a procedure with other words of [simulate], such as another seed."""
+    quick = _QUICK[name]
+    with TemporaryDirectory() as folder:
+        changed_too = quick | {"simulate": quick.get("simulate", {}) | simulate}
+        return _simulated(name, Path(folder), changed_too)
+
+
 @cache
 def session(name: str) -> Session:
     """Return the session of a procedure or command, made once."""
@@ -282,8 +290,7 @@ def session(name: str) -> Session:
     if name in COMMANDS:
         of, run = COMMANDS[name]
         return replace(session(of), run=run, as_text=name == "watch")
-    with TemporaryDirectory() as folder:
-        return _simulated(name, Path(folder))
+    return another(name)
 
 
 # -- what people do wrong ------------------------------------------------------------------------

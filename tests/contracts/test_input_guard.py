@@ -15,7 +15,7 @@ import pytest
 
 from foucault.procedures import PROCEDURES
 from foucault.symptoms import SYMPTOMS
-from make_guard import COLUMNS, MISTAKES, Outcome, session
+from make_guard import COLUMNS, MISTAKES, Outcome, another, session
 
 GUARD = tomllib.loads(
     (Path(__file__).parents[2] / "docs" / "guard.toml").read_text(encoding="utf-8")
@@ -79,3 +79,22 @@ def test_a_mistake(column: str, mistake: str, right, tmp_path: Path) -> None:
         assert bad.error is None and not told and not bad.failed - good.failed
         if kind == "same":
             assert np.allclose(bad.numbers, good.numbers, rtol=1e-6)
+
+
+ELSEWHERE = {
+    "hand_rotated": ("ms", "gyro deg", "accel g", "gyro swapped", "both swapped", "accel dead"),
+    "rate_table": ("s as ms", "gyro reversed", "accel SI", "gyro clipped"),
+    "north_seeking": ("gyro dead", "gyro reversed", "angles deg", "angles sense"),
+}
+"""Cells that are tried with another seed, and where there are grades with another one."""
+
+
+@pytest.mark.parametrize("column", ELSEWHERE)
+def test_mistakes_in_another_log(column: str, tmp_path: Path) -> None:
+    grade = {} if column == "north_seeking" else {"grade": "tactical"}
+    made = another(column, seed=77, **grade)
+    for mistake in ELSEWHERE[column]:
+        spoilt = MISTAKES[mistake](made)
+        assert spoilt is not None
+        codes = set(GUARD["columns"][column][mistake].split()) - HOW
+        assert codes <= spoilt.go(tmp_path).said, mistake

@@ -97,7 +97,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A gyro in a wrong unit",
      "The gyro says {factor} times the Earth's rate.",
      "Check unit and scale of [log.gyro]: deg/s for deg/h is a factor of 3600, rad/s for deg/s "
-     "57.3; and the latitude."),
+     "57.3; and the latitude. A factor of 0 is a gyro that reads nothing."),
     ("north.noise_unknown", "error",
      "Noise that nobody knows",
      "The noise of the gyro is not declared, and there are too few readings to measure it.",

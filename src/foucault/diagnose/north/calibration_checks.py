@@ -36,6 +36,9 @@ SUSPECT = 1e-2
 VAGUE = 0.1
 """Standard deviation of a scale factor or coupling that is as good as unknown [1]."""
 
+NOTHING = 1e-6
+"""Part of the Earth's rate that is read by a gyro that reads nothing: no unit is so wrong [1]."""
+
 LEAN, BIASED = 2e-3, 2e-2
 """A table leaned on purpose where its set-ups depart from one axis by the first, or where the
 accelerometers would have biases of the second [g]."""
@@ -122,11 +125,11 @@ def require_sound(estimate: Estimate) -> None:
     model = Compensation(estimate.coefficients).model
     M = model.gyro_matrix[:2, :2]
     det = float(np.linalg.det(M))
-    if det < 0:
+    size = np.sqrt(abs(det))
+    if det < 0 and size > NOTHING:
         raise error("north.sense")
-    size = np.sqrt(det)
     if not 0.5 < size < 2:
-        raise error("north.gyro_scale", factor=f"{size:.4g}")
+        raise error("north.gyro_scale", factor=f"{size:.4g}" if size > NOTHING else "0")
     angle = _turn(M)
     if abs(angle) > TURNED:
         raise error("north.index_zero", angle=f"{np.degrees(angle):.1f}")
