@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -42,22 +43,26 @@ def truth(
     return model, replace(start, coefficients=vector)
 
 
+_usual = cache(truth)  # nothing changes what it returns
+
+
 def sessions(
     temperatures: Sequence[float], seed: int = 1, *, model: TemperatureModel | None = None,
     scatter: Mapping[str, float] | None = None, noise: float = 1.0,
 ) -> list[Session]:  # fmt: skip
     """Return calibrations at temperatures [degC]; `scatter` is in sd of a calibration."""
-    known, template = truth()
+    known, template = _usual()
     model = model or known
     rng = np.random.default_rng([seed, 11])
     vector = template.coefficients
     root = np.linalg.cholesky(vector.cov)
     own = np.array([(scatter or {}).get(n.rpartition(".")[0], 0.0) for n in vector.names])
+    own = own * typical(vector)
     out = []
     for k, degrees in enumerate(temperatures):
         T = ZERO + degrees
         values = model.values(T) + noise * root @ rng.normal(size=len(vector))
-        values = values + own * typical(vector) * rng.normal(size=len(vector))
+        values = values + own * rng.normal(size=len(vector))
         validity = {"temperature": [T - 0.4, T + 0.3], "temperature_mean": T,
                     "accel": [-12.0, 12.0], "gyro": [-4.0, 4.0]}  # fmt: skip
         result = replace(template, coefficients=replace(vector, values=values), validity=validity,

@@ -104,7 +104,7 @@ def test_the_predicted_error_is_right() -> None:
     layout = TRUE.layout
     for seed in range(30):
         true, found = errors(seed, known=0.3)
-        run = navigate_log(logged([Rest(500.0)], true, seed=seed, rate=10.0).log, noise=NOISE,
+        run = navigate_log(logged([Rest(500.0)], true, seed=seed, rate=5.0).log, noise=NOISE,
                            calibration=calibration(found), settings=Settings(align=200.0),
                            **PLACE)  # fmt: skip
         seen = run.runs[0].errors
