@@ -7,7 +7,8 @@ the covariance it was given::
     sum |L (x - x_est)|^2  <  gamma^2 (|x0 - x0_est|^2_P0^-1 + sum |w|^2_Q^-1 + sum |v|^2_R^-1)
 
 It is a Kalman filter whose covariance is made larger along L after every update, by as much as
-gamma demands; with gamma infinite it is the Kalman filter. There is a least gamma, below which it
+gamma demands (as measurements of negative variance: design/README.md); with gamma infinite it is
+the Kalman filter. There is a least gamma, below which it
 does not exist; it depends on the system, its covariances and L, and is found by trying.
 
 What it is worth: insurance against covariances that are somewhat too small, at the cost of a little

@@ -18,7 +18,8 @@ position, theta = (-dr_y, dr_x, 0) / R, it is::
 
 A sensor error is a sum of *terms*: coefficient times an input (1, a rate, a specific force, a
 product of them) on one output axis. `Sensors` takes any coefficients of `models.imu` and knows
-their terms as numbers, so that no kernel knows a name.
+their terms as numbers, so that no kernel knows a name. Why terms, and why psi in a wander frame:
+design/README.md.
 
 References
 ----------

@@ -7,7 +7,7 @@ prior as wide as the circle; the Earth's rotation, where it is modelled and visi
 Where the residuals of one kind of observation are larger than the noise explains, a variance
 (one per kind: specific force at rest, rate at rest, turns) is added until they fit, weighing
 each observation by the redundancy it really has. This is the honest uncertainty of a hand-held
-rest, and zero on a stable table.
+rest, and zero on a stable table (design/README.md).
 
 References
 ----------

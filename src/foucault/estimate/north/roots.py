@@ -2,7 +2,8 @@
 
 Two components of the Earth's rate leave two signs of the third, and with stops that show one
 direction only a circle of headings. Maximum likelihood is started from all of them; what fits alike
-is told apart by what is known of hemisphere and rough heading, and the next best is kept.
+is told apart by what is known of hemisphere and rough heading, and the next best is kept
+(design/README.md).
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ what all errors have done since the start, each through the motion as it was. Th
 
 A coefficient that turns up only in the second part of a session (the deflection of dithered gyros)
 must be a state from the beginning: carried over without it, the covariance of the first part is
-too small, and misalignments take up what is not theirs.
+too small, and misalignments take up what is not theirs. Why the place of a rest is told once, and
+how later passes go back to the start: design/README.md.
 
 References
 ----------

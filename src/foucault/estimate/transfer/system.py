@@ -11,7 +11,7 @@ with C_ns = C_nm C_ms, C_ms = C_0 (I + [mu x]); k the compliance of the mount un
 flexure, a second-order Markov process. A message that arrives at t holds at t - tau: the slave is
 looked at there, between its samples. The delay tau_0 that is assumed, the installation, the start
 and the coefficients are the point of linearisation; further passes move it to where the one before
-ended.
+ended. What a delay does is taken from 0.1 s of motion on either side: design/README.md.
 
 References
 ----------
