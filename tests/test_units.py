@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated
 
 import numpy as np
@@ -231,3 +232,12 @@ def test_lengths_of_time_are_read_in_their_own_unit() -> None:
 
 def test_schema_of_a_quantity_shows_an_example() -> None:
     assert _Settings.model_json_schema()["properties"]["rate"]["examples"] == ["100 Hz"]
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [("m/s2", "m/s^2"), ("dps", "deg/s"), ("deg/sec", "deg/s"), ("mps2", "m/s^2")],
+)
+def test_a_usual_way_to_write_a_unit_is_understood_and_asked_back(written: str, meant: str) -> None:
+    with pytest.raises(FoucaultError, match=re.escape(f"Did you mean {meant}?")):
+        units.parse(f"1 {written}", "angular rate")

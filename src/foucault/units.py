@@ -14,6 +14,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from numbers import Real
@@ -149,6 +150,12 @@ def _known_units() -> list[str]:
     return sorted(words)
 
 
+_HABITS = {"dps": "deg/s", "dph": "deg/h", "mps": "m/s", "sec": "s", "hr": "h", "hour": "h"}
+"""What people write, and what they mean by it."""
+
+_WORD, _POWER = re.compile(r"[A-Za-z]+"), re.compile(r"(?<=[A-Za-z])(\d)")
+
+
 def _pint_text(unit: str) -> str:
     text = unit.replace("µ", "u").replace("μ", "u").replace("°", "deg").replace("%", "percent")
     text = text.replace("^", "**").replace("²", "**2").replace("√", "sqrt")
@@ -170,6 +177,10 @@ def _factor_and_dimension(unit: str) -> tuple[float, str]:
         known = _known_units()
         unknown = [w for w in words if w not in known and w != "sqrt"]
         near = [m for w in unknown for m in difflib.get_close_matches(w, known, n=2, cutoff=0.5)]
+        usual = _POWER.sub(r"^\1", _WORD.sub(lambda m: _HABITS.get(m[0], m[0]), unit))
+        with suppress(FoucaultError):
+            if usual != unit and _factor_and_dimension(usual):
+                near = [usual]
         raise error(
             "unit.unknown", unit=unit, hint=f" Did you mean {' or '.join(near)}?" if near else ""
         ) from problem
