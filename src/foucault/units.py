@@ -150,10 +150,7 @@ def _known_units() -> list[str]:
     return sorted(words)
 
 
-_HABITS = {"dps": "deg/s", "dph": "deg/h", "mps": "m/s", "sec": "s", "hr": "h", "hour": "h"}
-"""What people write, and what they mean by it."""
-
-_WORD, _POWER = re.compile(r"[A-Za-z]+"), re.compile(r"(?<=[A-Za-z])(\d)")
+_POWER = re.compile(r"(?<=[A-Za-z])(\d)")
 
 
 def _pint_text(unit: str) -> str:
@@ -177,7 +174,7 @@ def _factor_and_dimension(unit: str) -> tuple[float, str]:
         known = _known_units()
         unknown = [w for w in words if w not in known and w != "sqrt"]
         near = [m for w in unknown for m in difflib.get_close_matches(w, known, n=2, cutoff=0.5)]
-        usual = _POWER.sub(r"^\1", _WORD.sub(lambda m: _HABITS.get(m[0], m[0]), unit))
+        usual = _POWER.sub(r"^\1", unit.replace("mps", "m/s"))
         with suppress(FoucaultError):
             if usual != unit and _factor_and_dimension(usual):
                 near = [usual]
