@@ -51,6 +51,12 @@ def parts(made):
     return dict(zip(("settings", "session", "site", "noise", "prior"), said, strict=True))
 
 
+@pytest.fixture
+def no_more(monkeypatch):
+    """Leave out what more would buy: it takes most of the time."""
+    monkeypatch.setattr(platform_tumble.tumble_foresight, "more", lambda *_: ())
+
+
 # -- what is foretold comes true -------------------------------------------------------------------
 
 
@@ -87,7 +93,9 @@ WANDERING = ImuNoise(
     ],
     ids=["published", "slow noise", "slow", "delay and latitude"],
 )
-def test_with_the_errors_that_were_thought_usual_all_45_come_true(procedure, simulate, noise):
+def test_with_the_errors_that_were_thought_usual_all_45_come_true(
+    procedure, simulate, noise, no_more
+):
     """Uncertain gravity, latitude and slow noise too: every term of a result is foretold."""
     made = campaign_of(procedure, simulate)
     said = parts(made) | {"noise": noise}
@@ -104,7 +112,7 @@ def test_with_the_errors_that_were_thought_usual_all_45_come_true(procedure, sim
         assert found.sd[0] > 2 * calibrate(made, log, trial=True).coefficients.sd[0]
 
 
-def test_noise_and_prior_decide():
+def test_noise_and_prior_decide(no_more):
     """Twice the noise of everything is twice the sd, as far as the prior does not hold it."""
     made = campaign_of('latitude_sd = "0 deg"')
     noise = made.noise
