@@ -121,7 +121,7 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
 def _beside(path: Path) -> str:
     """Say which campaign files there are instead."""
     if path.is_dir():
-        names = ", ".join(sorted(p.name for p in path.glob("*.toml")))
+        names = ", ".join(sorted(p.name for p in path.glob("*.toml"))[:3])
         return " It is a folder" + (f"; in it is {names}." if names else ".")
     near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
     return suggestion(path.name, near)
