@@ -19,6 +19,9 @@ from foucault.errors import error, suggestion
 
 FloatArray = npt.NDArray[np.float64]
 
+COVARIANCE_TOLERANCE = 1e-6
+"""How far a stored correlation matrix may be from symmetric and positive, as rounding [1]."""
+
 
 @dataclass(frozen=True)
 class Coefficient:
@@ -266,3 +269,28 @@ def _columns(lines: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
         ).rstrip()
         for line in lines
     )
+
+
+def covariance_problem(vector: CoefficientVector) -> str | None:
+    """Say why the covariance of `vector` cannot be one, or return None where it can.
+
+    Coefficients whose variance is unknown (NaN) or zero (held) are left out.
+    """
+    if vector.cov is None:
+        return None
+    sd2 = np.diag(vector.cov)
+    if (sd2 < 0).any():
+        return f"the variance of {vector.names[int(np.nanargmin(sd2))]} is negative"
+    keep = np.flatnonzero(np.isfinite(sd2) & (sd2 > 0))
+    sd = np.sqrt(sd2[keep])
+    correlation = vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd)
+    if not np.isfinite(correlation).all():
+        return "a covariance between two coefficients of known variance is null"
+    skew = np.abs(correlation - correlation.T)
+    if skew.max(initial=0.0) > COVARIANCE_TOLERANCE:
+        i, j = np.unravel_index(int(np.argmax(skew)), skew.shape)
+        pair = f"{vector.names[keep[i]]} and {vector.names[keep[j]]}"
+        return f"it is not symmetric between {pair}"
+    if keep.size and np.linalg.eigvalsh(correlation)[0] < -COVARIANCE_TOLERANCE:
+        return "a combination of coefficients has a negative variance"
+    return None

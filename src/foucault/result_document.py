@@ -8,7 +8,7 @@ added within a version; changing or removing one makes a new version.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -18,6 +18,7 @@ from typing_extensions import TypedDict
 from foucault import units
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.errors import ADVICE, Finding, Status
+from foucault.files import plain_json
 from foucault.models.temperature import TemperatureModel
 from foucault.result import Check, Level, Result, Verdict
 
@@ -30,9 +31,6 @@ MIGRATIONS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {}
 A step gets the document as plain JSON values and returns it with a newer schema name. Steps
 follow one another until `SCHEMA` is reached. Version 1 is the first, so there is no step yet.
 """
-
-COVARIANCE_TOLERANCE = 1e-6
-"""How far a stored correlation matrix may be from symmetric and positive, as rounding [1]."""
 
 
 class CoefficientRow(BaseModel):
@@ -270,7 +268,9 @@ def document(result: Result) -> dict[str, Any]:
     """Return `result` as plain JSON values, without its tables."""
     vector = result.coefficients
     covariance = (
-        None if vector.cov is None else {"names": list(vector.names), "matrix": plain(vector.cov)}
+        None
+        if vector.cov is None
+        else {"names": list(vector.names), "matrix": plain_json(vector.cov)}
     )
     out = {
         "schema": SCHEMA,
@@ -278,18 +278,18 @@ def document(result: Result) -> dict[str, Any]:
         "status": result.status.value,
         "advice": ADVICE[result.status],
         "verdict": {"level": result.verdict.level.value, "reasons": list(result.verdict.reasons)},
-        "instrument": plain(result.instrument),
-        "site": plain(result.site),
+        "instrument": plain_json(result.instrument),
+        "site": plain_json(result.site),
         "equation": result.equation,
         "frame": result.frame,
         "gauge": result.gauge,
-        "validity": plain(result.validity),
-        "coefficients": plain(vector.rows()),
+        "validity": plain_json(result.validity),
+        "coefficients": plain_json(vector.rows()),
         "covariance": covariance,
-        "checks": [plain(vars(check)) for check in result.checks],
+        "checks": [plain_json(vars(check)) for check in result.checks],
         "findings": [finding.as_dict() for finding in result.findings],
-        "diagnostics": plain(result.diagnostics),
-        "provenance": plain(result.provenance),
+        "diagnostics": plain_json(result.diagnostics),
+        "provenance": plain_json(result.provenance),
         "campaign": None,
         "tables": {},
     }
@@ -330,12 +330,17 @@ def _functions(model: TemperatureModel) -> dict[str, Any]:
         "reference": model.reference,
         "low": model.low,
         "high": model.high,
-        "knots": plain(model.knots),
+        "knots": plain_json(model.knots),
         "functions": [
-            {"name": c.name, "unit": c.unit, "weights": plain(w), "scatter": plain(float(s))}
+            {
+                "name": c.name,
+                "unit": c.unit,
+                "weights": plain_json(w),
+                "scatter": plain_json(float(s)),
+            }
             for c, w, s in zip(model.layout.coefficients, model.weights, model.scatter, strict=True)
         ],
-        "covariance": plain(model.cov),
+        "covariance": plain_json(model.cov),
     }
 
 
@@ -366,46 +371,6 @@ def _vector(doc: ResultDocument) -> CoefficientVector:
         np.array([r.free for r in rows], bool),
         np.array([np.inf if r.prior_sd is None else r.prior_sd for r in rows], float),
     )
-
-
-def covariance_problem(vector: CoefficientVector) -> str | None:
-    """Say why the covariance of `vector` cannot be one, or return None where it can.
-
-    Coefficients whose variance is unknown (NaN) or zero (held) are left out.
-    """
-    if vector.cov is None:
-        return None
-    sd2 = np.diag(vector.cov)
-    if (sd2 < 0).any():
-        return f"the variance of {vector.names[int(np.nanargmin(sd2))]} is negative"
-    keep = np.flatnonzero(np.isfinite(sd2) & (sd2 > 0))
-    sd = np.sqrt(sd2[keep])
-    correlation = vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd)
-    if not np.isfinite(correlation).all():
-        return "a covariance between two coefficients of known variance is null"
-    skew = np.abs(correlation - correlation.T)
-    if skew.max(initial=0.0) > COVARIANCE_TOLERANCE:
-        i, j = np.unravel_index(int(np.argmax(skew)), skew.shape)
-        pair = f"{vector.names[keep[i]]} and {vector.names[keep[j]]}"
-        return f"it is not symmetric between {pair}"
-    if keep.size and np.linalg.eigvalsh(correlation)[0] < -COVARIANCE_TOLERANCE:
-        return "a combination of coefficients has a negative variance"
-    return None
-
-
-def plain(value: Any) -> Any:
-    """Return `value` as JSON values: arrays as lists, numbers that are not finite as None."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def _number(value: float | None) -> float:

@@ -112,7 +112,8 @@ def load_result(path: str | Path, *, with_tables: bool = True) -> Result:
     Result
         The result [SI].
     """
-    from foucault.result_document import covariance_problem, result_of
+    from foucault.coefficients import covariance_problem
+    from foucault.result_document import result_of
 
     file = _result_file(Path(path))
     doc = _validated(file, _read_json(file))

@@ -143,7 +143,7 @@ def found_json(found: Found) -> dict[str, object]:
     """Return what was found as JSON."""
     from dataclasses import asdict
 
-    from foucault.result_document import plain
+    from foucault.files import plain_json
 
-    document: dict[str, object] = plain(asdict(found) | {"complete": found.complete})
+    document: dict[str, object] = plain_json(asdict(found) | {"complete": found.complete})
     return document

@@ -52,8 +52,8 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.references import with_references
+from foucault.models.rests_and_turns import Prediction, predict
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.models.rests_and_turns import predict
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
 from foucault.procedures import Progress, silent
@@ -332,7 +332,6 @@ def _likelihood(
     )  # fmt: skip
     vertical = vertical_check(data, estimate.state)
     checks = judge.checks(evidence) + ((vertical,) if vertical else ())
-    n = len(names)
     return Result(
         procedure="hand_rotated",
         coefficients=with_references(estimate.coefficients, data.site),
@@ -343,21 +342,26 @@ def _likelihood(
         checks=checks,
         findings=tuple(session_report.hints(evidence, prediction)),
         status=estimate.status,
-        diagnostics={
-            "iterations": estimate.iterations,
-            "noise": session_report.noise_json(noise, declared is not None),
-            "chi_square": session_report.chi_square_json(evidence.after),
-            "chi_square_of_noise_alone": session_report.chi_square_json(before),
-            "coverage": coverage_json(evidence.coverage, len(up_b)),
-            "heading_sd": session_report.heading_sd(estimate, n) if data.earth.any() else None,
-            **session_report.bound(data, names, estimate, noise),
-            "budget": {
-                source: variance.tolist()
-                for source, variance in session_budget(data, prediction, estimate, noise).items()
-            },
-        },
+        diagnostics=_diagnostics(evidence, prediction),
         tables=session_report.tables(evidence, prediction, rest_table(data.log, rests)),
     )
+
+
+def _diagnostics(e: judge.Evidence, prediction: Prediction) -> dict[str, Any]:
+    data, estimate, noise = e.session, e.estimate, e.noise
+    budget = session_budget(data, prediction, estimate, noise)
+    names = estimate.coefficients.names
+    sd = session_report.heading_sd(estimate, len(names)) if data.earth.any() else None
+    return {
+        "iterations": estimate.iterations,
+        "noise": session_report.noise_json(noise, e.declared),
+        "chi_square": session_report.chi_square_json(e.after),
+        "chi_square_of_noise_alone": session_report.chi_square_json(e.before),
+        "coverage": coverage_json(e.coverage, len(e.up_b)),
+        "heading_sd": sd,
+        **session_report.bound(data, names, estimate, noise),
+        "budget": {source: variance.tolist() for source, variance in budget.items()},
+    }
 
 
 def _held_out(
