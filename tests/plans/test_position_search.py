@@ -26,6 +26,21 @@ NOISE = grade("tactical").noise
 
 
 MADE = {}  # nothing changes a space: one for all tests that ask for the same
+TABLES = {}
+
+
+@pytest.fixture(autouse=True)
+def one_table(monkeypatch):
+    """Table a kind of session once, whatever is then searched for."""
+    of = Periodic.of
+
+    def kept(function, degrees):
+        asked = f"{getattr(function, '__self__', function)} {degrees}"
+        if asked not in TABLES:
+            TABLES[asked] = of(function, degrees)
+        return TABLES[asked]
+
+    monkeypatch.setattr(Periodic, "of", kept)
 
 
 def space_of(plan="icosahedron 12", module=norm_observation, wanted=None, **settings):
