@@ -80,7 +80,7 @@ def test_it_is_as_sure_as_it_says(flexure: Flexure | None, jitter: float) -> Non
         slave = replace(draw_slave(rng), flexure=flexure)
         link = Link(delay=rng.uniform(0.02, 0.2), jitter=jitter)
         seed = int(rng.integers(1 << 31))
-        run = simulate_transfer(FLIGHT, rate=100.0, slave=slave, link=link, seed=seed)
+        run = simulate_transfer(FLIGHT, rate=50.0, slave=slave, link=link, seed=seed)
         one = found(run)
         error.append(one.delay - link.delay)
         z.append(error[-1] / one.delay_sd)

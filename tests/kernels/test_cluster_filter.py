@@ -61,7 +61,7 @@ def twin_log(command, z, r=1e-10, dt=0.2):
 @pytest.mark.parametrize("full", [True, False])
 def test_it_is_the_dense_filter(form, full):
     """With noise that leaves digits to both: a covariance loses as many as R is below P."""
-    n = 12 if form == "python" else 40
+    n = 12 if form == "python" else 24
     _, command, z, _ = recorded(n, noise=1e-4)
     x, P = believed()
     R = np.full((n, 3), 1e-8)
@@ -82,7 +82,7 @@ def test_it_is_the_dense_filter(form, full):
 @FORMS
 @pytest.mark.parametrize("kind", [parts.PLANNED, parts.INTEGRATED])
 def test_a_misalignment_is_not_fed_back(form, kind):
-    n = 30 if form == "compiled" else 8
+    n = 20 if form == "compiled" else 8
     _, command, z, _ = recorded(n)
     x, P = believed(0.001)
     out, estimate, sd, nis, _ = filtered(form, command, z, x, P, kind)
