@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from foucault.diagnose.compare.gravity import gravity_errors
 from foucault.errors import FoucaultError, Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.attitude import angles_of, matrix_of
@@ -69,8 +70,10 @@ def test_one_flight_is_told_whole(flight, found):
     assert found.coefficients.names[9:] == (
         "installation.x", "installation.y", "installation.z", "master.delay",
     )  # fmt: skip
-    # A Kalman filter of a linear system is at its bound.
-    np.testing.assert_array_equal(found.diagnostics["bound"], found.coefficients.sd)
+    # A Kalman filter of a linear system is at its bound; gravity is uncertain besides.
+    (error,) = gravity_errors(found, found.coefficients).values()
+    bound = np.array(found.diagnostics["bound"])
+    np.testing.assert_allclose(found.coefficients.sd, np.hypot(bound, error), rtol=1e-9)
     assert set(found.tables) == {
         "innovations", "estimates", "undelayed", "smoothed", "delayed", "stretches", "delay_parts",
     }  # fmt: skip
@@ -80,6 +83,21 @@ def test_one_flight_is_told_whole(flight, found):
     delayed = found.tables["delayed"]
     assert 1.5 < np.degrees(np.abs(delayed["heading"]).max()) < 2.2
     assert 1.0 < np.abs(delayed["velocity_east"]).max() < 2.0
+
+
+def test_gravity_that_is_not_known_is_a_bias_that_is_not_known(flight, found):
+    """1 mGal is 1 ug of the accelerometer that points up, whatever the filter thinks of it."""
+    c, session = flight
+    site = replace(c.site, gravity=c.site.gravity + c.site.gravity_sd)
+    other = calibrated(replace(c, site=site), session.simulation.log)
+    step = other.coefficients.values - found.coefficients.values
+    (error,) = gravity_errors(found, found.coefficients).values()
+    sd = np.array(found.diagnostics["bound"])
+    np.testing.assert_allclose(step / sd, error / sd, atol=0.05)
+    up = found.coefficients.names.index("accel.bias.z")
+    assert error[up] == pytest.approx(-c.site.gravity_sd, rel=0.05) and -error[up] > 10 * sd[up]
+    known = calibrated(replace(c, site=replace(c.site, gravity_sd=0.0)), session.simulation.log)
+    np.testing.assert_array_equal(known.coefficients.sd, sd)
 
 
 def test_the_flight_is_told_by_what_was_flown(found):
@@ -92,7 +110,8 @@ def test_the_flight_is_told_by_what_was_flown(found):
     turn = float(np.degrees(flown["turn"][flown["kind"] == "turning"]).max())
     assert turn == pytest.approx(120, abs=5)
     assert (np.diff(flown["gyro.scale.z_sd"]) <= 1e-12).all()
-    assert flown["gyro.scale.z_sd"][-1] == found.coefficients["gyro.scale.z"].sd[0]
+    at = found.coefficients.names.index("gyro.scale.z")
+    assert flown["gyro.scale.z_sd"][-1] == found.diagnostics["bound"][at]
 
 
 def test_the_attitude_history_is_smoothed(flight, found):
@@ -200,7 +219,7 @@ def test_h_infinity(flight, found, wanted):
     assert result.tables["gamma"]["margin"].min() > 0
     assert np.abs(missed(result, session)[0]).max() < 5
     bound = np.array(result.diagnostics["bound"])
-    np.testing.assert_allclose(bound, found.coefficients.sd, rtol=1e-9)
+    np.testing.assert_allclose(bound, found.diagnostics["bound"], rtol=1e-9)
     assert (result.coefficients.sd >= bound * (1 - 1e-9)).all()
     few = settings(c, filter="h_infinity", wanted=wanted, gamma=0.5 * said["least_gamma"])
     with pytest.raises(FoucaultError) as caught:
@@ -245,7 +264,7 @@ def test_messages_stamped_when_they_hold():
     c = described(stamped='"validity"')
     result = trial(c, made(c).simulation.log)
     (said,) = [f for f in result.findings if f.code == "transfer.at_validity"]
-    assert re.match(r"The delay is -?0\.\d \+- 0\.0\d+ ms: as far as can be told", said.message)
+    assert re.match(r"The delay is -?0\.\d ± 0\.0\d+ ms: as far as can be told", said.message)
 
 
 def test_clocks_that_drift():
@@ -253,7 +272,7 @@ def test_clocks_that_drift():
     session = made(c)
     result = trial(c, session.simulation.log)
     (said,) = [f for f in result.findings if f.code == "transfer.drift"]
-    rate = float(re.search(r"gains \+([\d.]+) \+-", said.message).group(1))
+    rate = float(re.search(r"gains \+([\d.]+) (?:\+-|±)", said.message).group(1))
     assert rate == pytest.approx(100.0, abs=40.0)
 
 
@@ -374,7 +393,7 @@ def test_what_is_foreseen_is_what_comes(flight, found):
     seen = transfer_alignment.foresee(
         c.settings, session=c.session, site=c.site, noise=c.noise, prior=c.prior
     )
-    np.testing.assert_allclose(seen.sd, found.coefficients.sd, rtol=0.05)
+    np.testing.assert_allclose(seen.sd, found.diagnostics["bound"], rtol=0.05)
     assert seen.complete
     turns = {extra.what: extra for extra in seen.more}
     assert turns["an S-turn of 40 deg"].ratio < turns["straight on"].ratio < 1

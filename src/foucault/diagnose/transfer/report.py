@@ -191,7 +191,7 @@ def unseen(mount: Mount, *, misalignments: bool = False) -> list[str]:
         "Errors of the master: what it says is taken as true but for noise, and a bias of its "
         "heading is one of the installation.",
         "A local gravity that differs from the one assumed: 1 mGal is 1 ug in the bias of the "
-        "accelerometer that points up.",
+        "accelerometer that points up. Its uncertainty is part of that of this bias, no more.",
         "A lever arm that is wrong: it is taken as exact.",
         "Biases from one switch-on to the next, and other temperatures than those of the run.",
     ]

@@ -36,6 +36,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.transfer import checks as judge
 from foucault.diagnose.transfer import findings, report
 from foucault.diagnose.transfer.checks import Evidence
@@ -65,7 +66,7 @@ from foucault.procedures.transfer_alignment.settings import NOISE as NOISE
 from foucault.procedures.transfer_alignment.settings import NOISE_LINES as NOISE_LINES
 from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.transfer_alignment.settings import Settings as Settings
-from foucault.procedures.transfer_alignment.solution import Solution, solved
+from foucault.procedures.transfer_alignment.solution import Solution, gravity_error, solved
 from foucault.result import Result, TableData, Verdict, provenance
 from foucault.tables import Log
 
@@ -178,6 +179,9 @@ def _calibrate(
         p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, ASIDE,
     )  # fmt: skip
     checks = judge.checks(e)
+    error_of_g = gravity_error(s)
+    assert s.states.cov is not None
+    cov = s.states.cov + np.outer(error_of_g, error_of_g)
     told = findings.findings(e, problem.findings, s.findings)
     tables: dict[str, TableData] = {}
     if shown:
@@ -189,7 +193,7 @@ def _calibrate(
         tables = report.tables(e, s.backward, undelayed)
     return Result(
         procedure="transfer_alignment",
-        coefficients=s.states,
+        coefficients=replace(s.states, cov=cov),
         equation=EQUATION,
         frame=FRAME,
         gauge=GAUGE,
@@ -199,7 +203,9 @@ def _calibrate(
         status=s.status,
         site=site.as_dict(),
         validity=_validity(log),
-        diagnostics={"start": float(log.time[0])} | _diagnostics(log, s, e),
+        diagnostics={"start": float(log.time[0])}
+        | _diagnostics(log, s, e)
+        | of_site(site.as_dict(), s.states.names, error_of_g),
         tables=tables,
     )
 
@@ -210,7 +216,7 @@ def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
         "gravity": p.site.gravity,
         "matching": settings.matching,
         "filter": _filter(s),
-        "bound": s.bound.tolist(),
+        "bound": s.kalman.sd.tolist(),
         "noise": {"accel": p.slave.noise.accel.white, "gyro": p.slave.noise.gyro.white},
         "delay": _delay(s),
         "hand_over": {"place": "master" if log.messages.has_place else "site"}

@@ -19,6 +19,7 @@ from foucault.estimate.transfer.fit import (
     solve,
 )
 from foucault.estimate.transfer.outage import after_outage
+from foucault.estimate.transfer.system import free_run
 from foucault.models.transfer import states_of_transfer
 from foucault.navigate.state import State
 from foucault.procedures.transfer_alignment.input import stamp
@@ -46,9 +47,9 @@ class Solution:
         The last pass; the filter that was chosen.
     states : CoefficientVector
         Coefficients and what is found besides, at the last message, with covariance [SI].
-    bound : ndarray, shape (n,)
-        Cramer-Rao bound of `states` along this path: the sd of a Kalman filter, which has the
-        posterior bound of a linear system as its covariance [SI].
+    kalman : CoefficientVector
+        `states` by a Kalman filter: the posterior Cramer-Rao bound of a linear system is its
+        covariance [SI].
     handed : HandOver
         The slave as it goes on alone.
     fit : DelayFit or None
@@ -66,7 +67,7 @@ class Solution:
     problem: TransferProblem
     found: Transfer
     states: CoefficientVector
-    bound: FloatArray
+    kalman: CoefficientVector
     handed: HandOver
     fit: DelayFit | None
     gamma: float
@@ -104,12 +105,33 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
         backward = smoothed(found.free.system, kept)
         found = replace(found, run=replace(kept, before=kept.before[:0]))
     status, told = _settled(p, found)
-    bound, gamma, least = _states(p, found).sd, np.inf, np.inf
+    by_kalman, gamma, least = _states(p, found), np.inf, np.inf
     if settings.filter == "h_infinity":
         found, gamma, least = _bounded(p, found, settings)
     states = _states(p, found)
-    return Solution(p, found, states, bound, _handed(p, found), fit, gamma, least, backward, status,
-                    told)  # fmt: skip
+    return Solution(p, found, states, by_kalman, _handed(p, found), fit, gamma, least, backward,
+                    status, told)  # fmt: skip
+
+
+def gravity_error(s: Solution) -> FloatArray:
+    """Return what one standard deviation of local gravity makes of `Solution.states`, shape (n,).
+
+    A slave feels its weight and its bias alike: gravity believed too large is a bias too small.
+
+    Parameters
+    ----------
+    s : Solution
+        A transfer alignment solved [SI].
+    """
+    p, settings = s.problem, s.problem.settings
+    sd = p.site.gravity_sd
+    if not sd:
+        return np.zeros(len(s.states))
+    heavier = replace(p.slave, gravity_offset=p.slave.gravity_offset + sd)
+    at = s.found.at
+    free = free_run(heavier, p.master, settings.mount, settings.matched, at, p.prior, p.sd)
+    other = replace(s.found, free=free, run=kalman(free.system))
+    return _states(p, other).values - s.kalman.values
 
 
 def _likeliest(p: TransferProblem) -> tuple[TransferProblem, DelayFit]:
