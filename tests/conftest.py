@@ -30,7 +30,7 @@ settings.register_profile(
 )
 settings.load_profile(os.environ.get("FOUCAULT_FUZZ", "quick"))
 
-_ODD = re.compile(r"[{}]|\bnp\.\w+\(|\barray\(|  |\(SI\)|(?<![\w.'\"])\d[\d.]*e\+0\d|-0\.0\b")
+_ODD = re.compile(r"[{}]|\bnp\.\w+\(|\barray\(|(?<!')  (?!')|\(SI\)|(?<![\w.'\"])\d[\d.]*e\+0\d")
 """A field left open, what Python prints, doubled spaces, no unit, or an exponent."""
 
 _odd: list[str] = []

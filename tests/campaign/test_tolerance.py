@@ -98,7 +98,7 @@ def test_a_file_that_is_not_there_and_one_that_is_no_text(tmp_path):
     with pytest.raises(FoucaultError, match=r"Did you mean.*tolerance\.toml") as problem:
         tolerance.load(tmp_path / "tolerances.toml")
     assert problem.value.code == "tolerance.missing"
-    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
+    (tmp_path / "bytes.toml").write_bytes(b"\xc3\x28")
     with pytest.raises(FoucaultError) as problem:
         tolerance.load(tmp_path / "bytes.toml")
     assert problem.value.code == "tolerance.syntax"

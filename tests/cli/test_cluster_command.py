@@ -364,7 +364,7 @@ def test_without_the_package_it_is_said_how_to_get_it(
     result = run("montecarlo", "six_position", "-o", tmp_path, "--local-cluster", 2)
     assert result.exit_code == 1
     assert "--local-cluster needs the package distributed" in result.stderr
-    assert "pip install 'foucault[dask]'" in result.stderr
+    assert 'pip install "foucault[dask]"' in result.stderr
 
 
 def test_one_file_knows_dask() -> None:

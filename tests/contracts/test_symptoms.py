@@ -132,6 +132,7 @@ def test_what_they_advise_exists() -> None:
                 command = command.commands["plan" if "plan" in words else "find"]
             have = {s for o in command.params for s in o.opts}
             assert {w for w in words if w.startswith("-")} <= have, line
+        assert not re.search(r"--[a-z-]+ '|install '", text), 'cmd.exe knows only "'
         keys = re.findall(r"(?<![\w.`\"{-])([a-z][a-z_.]+) = ", text)
         keys += re.findall(r"`([a-z][a-z_]+)`", text) + re.findall(r"\[([a-z][a-z_.]+)\]", text)
         assert {key.split(".")[-1] for key in keys} <= KEYS | OTHER_KEYS, text

@@ -135,7 +135,7 @@ def test_messages_that_lack_a_number_are_refused_or_left_out(tmp_path) -> None:
     found = master.read(said(tmp_path, columns, missing="drop"), tmp_path)
     assert len(found) == 598
     assert [f.code for f in found.findings] == ["master.dropped", "master.gaps"]
-    assert "2 gaps, in which about 2 messages are missing" in found.findings[1].message
+    assert "gaps, 2 in all, in which about 2 messages are missing" in found.findings[1].message
     columns[4] = np.nan
     used = said(tmp_path, columns, missing="drop")
     assert "0 messages" in refused("master.empty", lambda: master.read(used, tmp_path))

@@ -151,9 +151,13 @@ def test_plans_that_cannot_be():
     refused("torquing.time", lambda: from_rates([x], [0.0]), r"Step 1 .* takes 0.0 s")
     refused("torquing.time", lambda: from_rates([x, x], [1.0, np.inf]), "Step 2 .* takes inf s")
     refused("torquing.time", lambda: starting(PUBLISHED, np.zeros(3), -1.0), "The ramp .* -1.0 s")
-    refused("torquing.rate", lambda: from_rates([x * np.nan], [1.0]), "Step 1 .* rate .nan nan nan")
-    refused("torquing.rate", lambda: from_rates([x[:2]], [1.0]), "Step 1 .* rate")
-    refused("torquing.rate", lambda: sequence("x", 0.0), "rate 0.0")
+    refused(
+        "torquing.rate",
+        lambda: from_rates([x * np.nan], [1.0]),
+        "Step 1 .* rate nan, nan, nan rad/s",
+    )
+    refused("torquing.rate", lambda: from_rates([x[:2]], [1.0]), "Step 1 .* rate 0.01, 0 rad/s")
+    refused("torquing.rate", lambda: sequence("x", 0.0), "rate 0 rad/s")
     refused("torquing.sequence", lambda: sequence("-x -w"), "'-w' is neither an axis")
     refused("torquing.sequence", lambda: sequence("publishd"), "Did you mean 'published'")
 

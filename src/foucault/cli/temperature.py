@@ -177,7 +177,7 @@ def _scatters(given: Sequence[str]) -> dict[str, float]:
             continue
         if not equals:
             raise error("temperature.assignment", option="--scatter", given=text,
-                        example="--scatter 'gyro.bias=5 deg/h', or --scatter none")  # fmt: skip
+                        example='--scatter "gyro.bias=5 deg/h", or --scatter none')  # fmt: skip
         kind = EVERY.coefficients[int(EVERY.group(family)[0])].kind
         out[family] = abs(parse_at("--scatter", value, kind))
     return out

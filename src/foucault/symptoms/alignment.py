@@ -11,7 +11,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("alignment.no_latitude", "error",
      "An alignment without a latitude",
      "The latitude of the site is unknown; how the Earth turns is what shows north.",
-     "Give --latitude '47.3 deg', or `latitude` in [site]."),
+     'Give --latitude "47.3 deg", or `latitude` in [site].'),
     ("alignment.window", "error",
      "A window of alignment outside the log",
      "The alignment was to last from {start} s to {end} s; the log has {first} s to {last} s.",

@@ -44,8 +44,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "If the instrument samples evenly and only its time is coarse, replace [log.time] by rate in "
      "[log]; else resample the log."),
     ("allan.gap", "warning", "A gap in the record",
-     "The record has {count} gaps; only its longest part without one is used, {start} s to {end} "
-     "s.",
+     "The record has gaps, {count} in all; only its longest part without one is used, {start} s to "
+     "{end} s.",
      "Use a logger that does not lose samples, or choose another part with --rest."),
     ("allan.moves", "warning", "A record that moves, with the part at rest chosen by the user",
      "The instrument moves between {start} s and {end} s; what is measured is motion as well as "

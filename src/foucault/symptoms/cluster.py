@@ -7,7 +7,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("cluster.missing", "error",
      "A cluster is asked for, but the package that talks to it is not installed",
      "{option} needs the package distributed (Dask), which is not installed.",
-     "Install it with `pip install 'foucault[dask]'`, or leave {option} out to use threads."),
+     'Install it with `pip install "foucault[dask]"`, or leave {option} out to use threads.'),
     ("cluster.options", "error",
      "Two ways to compute are asked for at once",
      "{options} cannot be given together.",

@@ -234,7 +234,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      'Write its unit in [log.time], for example unit = "s" or "ms"; a date and a time of day in '
      "two columns must be joined by a T."),
     ("log.gap", "warning", "Gaps: samples are missing",
-     "Time has {count} gaps; about {lost} samples are missing. The longest is {longest}, "
+     "Time has gaps, {count} in all; about {lost} samples are missing. The longest is {longest}, "
      "{start} s from the start, where {nominal} is usual.",
      "The logger lost data: a rest or turn across a gap is less certain, so repeat it if you "
      "can."),

@@ -34,8 +34,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Nothing. A logger that asks more often than the master answers writes such rows."),
     ("master.gaps", "note",
      "Messages of a master that are missing",
-     "{file}: {count} gaps, in which about {lost} messages are missing; the longest is {longest}, "
-     "usual are {usual}.",
+     "{file}: gaps, {count} in all, in which about {lost} messages are missing; the longest is "
+     "{longest}, usual are {usual}.",
      "Nothing, if gaps are short: what the slave does in them is its own navigation."),
     ("master.angles", "error",
      "Angles of a master that cannot be",

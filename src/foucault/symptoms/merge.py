@@ -7,7 +7,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("merge.one", "error",
      "Fewer than two results to merge",
      "{count} result was given; two or more are merged.",
-     "Name the run folders: foucault merge run1 run2 -o merged."),
+     "Name the run folders: `foucault merge run1 run2 -o merged`."),
     ("merge.instrument", "error",
      "Results of different instruments, to be merged or as prior",
      "'{one}' is for {what} '{first}', '{other}' for '{second}'.",

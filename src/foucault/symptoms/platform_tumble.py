@@ -132,8 +132,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A final attitude whose angles are no measure",
      "At the end the middle angle is {given} deg: outer and inner angle turn about nearly the same "
      "axis there.",
-     "Take the attitude matrix and its covariance in `diagnostics`; the coefficients are not "
-     "affected."),
+     "Take attitude matrix and covariance from `diagnostics` of result.json; the coefficients are "
+     "not affected."),
     ("tumble.condition", "note",
      "Information that had to be triangularised",
      "Priors are so wide against the noise that the sum of squares would lose digits.",

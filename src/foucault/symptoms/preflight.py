@@ -8,7 +8,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A preflight by one simulated session",
      "{procedure} plans no motion of its own: one session was simulated as [simulate] says and "
      "calibrated. Its noise, an instrument of class {grade} and what was drawn decide too.",
-     "For a spread over instruments and noise: foucault montecarlo."),
+     "`foucault montecarlo` shows the spread over instruments and noise."),
     ("preflight.typical", "note",
      "A preflight without the noise of the instrument",
      "[noise] does not say the noise of the instrument, which a calibration measures in the log; "

@@ -26,8 +26,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "before and after are then taken to hold half of it each."),
     ("strapdown.bridged", "warning",
      "A gap in the log that was bridged",
-     "{count} gaps were bridged, the longest {longest} at {where}: the readings before and after "
-     "were taken to hold half of it each.",
+     "Gaps were bridged, {count} in all, the longest {longest} at {where}: the readings before and "
+     "after were taken to hold half of it each.",
      "Do not trust what follows a gap in which the instrument may have turned or been moved."),
     ("strapdown.rows", "error",
      "A run that begins or ends outside the log",

@@ -100,7 +100,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     # Findings
     ("temperature.doubtful", "warning",
      "Doubtful results among those at several temperatures",
-     "These are doubtful: {names}.",
+     "These results are doubtful: {names}.",
      "Read their reports; leave out those whose reasons matter."),
     ("temperature.dead", "warning",
      "A temperature that never changes in a whole log",
@@ -109,7 +109,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "the temperature with --at."),
     ("temperature.prior", "warning",
      "A prior that counts once for every session",
-     "In some session these are known hardly better than beforehand: {names}.",
+     "In some session these coefficients are known hardly better than beforehand: {names}.",
      "The prior is taken for new knowledge each time, so that these look too certain. Calibrate "
      "without the prior."),
     ("temperature.wide", "warning",
@@ -119,7 +119,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Wait until the temperature is steady, or use a shorter part of the log."),
     ("temperature.beyond_knots", "warning",
      "Results beyond the outermost knots",
-     "These are beyond the knots: {names}. The functions hold from {low} to {high} degC.",
+     "These results are beyond the knots: {names}. The functions hold from {low} to {high} degC.",
      "Put the outermost knots at the coldest and the warmest result."),
     ("temperature.no_scatter", "warning",
      "Too few temperatures to tell how far coefficients scatter",

@@ -55,7 +55,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Write [noise] from its data sheet or from `foucault allan`: every uncertainty rests on it."),
     ("transfer.at_validity", "warning",
      "Messages that are stamped when they hold, not when they arrive",
-     "The delay is {delay} +- {sd} ms: as far as can be told, messages are stamped with the time "
+     "The delay is {delay} ± {sd} ms: as far as can be told, messages are stamped with the time "
      "at which they hold.",
      'Where that is so, write delay = "none" and save a state. Where a delay of tens of '
      "milliseconds is expected, the log was put in order by the master's stamps."),
@@ -71,12 +71,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      'Raise longest_delay, or take delay_method = "rate matching", which looks further.'),
     ("transfer.drift", "warning",
      "Clocks that drift apart",
-     "The clock of the stamps gains {rate} +- {sd} ppm on the slave's, {total} ms over the log; "
+     "The clock of the stamps gains {rate} ± {sd} ppm on the slave's, {total} ms over the log; "
      "this was taken out.",
      "Log the time of arrival by the slave's clock beside each message, or lock the clocks."),
     ("transfer.delay_differs", "warning",
      "A delay that is not the one that was given",
-     "The delay was given as {given} ms; by what both turned it is {found} +- {sd} ms. In a turn "
+     "The delay was given as {given} ms; by what both turned it is {found} ± {sd} ms. In a turn "
      "a wrong delay looks like biases of the accelerometers.",
      'Write delay = "estimate".'),
     ("transfer.mounting", "warning",
@@ -123,8 +123,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      '"increment").'),
     ("transfer.gap", "error",
      "A gap in the log of a slave",
-     "The slave's log has {count} gaps, the longest of {longest} at {time} s; up to {allowed} are "
-     "bridged.",
+     "The slave's log has gaps, {count} in all, the longest of {longest} at {time} s; up to "
+     "{allowed} are bridged.",
      "Use what lies before it (hand_over), or a log that begins after it."),
     ("transfer.not_finite", "error",
      "Readings of a slave that are no numbers",
@@ -136,7 +136,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Sort the log by time; where its stamps start anew it holds two runs: use one of them."),
     ("transfer.lever", "warning",
      "A lever arm that the velocities contradict",
-     "The velocities show a lever arm of {found} +- {sd} m, and {said} (log-likelihood {gain} "
+     "The velocities show a lever arm of {found} ± {sd} m, and {said} (log-likelihood {gain} "
      "higher).",
      "The lever arm goes from the master to the slave, right, forward and up of the master: check "
      "its sign and its axes; what shows is lever_arm = [{written}]. Velocities that come later "

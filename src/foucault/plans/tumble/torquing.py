@@ -83,7 +83,8 @@ class TorquingPlan:
             raise error("torquing.empty", name=self.name)
         for k, step in enumerate(self.steps, 1):
             if np.shape(step.rate) != (3,) or not np.isfinite(step.rate).all():
-                raise error("torquing.rate", step=k, name=self.name, given=step.rate)
+                given = ", ".join(f"{x:g}" for x in np.ravel(step.rate))
+                raise error("torquing.rate", step=k, name=self.name, given=f"{given} rad/s")
             if not 0 < step.time < np.inf:
                 raise error("torquing.time", what=f"Step {k}", name=self.name, given=step.time)
         if not 0 <= self.ramp < np.inf:
@@ -281,7 +282,7 @@ def sequence(
         segment = (DURATION if total is None else total) / len(signed)
     words = " ".join(word if word[0] in "+-" else f"+{word}" for word in signed)
     if not 0 < rate < np.inf:
-        raise error("torquing.rate", step=1, name=words, given=rate)
+        raise error("torquing.rate", step=1, name=words, given=f"{rate:g} rad/s")
     steps = tuple(_turning(word, rate * segment, rate) for word in words.split())
     return TorquingPlan(words, np.zeros(3), steps)
 
