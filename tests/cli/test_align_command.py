@@ -120,7 +120,8 @@ def test_a_gap_is_bridged_where_that_is_asked_for(log: Path, tmp_path: Path, cut
     refused = CliRunner().invoke(app, [str(w) for w in words])
     assert refused.exit_code == 1 and "--gaps bridge" in " ".join(refused.stderr.split())
     bridged = run(*words, "--gaps", "bridge")
-    assert bridged.exit_code == 3 and "Gaps were bridged, 1 in all" in " ".join(bridged.output.split())
+    assert bridged.exit_code == 3
+    assert "Gaps were bridged, 1 in all" in " ".join(bridged.output.split())
     assert bridged.output.count("were bridged") == 1
 
 
