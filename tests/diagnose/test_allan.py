@@ -310,7 +310,7 @@ def test_a_gap():
     log = _static()
     log.time[1000:] += 0.5
     measured = allan_log.measure_log(log, axes=("gyro.x",))
-    assert measured.findings[0].message.startswith("The record has gaps, 1 in all; only its longest part")
+    assert measured.findings[0].message.startswith("The record has gaps, 1 in all; only its")
     assert measured.start == pytest.approx(10.5)
 
 

@@ -24,8 +24,8 @@ def test_gaps_are_counted_and_placed():
     (found,) = checks.timing(time)
     assert found.code == "log.gap"
     assert found.message == (
-        "Time has gaps, 2 in all; about 4 samples are missing. The longest is 40 ms, 4.99 s from the "
-        "start, where 10 ms is usual."
+        "Time has gaps, 2 in all; about 4 samples are missing. The longest is 40 ms, 4.99 s from "
+        "the start, where 10 ms is usual."
     )
 
 
