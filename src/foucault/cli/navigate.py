@@ -62,21 +62,31 @@ def navigate(
     gravity: words.Gravity = None,
     heading: Annotated[
         str | None,
-        typer.Option(help='Heading at the start, such as "90.6 deg", if gyros cannot see it.'),
+        typer.Option(
+            help='Heading at the start, such as "90.6 deg", where gyros cannot see it; found in '
+            "the rest if left out."
+        ),
     ] = None,
     heading_sd: Annotated[
         str | None, typer.Option(help='Standard deviation of --heading, such as "0.1 deg".')
     ] = None,
     pitch: Annotated[
-        str | None, typer.Option(help='Pitch at the start, such as "1.2 deg".')
+        str | None,
+        typer.Option(help='Pitch at the start, such as "1.2 deg"; found in the rest if left out.'),
     ] = None,
-    roll: Annotated[str | None, typer.Option(help='Roll at the start, such as "-0.4 deg".')] = None,
+    roll: Annotated[
+        str | None,
+        typer.Option(help='Roll at the start, such as "-0.4 deg"; found in the rest if left out.'),
+    ] = None,
     level_sd: Annotated[
         str | None,
         typer.Option(help='Standard deviation of --pitch and --roll, such as "1 arcmin".'),
     ] = None,
     reference: Annotated[
-        Path | None, typer.Option(help="File of positions, velocities or angles to compare with.")
+        Path | None,
+        typer.Option(
+            help="File of positions, velocities or angles to compare with; none if left out."
+        ),
     ] = None,
     still: Annotated[
         bool,

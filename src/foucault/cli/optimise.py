@@ -47,7 +47,9 @@ def optimise(
     ] = None,
     time_limit: Annotated[
         str | None,
-        typer.Option(help='Begin no further restart after this time, such as "60 s".'),
+        typer.Option(
+            help='Begin no further restart after this time, such as "60 s"; no limit if left out.'
+        ),
     ] = None,
     seed: words.Seed = 0,
     size: Annotated[

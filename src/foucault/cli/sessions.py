@@ -57,7 +57,9 @@ def simulate(
     ] = None,
     instruments: Annotated[
         int | None,
-        typer.Option(help="Simulate so many instruments, as means in one file.", min=1),
+        typer.Option(
+            help="Simulate so many instruments, as means in one file; one if left out.", min=1
+        ),
     ] = None,
 ) -> None:
     """Simulate a session: the log, and the truth beside it."""
@@ -104,7 +106,9 @@ def _simulate_fleet(
 def inspect(
     ctx: typer.Context,
     log: words.LogFile,
-    plots: Annotated[Path | None, typer.Option(help="HTML file to write quick plots to.")] = None,
+    plots: Annotated[
+        Path | None, typer.Option(help="HTML file to write quick plots to; none if left out.")
+    ] = None,
 ) -> None:
     """Look at a log: rates, gaps, units, and the rests found.
 

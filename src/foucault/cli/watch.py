@@ -64,7 +64,10 @@ def watch(
     ] = False,
     hold: Annotated[str, typer.Option(help='Time to hold still, such as "3 s".')] = "3 s",
     timeout: Annotated[
-        str | None, typer.Option(help='End after this time without a sample, such as "60 s".')
+        str | None,
+        typer.Option(
+            help='End after this time without a sample, such as "60 s"; never if left out.'
+        ),
     ] = None,
 ) -> None:
     """Follow a growing log: rests found, orientations missing."""

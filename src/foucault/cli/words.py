@@ -84,7 +84,10 @@ Accuracy = Annotated[
     str | None, typer.Option(help='Wanted standard deviation of the heading, such as "0.1 deg".')
 ]
 From = Annotated[
-    str | None, typer.Option("--from", help='Use the log from here on, such as "600 s".')
+    str | None,
+    typer.Option(
+        "--from", help='Use the log from here on, such as "600 s"; times count from its start.'
+    ),
 ]
 Until = Annotated[str | None, typer.Option(help='Use the log up to here, such as "90 min".')]
 
