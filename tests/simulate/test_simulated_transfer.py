@@ -347,3 +347,15 @@ def test_a_start_far_away_closes_too() -> None:
     run = simulate_transfer(replace(SHORT, start=replace(START, latitude=-80 * DEG)),
                             rate=100.0, slave=Slave(TURNED, MU, ARM))  # fmt: skip
     assert missed(run)[0] < 1e-4
+
+
+def test_gravity_that_is_not_normal_is_felt():
+    with_it, without = (
+        simulate_transfer(SHORT, rate=50.0, slave=Slave(TURNED), gravity_offset=a, seed=4)
+        for a in (1e-3, 0.0)
+    )
+    more = with_it.log.accel - without.log.accel
+    np.testing.assert_allclose(np.linalg.norm(more, axis=1), 1e-3, rtol=1e-4)
+    C_nm = without.carried.truth.C_nb[:-1]
+    up_s = (C_nm @ TURNED)[:, 2]
+    assert (np.einsum("ij,ij->i", more[: len(up_s)], up_s) > 0.99e-3).all()

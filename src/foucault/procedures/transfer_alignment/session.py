@@ -15,7 +15,7 @@ from foucault import logs
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.logs import master as masters
-from foucault.models.earth import Site
+from foucault.models.earth import Site, gravity
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
@@ -33,11 +33,9 @@ from foucault.simulate.transfer.session import (
 )
 from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
 from foucault.tables import Log
-from foucault.units import Quantity
+from foucault.units import Angle, Quantity, Seconds
 
 FloatArray = npt.NDArray[np.float64]
-Seconds = Annotated[float, Quantity("time")]
-Angle = Annotated[float, Quantity("angle")]
 
 SIMULATE = {"grade": "tactical"}
 """Default of [simulate]; of this class the turn-on errors are those of the publication."""
@@ -266,17 +264,18 @@ def simulate(
     noise : ImuNoise
         Its noise [SI].
     site : Site
-        Where it begins: latitude and height; gravity is normal gravity.
+        Where it begins, and its gravity.
     seed : int, shape ()
         Seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
-    return simulate_motion(motion, session, settings or Settings(), model, noise, seed)
+    offset = site.gravity - gravity(site.latitude or 0.0, site.height)  # `moved` wants a latitude
+    return simulate_motion(motion, session, settings or Settings(), model, noise, seed, offset)
 
 
 def simulate_motion(
     motion: TransferProfile, session: Session, settings: Settings, model: ImuModel,
-    noise: ImuNoise, seed: int,
+    noise: ImuNoise, seed: int, gravity_offset: float = 0.0,
 ) -> TransferSession:  # fmt: skip
     """Simulate a session of any motion.
 
@@ -294,6 +293,8 @@ def simulate_motion(
         Its noise [SI].
     seed : int, shape ()
         Seed of installation, compliance and noise [1].
+    gravity_offset : float
+        Local minus normal gravity [m/s^2].
     """
     mount = settings.mount
     rng = np.random.default_rng([seed, 22])
@@ -316,7 +317,8 @@ def simulate_motion(
     angle = session.master_attitude_sd
     says = MasterNoise(session.master_velocity_sd, (angle, angle, angle))
     made = simulate_transfer(
-        motion, rate=session.rate, slave=slave, link=link, noise=says, seed=seed
+        motion, rate=session.rate, slave=slave, link=link, noise=says, seed=seed,
+        gravity_offset=gravity_offset,
     )  # fmt: skip
     return TransferSession(made)
 

@@ -182,6 +182,7 @@ def simulate_transfer(
     link: Link | None = None,
     noise: MasterNoise | None = None,
     barometer: Barometer | None = None,
+    gravity_offset: float = 0.0,
     seed: int = 0,
 ) -> TransferSimulation:
     """Simulate one run.
@@ -200,6 +201,8 @@ def simulate_transfer(
         Errors of the master.
     barometer : Barometer or None
         Errors of the barometer.
+    gravity_offset : float
+        Local minus normal gravity [m/s^2].
     seed : int, shape ()
         Seed of all that is drawn here [1].
 
@@ -216,7 +219,7 @@ def simulate_transfer(
     there = carried(profile.plan, profile.start, float(rate), (x, y, z))
     imu, bend, shake, errs, way, pressure = np.random.SeedSequence(seed).spawn(6)
     how = fastened(slave, there, rate, [bend, shake])
-    accel, gyro = felt(slave, there, how, rate)
+    accel, gyro = felt(slave, there, how, rate, gravity_offset)
     log = noisy_log(
         there.truth.time, accel, gyro, sampled="increment", noise=slave.noise,
         rng=np.random.default_rng(imu),

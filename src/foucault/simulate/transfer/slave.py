@@ -188,7 +188,7 @@ def _means(x: FloatArray, slope: FloatArray, dt: float) -> FloatArray:
 
 
 def felt(
-    slave: Slave, carried: CarriedMotion, how: Fastening, rate: float
+    slave: Slave, carried: CarriedMotion, how: Fastening, rate: float, gravity_offset: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Return what an IMU without noise says: mean accel [m/s^2] and gyro [rad/s], shape (n, 3).
 
@@ -202,8 +202,10 @@ def felt(
         How it moves there.
     rate : float
         Samples in a second [Hz].
+    gravity_offset : float
+        Local minus normal gravity [m/s^2].
     """
-    dvel, dtheta = carried.dvel_m, carried.dtheta_m
+    dvel, dtheta = carried.dvel_m + gravity_offset / rate * carried.C_mn[:, :, 2], carried.dtheta_m
     if how.velocity_n is not None:
         dvel = dvel + _applied(carried.C_mn, np.diff(how.velocity_n, axis=0))
     if how.load is None and how.flexure is None and how.velocity_n is None:
