@@ -247,3 +247,38 @@ def test_links_between_pages_exist() -> None:
         for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
             if "://" not in target:
                 assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+SECTIONS = [
+    "When to use it", "What you need", "How to record", "The campaign", "Read the report",
+    "What it cannot see", "Equations", "Source and our corrections", "Accuracy",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs/procedures").glob("*.md")), ids=lambda p: p.name
+)
+def test_pages_of_procedures_have_the_same_sections(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.S)
+    assert re.findall(r"^## (.*)", text, re.M) == SECTIONS
+    assert re.search(r"## Accuracy\n\n\|", text), "a table first"
+
+
+def takes_a_foreign_log(command: Any) -> bool:
+    inner = [command, *getattr(command, "commands", {}).values()]
+    arguments = {p.name for c in inner for p in c.params if p.param_type_name == "argument"}
+    return bool(arguments & {"log", "slave", "readings", "campaign"})
+
+
+def test_the_guide_names_every_procedure_and_every_command_that_takes_a_log(program: Any) -> None:
+    guide = (ROOT / "docs/choose.md").read_text(encoding="utf-8")
+    assert {name for name in PROCEDURES if f"`{name}`" not in guide} == set()
+    wanted = {name for name, command in program.commands.items() if takes_a_foreign_log(command)}
+    assert {"calibrate", "inspect", "north", "delay", "watch"} <= wanted
+    assert {name for name in wanted if f"`foucault {name}`" not in guide} == set()
+
+
+def test_every_validation_page_has_a_row_among_the_verified() -> None:
+    said = tomllib.loads((ROOT / "docs/verified.toml").read_text(encoding="utf-8"))
+    rows = {row["page"] for rows in said.values() for row in rows}
+    assert rows == {page.stem for page in (ROOT / "docs/validation").glob("*.md")}
