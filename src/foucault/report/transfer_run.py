@@ -201,9 +201,9 @@ def handed(result: Result) -> Section | None:
     )
     more = (
         "Where the slave's log goes on after that, and something else knows where it went, this "
-        "says what the calibration is worth in metres. Its --from counts from the beginning of LOG: "
-        "of a log that begins later than this one, such as outage.csv of foucault simulate, take "
-        "off by how much:"
+        "says what the calibration is worth in metres. Its --from counts from the start of LOG; "
+        "where that is later than the start of this log, as in outage.csv of foucault "
+        "simulate, take off by how much:"
     )
     angles = " ".join(f"--{n} '{np.degrees(state[n]):.5f} deg'"
                       for n in ("heading", "pitch", "roll"))  # fmt: skip
