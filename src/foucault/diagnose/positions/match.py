@@ -187,19 +187,20 @@ def _aligned(cost: FloatArray) -> IntArray:
     n, m = cost.shape
     if n == m and np.trace(cost) <= 2.0:  # any other way has two without partner at least
         return np.arange(n)
-    best = np.zeros((n + 1, m + 1))
-    best[:, 0], best[0, :] = np.arange(n + 1), np.arange(m + 1)
+    costs = cost.tolist()  # numbers of Python: one by one, those of NumPy take ten times as long
+    best = [[float(j) for j in range(m + 1)]]
     for i in range(n):
+        above, here = best[i], [i + 1.0]
         for j in range(m):
-            apart = min(best[i, j + 1], best[i + 1, j]) + 1.0
-            best[i + 1, j + 1] = min(best[i, j] + cost[i, j], apart)
+            here.append(min(above[j] + costs[i][j], min(above[j + 1], here[j]) + 1.0))
+        best.append(here)
     row = np.full(n, -1)
     i, j = n, m
     while i and j:
-        if best[i, j] == best[i - 1, j - 1] + cost[i - 1, j - 1]:
+        if best[i][j] == best[i - 1][j - 1] + costs[i - 1][j - 1]:
             i, j = i - 1, j - 1
             row[i] = j
-        elif best[i, j] == best[i - 1, j] + 1.0:
+        elif best[i][j] == best[i - 1][j] + 1.0:
             i -= 1
         else:
             j -= 1
