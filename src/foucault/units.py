@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import cache
 from numbers import Real
 from statistics import median
-from typing import TYPE_CHECKING, Any, SupportsFloat, cast
+from typing import TYPE_CHECKING, Annotated, Any, SupportsFloat, cast
 
 from foucault.errors import FoucaultError, error
 
@@ -342,3 +342,9 @@ class Quantity:
             "description": f"{self.kind} with its unit",
             "examples": [KINDS[self.kind].example],
         }
+
+
+Seconds = Annotated[float, Quantity("time")]
+Angle = Annotated[float, Quantity("angle")]
+Rate = Annotated[float, Quantity("angular rate")]
+Ratio = Annotated[float, Quantity("scale factor error")]

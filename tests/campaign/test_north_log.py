@@ -15,9 +15,9 @@ from foucault.campaign import north, study
 from foucault.campaign.writing import resolved
 from foucault.cli.app import app
 from foucault.cli.sessions import read_any
-from foucault.diagnose.north.noise import noise_of
 from foucault.errors import FoucaultError
 from foucault.logs.indexed_description import IndexedDescription
+from foucault.models.noise import noise_of
 
 NORTH = "north_seeking"
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
@@ -115,6 +114,7 @@ def _batches(
     size: int,
     progress: Progress | None,
 ) -> Iterator[Any]:
+    import pyarrow as pa
     from pyarrow import csv
 
     keys = [f"c{i}" for i in range(len(dialect.names))]  # names in files may repeat
@@ -127,11 +127,11 @@ def _batches(
         strings_can_be_null=True,
         decimal_point=dialect.decimal,
     )
-    # Blocks of our own: csv.open_csv would read ahead in a thread, which crashes the interpreter
-    # when a file written in Python is closed, after a fault, while it reads.
+    # Blocks of our own, in memory of Arrow's: a thread of its reads ahead, and one that read a file
+    # written in Python would crash the interpreter where, after a fault, it outlives the file.
     for block in _data_blocks(stream, dialect, size, progress):
         reading = csv.ReadOptions(column_names=keys, block_size=len(block))
-        yield csv.read_csv(BytesIO(block), reading, parsing, converting)
+        yield csv.read_csv(pa.BufferReader(block), reading, parsing, converting)
 
 
 def _arrow_type(dialect: Dialect, column: int) -> Any:

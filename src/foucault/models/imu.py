@@ -66,12 +66,16 @@ from foucault.models.imu_layout import (
 from foucault.tables import AXES, Log
 
 __all__ = [
-    "EQUATION", "FULL_EQUATION", "FULL_INVERSE", "INVERSE", "INVERSES", "LAYOUT", "LINEAR_LOWER",
-    "PRODUCTS", "SCALE_EQUATION", "SCALE_INVERSE", "SIZE_EQUATION", "SIZE_INVERSE", "Gauge",
-    "ImuModel", "coefficient_slot", "products", "products_slope",
+    "EQUATION", "FRAME", "FULL_EQUATION", "FULL_INVERSE", "INVERSE", "INVERSES", "LAYOUT",
+    "LINEAR_LOWER", "PRODUCTS", "SCALE_EQUATION", "SCALE_INVERSE", "SIZE_EQUATION",
+    "SIZE_INVERSE", "Gauge", "ImuModel", "coefficient_slot", "products", "products_slope",
 ]  # fmt: skip
 
 FloatArray = npt.NDArray[np.float64]
+
+
+FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
+"""The axes of coefficients, in words, as stored in results."""
 
 
 class Gauge(StrEnum):

@@ -14,7 +14,9 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
 
 from foucault import units
 from foucault.errors import error, suggestion
@@ -153,3 +155,37 @@ def rounding_bias(step: float, sd: float) -> float:
     if step <= 0:
         return 0.0
     return step / math.sqrt(12) * math.exp(-2 * (math.pi * sd / step) ** 2)
+
+
+def noise_json(noise: ImuNoise) -> dict[str, Any]:
+    """Return the noise of a calibration for result.json.
+
+    Parameters
+    ----------
+    noise : ImuNoise
+        Noise of gyro and accelerometers [SI].
+    """
+    out: dict[str, Any] = {}
+    for name in ("gyro", "accel"):
+        parts = asdict(getattr(noise, name))
+        out |= {f"{name}_{key}": value for key, value in parts.items() if key != "white"}
+        out[f"{name}_white"] = [parts["white"]]  # as other procedures write it, axis by axis
+    return out
+
+
+def noise_of(said: Mapping[str, Any]) -> ImuNoise | None:
+    """Return the noise that `noise_json` wrote; None where there is none.
+
+    Parameters
+    ----------
+    said : mapping
+        From result.json [SI].
+    """
+    if not said.get("gyro_white"):
+        return None
+    triads = {
+        name: TriadNoise(said[f"{name}_white"][0], *(
+            said[f"{name}_{f.name}"] for f in fields(TriadNoise) if f.name != "white"))
+        for name in ("accel", "gyro")
+    }  # fmt: skip
+    return ImuNoise(**triads)

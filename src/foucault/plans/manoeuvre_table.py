@@ -20,9 +20,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from foucault.plans.manoeuvres import Accelerate, Climb, Segment, Straight, STurn, Sway, Turn
-from foucault.units import Quantity
+from foucault.units import Angle, Quantity
 
-Angle = Annotated[float, Quantity("angle")]
 Seconds = Annotated[float, Field(gt=0), Quantity("time")]
 
 KINDS = ("straight", "turn", "s_turn", "accelerate", "climb", "sway")

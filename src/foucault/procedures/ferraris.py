@@ -34,12 +34,13 @@ from foucault.models.noise import ImuNoise
 from foucault.procedures import Progress, on_faces, silent
 from foucault.procedures.on_faces import Solution
 from foucault.procedures.on_faces import settings as face_settings
-from foucault.procedures.on_faces.settings import Angle, FaceSession, FaceSettings, Seconds
+from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
 from foucault.result import Result
 from foucault.simulate.faces import face_plan
 from foucault.simulate.faces import simulate as simulate_plan
 from foucault.simulate.hand_rotated import Simulation
 from foucault.tables import Log
+from foucault.units import Angle, Seconds
 
 FloatArray = npt.NDArray[np.float64]
 

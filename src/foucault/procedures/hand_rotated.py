@@ -49,7 +49,7 @@ from foucault.estimate import gauss_newton
 from foucault.estimate.hand_rotated import likelihood
 from foucault.estimate.hand_rotated.start import first_guess
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.references import with_references
 from foucault.models.rests_and_turns import Prediction, predict
@@ -61,12 +61,10 @@ from foucault.result import Estimate, Result, Verdict, provenance
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
 from foucault.tables import AXES, Log
-from foucault.units import Quantity
+from foucault.units import Quantity, Seconds
 
 FloatArray = npt.NDArray[np.float64]
-Seconds = Annotated[float, Quantity("time")]
 
-FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
 NEEDED = 9  # accelerometer coefficients without quadratic terms: one equation each
 
 

@@ -31,14 +31,15 @@ from foucault.errors import Status, error
 from foucault.estimate import norm_observation
 from foucault.estimate.hand_rotated import published as published_hand_rotated
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures import Progress, silent
-from foucault.procedures.hand_rotated import FRAME, NEEDED, Seconds, complete, simulate
+from foucault.procedures.hand_rotated import NEEDED, complete, simulate
 from foucault.procedures.hand_rotated import Session as HandRotatedSession
 from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log
+from foucault.units import Seconds
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -58,40 +57,6 @@ def from_residuals(
     accel = replace(GUESS.accel, white=GUESS.accel.white * float(scale[1]))
     gyro = replace(GUESS.gyro, white=GUESS.gyro.white * float(scale[0]))
     return ImuNoise(accel if accelerometers else TriadNoise(), gyro)
-
-
-def noise_json(noise: ImuNoise) -> dict[str, Any]:
-    """Return the noise of a calibration for result.json.
-
-    Parameters
-    ----------
-    noise : ImuNoise
-        Noise of gyro and accelerometers [SI].
-    """
-    out: dict[str, Any] = {}
-    for name in ("gyro", "accel"):
-        parts = asdict(getattr(noise, name))
-        out |= {f"{name}_{key}": value for key, value in parts.items() if key != "white"}
-        out[f"{name}_white"] = [parts["white"]]  # as other procedures write it, axis by axis
-    return out
-
-
-def noise_of(said: Mapping[str, Any]) -> ImuNoise | None:
-    """Return the noise that `noise_json` wrote; None where there is none.
-
-    Parameters
-    ----------
-    said : mapping
-        From result.json [SI].
-    """
-    if not said.get("gyro_white"):
-        return None
-    triads = {
-        name: TriadNoise(said[f"{name}_white"][0], *(
-            said[f"{name}_{f.name}"] for f in fields(TriadNoise) if f.name != "white"))
-        for name in ("accel", "gyro")
-    }  # fmt: skip
-    return ImuNoise(**triads)
 
 
 def drift_sd(

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.north.noise import noise_json
 from foucault.diagnose.observability import Observability
 from foucault.diagnose.tumble import checks as tumble_checks
 from foucault.diagnose.tumble import observability
@@ -21,7 +20,7 @@ from foucault.diagnose.tumble.observability import STATE
 from foucault.estimate.tumble.fit import Tumble, attitudes
 from foucault.models.cluster import CONSTANTS, angles_of, normalised
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
+from foucault.models.noise import ImuNoise, noise_json
 from foucault.result import TableData
 from foucault.tables import AXES
 

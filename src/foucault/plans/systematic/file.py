@@ -45,7 +45,7 @@ from foucault.plans.systematic.sequence import (
     CalibrationSequence,
     orientation,
 )
-from foucault.units import Quantity
+from foucault.units import Angle, Quantity
 
 _KINDS = ("rest", "turn", "spin")
 
@@ -104,15 +104,12 @@ class ActionTable(BaseModel):
         return Rotate(str(self.about), angle, self.rate, self.ramp, self.label)
 
 
-_Angle = Annotated[float, Quantity("angle")]
-
-
 class GimbalTable(BaseModel):
     """[gimbal]: rests at pairs of angles, the inner axis turned before the outer one."""
 
     model_config = ConfigDict(extra="forbid")
 
-    angles: list[tuple[_Angle, _Angle]] = Field(
+    angles: list[tuple[Angle, Angle]] = Field(
         min_length=2, description="outer angle about East and inner angle about z of each rest"
     )
     rest: Annotated[float, Field(gt=0), Quantity("time")] = Field(

@@ -19,12 +19,11 @@ from foucault.diagnose.navigation import reference_checks
 from foucault.diagnose.navigation.budget import Budget
 from foucault.diagnose.navigation.errors import Growth, NavigationError, covered, error_of, growth
 from foucault.diagnose.navigation.schuler import SchulerFit
-from foucault.diagnose.north.noise import noise_of
 from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
 from foucault.models.earth import Site
 from foucault.models.layouts import is_imu, of_sensors
-from foucault.models.noise import ImuNoise
+from foucault.models.noise import ImuNoise, noise_of
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures import Progress, silent

@@ -25,7 +25,6 @@ from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north import calibration_report as shown
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, stops, units_first
-from foucault.diagnose.north.noise import noise_json
 from foucault.errors import error
 from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.attitude import Known
@@ -33,7 +32,7 @@ from foucault.logs import indexed, indexed_own
 from foucault.logs.indexed_description import IndexedDescription
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
+from foucault.models.noise import ImuNoise, noise_json
 from foucault.models.north_seeker import EQUATION, Compensation
 from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking import foresight as north_foresight

@@ -20,7 +20,7 @@ from foucault.diagnose.north import fix_checks as judge
 from foucault.diagnose.north.causes import causes
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, require_plausible, stops, units_first
-from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals, noise_of
+from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import without
 from foucault.diagnose.north.validity import contradicted, other_conditions
 from foucault.errors import Finding, error, finding
@@ -28,7 +28,7 @@ from foucault.estimate.north.attitude import Fixes, Known, level_square, solve
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
+from foucault.models.noise import ImuNoise, noise_of
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking.settings import Settings

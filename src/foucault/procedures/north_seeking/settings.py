@@ -25,14 +25,10 @@ from foucault.simulate.north import (
     Stops,
     simulate_north,
 )
-from foucault.units import Quantity
+from foucault.units import Angle, Quantity, Rate, Ratio, Seconds
 
-Seconds = Annotated[float, Quantity("time")]
-Angle = Annotated[float, Quantity("angle")]
-Rate = Annotated[float, Quantity("angular rate")]
 Ramp = Annotated[float, Quantity("rate ramp")]
 Force = Annotated[float, Quantity("specific force")]
-Ratio = Annotated[float, Quantity("scale factor error")]
 
 MINUTE = float(np.radians(1.0 / 60.0))
 """One arcmin [rad]."""

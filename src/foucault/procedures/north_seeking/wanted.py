@@ -18,7 +18,8 @@ from foucault.plans.north.moves import Rig, schedule
 from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
 from foucault.procedures.north_seeking.foresight import silent
-from foucault.procedures.north_seeking.settings import Angle, Ramp, Seconds, Session, Settings
+from foucault.procedures.north_seeking.settings import Ramp, Session, Settings
+from foucault.units import Angle, Seconds
 
 SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),))
 """What a plan is made for."""

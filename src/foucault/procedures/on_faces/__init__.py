@@ -26,11 +26,10 @@ from foucault.estimate.faces.scatter import believe
 from foucault.estimate.snooping import snoop
 from foucault.models.earth import Site
 from foucault.models.faces import TurnReadings, face_name
-from foucault.models.imu import EQUATION, LAYOUT, Gauge
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
 from foucault.models.session_noise import SessionNoise
-from foucault.procedures.hand_rotated import FRAME
 from foucault.procedures.on_faces.settings import FaceSettings
 from foucault.result import Problem, Result, Verdict, provenance
 from foucault.tables import Log

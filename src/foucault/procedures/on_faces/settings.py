@@ -8,10 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.tables import AXES
-from foucault.units import Quantity
-
-Seconds = Annotated[float, Quantity("time")]
-Angle = Annotated[float, Quantity("angle")]
+from foucault.units import Angle, Quantity, Seconds
 
 
 class FaceSettings(BaseModel):

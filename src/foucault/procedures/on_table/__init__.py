@@ -29,7 +29,7 @@ from foucault.estimate.table import likelihood as table_likelihood
 from foucault.estimate.table.fit import Options, TableFit, fit
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import EQUATION, LAYOUT, LINEAR_LOWER, Gauge
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.references import with_references
@@ -45,8 +45,6 @@ from foucault.tables import AXES, Log
 
 FloatArray = npt.NDArray[np.float64]
 Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
-
-FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
 
 
 STREAMS = True

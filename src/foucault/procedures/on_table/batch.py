@@ -27,13 +27,12 @@ from foucault.estimate.table import fleet
 from foucault.estimate.table.fleet import FleetEstimate, FleetReadings
 from foucault.models import turntable
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, Gauge
+from foucault.models.imu import EQUATION, FRAME, Gauge
 from foucault.models.readings import Readings
 from foucault.models.references import with_references
 from foucault.models.turntable import TablePlan, up_k
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
-from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings, task_of
 from foucault.result import Check, Result, Verdict
 
@@ -196,7 +195,7 @@ class Batch:
             procedure="norm_observation",
             coefficients=coefficients,
             equation=EQUATION,
-            frame=on_table.FRAME,
+            frame=FRAME,
             gauge=Gauge.LOWER.value,
             verdict=Verdict.of(checks),
             checks=checks,

@@ -20,7 +20,7 @@ from foucault.plans.table.plan import table_plan
 from foucault.simulate.table.log import Simulation, simulate_means
 from foucault.simulate.table.log import simulate as simulate_log
 from foucault.simulate.table.readings import Rig
-from foucault.units import Quantity
+from foucault.units import Angle, Quantity, Ratio, Seconds
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per position:  averaged = { column = "averaged", unit = "s" }
@@ -34,10 +34,6 @@ rate_unit = "rad/s"
 position = "position"                   # number of the position, empty or -1 in between
 """
 """What the log of a session on a table has beside the instrument's columns."""
-
-Angle = Annotated[float, Quantity("angle")]
-Ratio = Annotated[float, Quantity("scale factor error")]
-Seconds = Annotated[float, Quantity("time")]
 
 
 class TableSettings(BaseModel):

@@ -23,9 +23,9 @@ from foucault.procedures.platform_tumble import foresight as tumble_foresight
 from foucault.procedures.platform_tumble.settings import (
     Session,
     Settings,
-    at,
     draw_errors,
 )
+from foucault.procedures.validators import located
 from foucault.units import Quantity, parse
 
 FloatArray = npt.NDArray[np.float64]
@@ -88,7 +88,7 @@ class Wanted(BaseModel):
     @field_validator("latitudes", mode="after")
     @classmethod
     def _are_latitudes(cls, given: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        at(info, lambda: [_latitude(text) for text in given])
+        located(info, lambda: [_latitude(text) for text in given])
         return tuple(dict.fromkeys(given))
 
 

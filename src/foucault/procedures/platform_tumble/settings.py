@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.errors import FoucaultError, error
+from foucault.errors import error
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
@@ -23,35 +22,22 @@ from foucault.procedures.platform_tumble.usual import NOISE as NOISE
 from foucault.procedures.platform_tumble.usual import PRIOR as PRIOR
 from foucault.procedures.platform_tumble.usual import TYPICAL as TYPICAL
 from foucault.procedures.platform_tumble.usual import WHITE as WHITE
+from foucault.procedures.validators import located
 from foucault.simulate.tumble import (
     Acquisition,
     TumbleSimulation,
     simulate_tumble,
 )
-from foucault.units import Quantity
+from foucault.units import Angle, Rate, Seconds
 
 FloatArray = npt.NDArray[np.float64]
-Seconds = Annotated[float, Quantity("time")]
-Angle = Annotated[float, Quantity("angle")]
-Rate = Annotated[float, Quantity("angular rate")]
 Three = tuple[str, str, str]
-Checked = TypeVar("Checked")
 
 DEGREE = float(np.radians(1.0))
 """One degree [rad]."""
 
 SIMULATE = {"grade": "navigation"}
 """Default of [simulate]; the errors of clusters are those of `TYPICAL`."""
-
-
-def at(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
-    """Return what `check` does; where a file is read (`info` says so) its error names the key."""
-    try:
-        return check()
-    except FoucaultError as problem:
-        if "locate" in (info.context or ()):
-            raise ValueError(problem) from None
-        raise
 
 
 def _three(given: Three, kind: str, key: str) -> FloatArray:
@@ -72,7 +58,7 @@ class PlanStep(BaseModel):
     @field_validator("rate", mode="after")
     @classmethod
     def _is_rate(cls, rate: Three, info: ValidationInfo) -> Three:
-        at(info, lambda: _three(rate, "angular rate", "rate"))
+        located(info, lambda: _three(rate, "angular rate", "rate"))
         return rate
 
 
@@ -175,13 +161,13 @@ class Settings(BaseModel):
     @field_validator("start", mode="after")
     @classmethod
     def _are_angles(cls, start: Three, info: ValidationInfo) -> Three:
-        at(info, lambda: _three(start, "angle", "start"))
+        located(info, lambda: _three(start, "angle", "start"))
         return start
 
     @field_validator("arms", mode="after")
     @classmethod
     def _are_lengths(cls, arms: tuple[Three, ...], info: ValidationInfo) -> tuple[Three, ...]:
-        at(info, lambda: [_three(arm, "length", "arms") for arm in arms])
+        located(info, lambda: [_three(arm, "length", "arms") for arm in arms])
         return arms
 
     @model_validator(mode="after")
@@ -292,7 +278,7 @@ class Session(BaseModel):
     @field_validator("attitude", mode="after")
     @classmethod
     def _are_angles(cls, attitude: Three, info: ValidationInfo) -> Three:
-        at(info, lambda: _three(attitude, "angle", "attitude"))
+        located(info, lambda: _three(attitude, "angle", "attitude"))
         return attitude
 
 

@@ -20,7 +20,7 @@ from foucault.simulate.rate_table import (
     TableErrors,
     simulate_rate_table,
 )
-from foucault.units import Quantity
+from foucault.units import Angle, Quantity, Ratio, Seconds
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per step:  averaged = { column = "averaged", unit = "s" }
@@ -35,9 +35,6 @@ rate_unit = "rad/s"
 """What the log of a session on a rate table has beside the instrument's columns."""
 
 FloatArray = npt.NDArray[np.float64]
-Seconds = Annotated[float, Quantity("time")]
-Ratio = Annotated[float, Quantity("scale factor error")]
-Angle = Annotated[float, Quantity("angle")]
 Axis = Literal["x up", "x down", "y up", "y down", "z up", "z down"]
 
 

@@ -21,7 +21,6 @@ from foucault.plans.systematic.moves import Allowed
 from foucault.plans.systematic.search import SystematicSpace, sd_limit
 from foucault.plans.systematic.sequence import RATE, CalibrationSequence
 from foucault.plans.weights import weights_of
-from foucault.procedures.platform_tumble.settings import at
 from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen
 from foucault.procedures.systematic.quick import Quick
 from foucault.procedures.systematic.settings import (
@@ -33,10 +32,10 @@ from foucault.procedures.systematic.settings import (
     draw_errors,
     planned,
 )
-from foucault.units import Quantity, parse
+from foucault.procedures.validators import located
+from foucault.units import Quantity, Seconds, parse
 
 FloatArray = npt.NDArray[np.float64]
-Seconds = Annotated[float, Quantity("time")]
 
 HERE = "the site"
 OTHERS = ("latitude 0 deg", "latitude 60 deg", "instrument 1", "turns counted otherwise")
@@ -85,14 +84,14 @@ class Wanted(BaseModel):
     @field_validator("accuracy", mode="after")
     @classmethod
     def _known(cls, given: dict[str, str], info: ValidationInfo) -> dict[str, str]:
-        at(info, lambda: [accuracy_of(name, text) for name, text in given.items()])
+        located(info, lambda: [accuracy_of(name, text) for name, text in given.items()])
         return given
 
     @field_validator("first", mode="after")
     @classmethod
     def _there(cls, given: str | None, info: ValidationInfo) -> str | None:
         if given is not None:
-            at(info, lambda: [built_in(given)])
+            located(info, lambda: [built_in(given)])
         return given
 
 

@@ -25,10 +25,8 @@ from foucault.plans.systematic.file import ActionTable
 from foucault.plans.systematic.sequence import CalibrationSequence, orientation
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
-from foucault.units import Quantity
+from foucault.units import Angle, Quantity, Seconds
 
-Seconds = Annotated[float, Quantity("time")]
-Angle = Annotated[float, Quantity("angle")]
 Deflection = Literal[
     "none", "choose", "coupled6", "direct6", "direct6+transverse3", "lateral3+axial6", "direct12",
     "general18", "symmetric6",

@@ -16,11 +16,9 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.transfer import LOAD, Matching, Mount
-from foucault.units import Quantity, parse
+from foucault.units import Angle, Quantity, Seconds, parse
 
 FloatArray = npt.NDArray[np.float64]
-Seconds = Annotated[float, Quantity("time")]
-Angle = Annotated[float, Quantity("angle")]
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
 """Groups that are there for the uncertainties of the others: a motion need not show them."""
