@@ -19,6 +19,7 @@ from foucault.plans.table.reach import NEARLY
 from foucault.plans.table.search import Wanted
 from foucault.procedures import multi_position, norm_observation, turntable
 from foucault.procedures.norm_observation import Session, Settings
+from foucault.procedures.on_table.bound import TOGETHER
 from foucault.procedures.on_table.session import plan_of
 
 SITE = Site(9.81, np.radians(45.0))
@@ -97,16 +98,25 @@ def test_slopes_are_those_of_the_cost(trust, criterion):
 
 def test_a_tabled_function_is_exact_up_to_its_harmonics():
     def function(at):
-        o, m, i = at
-        return np.array(
-            [[np.cos(2 * o) * np.sin(m), np.cos(m) ** 2], [np.cos(m) ** 2, np.sin(3 * i)]]
-        )
+        o, m, i = np.transpose(at)
+        rows = [[np.cos(2 * o) * np.sin(m), np.cos(m) ** 2], [np.cos(m) ** 2, np.sin(3 * i)]]
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
     table = Periodic.of(function, (2, 2, 3))
     for at in np.random.default_rng(1).uniform(-9, 9, (10, 3)):
         np.testing.assert_allclose(table(tuple(at)), function(at), atol=1e-13)
     np.testing.assert_allclose(table.mean, [[0, 0.5], [0.5, 0]], atol=1e-13)
     assert np.abs(Periodic.of(function, (2, 2, 2))((0, 0, 0.4)) - function((0, 0, 0.4))).max() > 0.1
+
+
+@pytest.mark.parametrize("trust", MODULES)
+@pytest.mark.parametrize("more", [{}, MORE], ids=["", "everything"])
+def test_positions_together_tell_what_each_tells(trust, more):
+    bench = space_of("icosahedron 12", MODULES[trust], **more).bound.args[0]
+    positions = np.random.default_rng(3).uniform(-3, 3, (TOGETHER + 3, 3))
+    for part, position in zip(bench.parts(positions), positions, strict=True):
+        alone = bench.part(tuple(position))
+        np.testing.assert_allclose(part, alone, atol=1e-9 * np.abs(alone).max())
 
 
 # -- found plans -----------------------------------------------------------------------------------

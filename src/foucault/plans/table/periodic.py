@@ -39,7 +39,7 @@ class Periodic:
     @classmethod
     def of(
         cls,
-        function: Callable[[tuple[float, float, float]], FloatArray],
+        function: Callable[[FloatArray], FloatArray],
         degrees: tuple[int, int, int],
     ) -> Periodic:
         """Table a function.
@@ -47,12 +47,12 @@ class Periodic:
         Parameters
         ----------
         function : callable
-            Three angles [rad] -> symmetric matrix.
+            Angles, shape (n, 3) [rad] -> symmetric matrices, shape (n, size, size).
         degrees : tuple of int, shape (3,)
             Highest harmonic in each angle [1].
         """
         grids = [2 * np.pi * np.arange(2 * d + 1) / (2 * d + 1) for d in degrees]
-        values = np.stack([function((float(a), float(b), float(c))) for a, b, c in product(*grids)])
+        values = function(np.array(list(product(*grids))))
         size = values.shape[1]
         upper = values[:, *np.triu_indices(size)]
         inverse = [

@@ -39,6 +39,9 @@ from foucault.result import Linearised
 
 FloatArray = npt.NDArray[np.float64]
 
+TOGETHER = 16
+"""Positions that are linearised at once: more make matrices that are mostly empty [1]."""
+
 TILTS = (5.0 / 9.0, 4.0 / 9.0, 1.0 / 3.0, 2.0 / 3.0)
 """Variance of a tilt per axis over that of an angle, mean over all directions: of the errors of
 single positions (the middle angle tilts by all of its error, the inner one by the cosine of the
@@ -273,12 +276,38 @@ class Bench:
         """
         return self._joined(self.plan(np.array([position]), more=False))
 
+    def parts(self, positions: FloatArray) -> FloatArray:
+        """Return what `part` does of many positions, shape (n, u + own, u + own).
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n, 3)
+            Outer, middle and inner angle of each, no two alike [rad].
+        """
+        found = []
+        for some in np.array_split(positions, -(-len(positions) // TOGETHER)):
+            plan = self.plan(some, more=False)
+            at, n = self.linearised(plan, self.usual), len(plan)
+            own = self._own_columns(n)
+            common = np.delete(at.jacobian, own, axis=1)
+            for position in some:
+                mine = np.flatnonzero((plan.angles == position).all(axis=1))
+                columns = own.reshape(n, -1)[mine].ravel()
+                local = at.jacobian[:, columns]
+                rows = (at.blocks >= 0) & np.isin(at.blocks % n, mine)
+                rows |= (np.abs(local) > 0).any(axis=1)
+                found.append(self._information(common[rows], local[rows]))
+        return np.array(found)
+
     def _joined(self, plan: TablePlan) -> FloatArray:
         """Return the information of a few rests and spins, errors of their angles last."""
         at = self.linearised(plan, self.usual)
         own = self._own_columns(len(plan))
         J = at.jacobian[(at.blocks >= 0) | (np.abs(at.jacobian[:, own]) > 0).any(axis=1)]
-        local, common = J[:, own], np.delete(J, own, axis=1)
+        return self._information(np.delete(J, own, axis=1), J[:, own])
+
+    def _information(self, common: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the information of some rows: what is local is eliminated, or comes last."""
         if self.task.trust is not None:
             whole = np.concatenate([common, local], axis=1)
             return np.asarray(whole.T @ whole)

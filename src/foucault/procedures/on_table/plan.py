@@ -26,7 +26,7 @@ from foucault.plans.optimise import DRAWS
 from foucault.plans.table.directions import positions, spread_outer
 from foucault.plans.table.information import Parts, half_covariance, without
 from foucault.plans.table.periodic import Periodic
-from foucault.plans.table.reach import NEARLY, Position, Reach
+from foucault.plans.table.reach import NEARLY, Reach
 from foucault.plans.table.search import Plan, PositionSpace, Wanted
 from foucault.plans.weights import require_seen, weights_of
 from foucault.procedures import on_table
@@ -132,7 +132,7 @@ def space(
     unseen = require_seen(layout.names, weights, _unseen(b, reach), allowed)
     free = task.trust is None
     degree = 6 if free and task.settings.accel_quadratic else 4
-    table = Periodic.of(b.part, (0 if free else 2, degree, degree))
+    table = Periodic.of(b.parts, (0 if free else 2, degree, degree))
     integrity = ""
     if wanted.integrity:
         integrity = "accel quadratic" if task.settings.accel_quadratic else "accel"
@@ -337,12 +337,12 @@ def _best(b: Bench, angles: FloatArray) -> FloatArray:
     kept, used = len(known), np.arange(len(b.layout))
     F = known + sum(without(b.part(p), kept) for p in _plan(angles))
     reach, scale = reach_of(b.settings), np.sqrt(np.where(np.diag(F) > 0.0, np.diag(F), 1.0))
-    places = [reach.pointing(u, 0.0) for u in spread_directions(PLACES)]
+    places = list(dict.fromkeys(reach.pointing(u, 0.0) for u in spread_directions(PLACES)))
 
-    def size(place: Position) -> float:
-        half = half_covariance(F + without(b.part(place), kept), used, scale)
+    def size(part: FloatArray) -> float:
+        half = half_covariance(F + without(part, kept), used, scale)
         if half is None:
             return np.inf
         return float(np.log(np.sum(half[:, used] ** 2, axis=0) + np.diag(b.floor)[used]).sum())
 
-    return np.array(min(places, key=size))
+    return np.array(places[int(np.argmin([size(part) for part in b.parts(np.array(places))]))])
