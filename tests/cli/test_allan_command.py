@@ -49,6 +49,7 @@ def test_it_prints_a_table_and_writes_a_folder(log: Path, tmp_path: Path) -> Non
     assert noise.accel.white == pytest.approx(1e-3, rel=0.05)
     page = (tmp_path / "noise" / "report.html").read_text()
     assert page.count("Plotly.react") >= 1 and "[noise.gyro]" in page and "http-equiv" not in page
+    assert ">Provenance</h2>" in page and "static.parquet" in page
     rows = (tmp_path / "noise" / "allan.csv").read_text().splitlines()
     assert rows[0].startswith("axis,kind,tau,deviation") and len(rows) == 1 + 6 * 11
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from html import unescape
@@ -14,6 +15,7 @@ from foucault.campaign.tolerance import Entry, Tolerance
 from foucault.errors import error
 from foucault.models.imu import LINEAR_LOWER
 from foucault.report import fleet as page_of
+from foucault.report.fleet_figures import ratios
 
 MG = 9.80665e-3
 ABOUT = {
@@ -119,6 +121,16 @@ def test_histograms_count_every_instrument_once_and_show_the_limits():
     for c, n in zip(centre, bars["y"], strict=True):
         inside = np.sum((x >= c - width / 2 - 1e-9) & (x <= c + width / 2 + 1e-9))
         assert n <= inside
+
+
+def test_residuals_that_all_are_as_large_as_the_noise_are_one_bar_to_be_seen():
+    rng = np.random.default_rng(1)
+    rows = [
+        dataclasses.replace(r, chi_square=r.redundancy * (1.0 + 1e-12 * rng.normal(size=2)))
+        for r in make_table(broken=0).rows
+    ]
+    for bar in ratios(FleetTable.of(LINEAR_LOWER, rows)).blocks[0].data:
+        assert bar["width"] >= 0.01 and max(bar["y"]) == sum(bar["y"]) > 0
 
 
 def test_the_tolerance_table_counts_decisions():

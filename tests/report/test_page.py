@@ -137,6 +137,9 @@ def test_text_and_marks_stand_out(theme):
         ("+17.1 +- 1.9 deg/h", "+17.1 ± 1.9\N{NO-BREAK SPACE}°/h"),
         ("24 ug at 60.0 degC", "24\N{NO-BREAK SPACE}µg at 60.0\N{NO-BREAK SPACE}°C"),
         ('write "47 deg" there', 'write "47 deg" there'),
+        ("0.06 deg/sqrt(h)", "0.06\N{NO-BREAK SPACE}°/√h"),
+        ("by -1.3 percent", "by \N{MINUS SIGN}1.3\N{NO-BREAK SPACE}%"),
+        ("on 2025-03-01, from 1e-9 on", "on 2025-03-01, from 1e-9 on"),
         ("degrees of freedom", "degrees of freedom"),
     ],
 )

@@ -77,7 +77,9 @@ _SIGNS = (
     (r"(?<=\d) deg(?=/)", "\N{NO-BREAK SPACE}°"),
     (r"(?<=\d) deg\b", "°"),
     (r" \+- ", " ± "),
-    (r" %", "\N{NO-BREAK SPACE}%"),
+    (r" %|(?<=\d) percent\b", "\N{NO-BREAK SPACE}%"),
+    (r"/sqrt\((h|Hz|s)\)", r"/√\1"),
+    (r"(?<![^\s(±≤≥])-(?=\d)", "\N{MINUS SIGN}"),
 )
 
 

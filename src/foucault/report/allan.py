@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from foucault import __version__
 from foucault.diagnose.allan.deviation import NOISES, WORDS, Channel, Noise
 from foucault.diagnose.allan.log import LogAllan, described
 from foucault.files import atomic
@@ -61,6 +62,9 @@ def write(measured: LogAllan, name: str, block: str, path: str | Path) -> None:
     sections += [] if noticed is None else [noticed]
     use = "Copy into the campaign file of this instrument."
     sections += [Section("Noise block", use, [Code(block)]), _method()]
+    used = f"{measured.start:.6g} s to {measured.end:.6g} s, {first.samples} samples"
+    made = [("log", name), ("part used", used), ("versions", f"foucault {__version__}")]
+    sections.append(ends.provenance(made))
     with atomic(path) as temporary:
         temporary.write_text(render(head, sections), encoding="utf-8")
 

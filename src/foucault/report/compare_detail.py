@@ -80,7 +80,7 @@ def _change_table(about: About, c: About, ends: About, drifting: bool) -> Table:
         rows.append([*cells, shown(unit), COURSES[course["how"]]])
     columns = [
         Column("", "state"), Column("coefficient", "name"), Column("change", "number"),
-        Column("± sd", "number", aside=True), Column("in sd", "number"),
+        Column("± sd", "number", aside=True), Column("in sd", "number", aside=True),
         *([Column("per year ± sd", "number", aside=True)] if drifting else []),
         Column("unit", "short"), Column("course", "short"),
     ]  # fmt: skip

@@ -65,7 +65,9 @@ def over_time(
     look = figures.layout(
         205, showlegend=False, shapes=shapes,
         xaxis=_dates(places) if dated else {"type": "category", "tickangle": 0, "nticks": 6},
-        yaxis=figures.axis(shown(unit), range=[low - reach, high + reach], nticks=5),
+        yaxis=figures.axis(
+            shown(unit), range=[low - reach, high + reach], nticks=5, exponentformat="none"
+        ),
         title={"text": name, "font": {"size": 13, "color": "var(--ink)"}, "x": 0.01, "y": 0.97},
     )  # fmt: skip
     over = "time" if dated else "the results"
@@ -113,7 +115,7 @@ def in_sd(names: Sequence[str], z: FloatArray, limit: float, what: str) -> Figur
     shapes = [_upright(v, "dash") for v in (-limit, limit)] + [_upright(0.0, "solid")]
     look = figures.layout(
         90 + 19 * len(names), shapes=shapes, showlegend=True,
-        xaxis=figures.axis("change / its standard deviation", range=[-top, top]),
+        xaxis=figures.axis("change / its sd", range=[-top, top]),
         yaxis={
             "type": "category", "categoryorder": "array", "categoryarray": list(names),
             "autorange": "reversed", "tickmode": "linear", "ticks": "", "tickfont": {"size": 11.5},

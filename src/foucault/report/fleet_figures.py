@@ -103,16 +103,22 @@ def _row(table: FleetTable, members: list[int]) -> Figure | None:
     return Figure(data, look, alt=f"Histograms over the instruments of {names}")
 
 
-def _bars(x: FloatArray, limit: float) -> tuple[dict[str, Any], float, float, int]:
-    """Count values in bins; return bars, the range of the axis, and how many lie outside it."""
+def _bars(
+    x: FloatArray, limit: float, least: float = 0.0
+) -> tuple[dict[str, Any], float, float, int]:
+    """Count values in bins; return bars, the range of the axis, and how many lie outside it.
+
+    Values that lie closer together than `least` are one bar, wide enough to be seen.
+    """
     middle, spread = middle_and_spread(x)
     spread = spread or float(np.ptp(x)) or abs(middle) or 1.0
     near = x[np.abs(x - middle) <= REACH * spread]
     low, high, n = float(near.min()), float(near.max()), len(near)
     wanted = 2.0 * spread / max(n, 1) ** (1 / 3)  # a little finer than the usual rule
-    bins = int(np.clip(np.ceil((high - low) / wanted) if high > low else 1, 5, 60))
-    if high <= low:
-        low, high = middle - 2 * spread, middle + 2 * spread
+    bins = int(np.clip(np.ceil((high - low) / wanted), 5, 60))
+    if high - low <= least:
+        half = least / 2 or 2 * spread
+        low, high, bins = middle - half, middle + half, 5
     counts, edges = np.histogram(x, bins=bins, range=(low, high))
     width = edges[1] - edges[0]
     bars = {
@@ -158,7 +164,7 @@ def ratios(table: FleetTable) -> Section | None:
         if not len(x):
             continue
         ref = "" if not data else "2"
-        bars, low, high, outside = _bars(x, np.inf)
+        bars, low, high, outside = _bars(x, np.inf, least=0.1)
         low = min(low, 0.9)
         high = max(high, 1.1)
         place = [0.0, 0.48] if not data else [0.52, 1.0]
