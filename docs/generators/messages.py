@@ -70,7 +70,11 @@ def index() -> str:
         "",
         "## By code",
         "",
+        '<details markdown="1"><summary>All codes</summary>',
+        "",
         ", ".join(f"[`{code}`]({where(code)})" for code in SYMPTOMS),
+        "",
+        "</details>",
     ]
     return "\n".join(lines) + "\n"
 
