@@ -267,7 +267,7 @@ def measure_noise(
     steps : ndarray, shape (3,), or None
         Steps of the output, where `x` alone does not show them [unit].
     """
-    from scipy.stats import f as f_distribution
+    from scipy.special import fdtri
 
     short = max(1, round(0.2 / interval))
     fast, slow, fast_n, slow_n, square, n = (np.zeros(3), np.zeros(3), 0, 0, np.zeros(3), 0)
@@ -288,7 +288,7 @@ def measure_noise(
     of_mean = psd
     if slow_n:
         measured = slow / slow_n * interval
-        limit = f_distribution.ppf(0.99, slow_n, max(fast_n, 1))
+        limit = fdtri(slow_n, max(fast_n, 1), 0.99)
         of_mean = np.where(measured > limit * psd, measured, psd)
     sd = np.sqrt(square / max(n, 1))
     if steps is None:

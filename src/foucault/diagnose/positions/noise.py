@@ -212,7 +212,7 @@ def _power(
     name: str, cells: Cells, runs: list[Stretch], windows: list[Window]
 ) -> tuple[FloatArray, int]:
     """Return the power of the noise of means, shape (3,) [unit^2 s], and degrees of freedom."""
-    from scipy.stats import f as f_distribution
+    from scipy.special import fdtri
 
     x = getattr(cells, name)
     length = cells.end - cells.start
@@ -232,7 +232,7 @@ def _power(
             slow_n += 3
     power = fast / max(fast_n, 1)
     if slow_n:
-        limit = f_distribution.ppf(0.99, slow_n, max(fast_n, 1))
+        limit = fdtri(slow_n, max(fast_n, 1), 0.99)
         power = np.where(slow / slow_n > limit * power, slow / slow_n, power)
     return power, fast_n
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy import linalg, stats
+from scipy import linalg, special
 
 from foucault.coefficients import Layout
 from foucault.errors import Finding, finding
@@ -297,5 +297,5 @@ def findings(seen: Seen) -> tuple[Finding, ...]:
 
 def _chance(square: float, terms: int, dof: float) -> float:
     if np.isinf(dof):
-        return float(stats.chi2.sf(square, terms))
-    return float(stats.f.sf(square / terms, terms, dof))
+        return float(special.chdtrc(terms, square))
+    return float(special.fdtrc(terms, dof, square / terms))

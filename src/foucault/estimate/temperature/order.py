@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy import special
 
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.estimate.temperature.fit import Design, Evidence, Fit, scatter, solve
@@ -219,8 +219,8 @@ def against(small: Fit, large: Fit, dof: float) -> tuple[float, float, int]:
     terms = max(len(large.theta) - len(small.theta), 1)
     F = max(small.chi_square - large.chi_square, 0.0) / terms
     if np.isinf(dof):
-        return F, float(stats.chi2.sf(F * terms, terms)), terms
-    return F, float(stats.f.sf(F, terms, dof)), terms
+        return F, float(special.chdtrc(terms, F * terms)), terms
+    return F, float(special.fdtrc(terms, dof, F)), terms
 
 
 @dataclass(frozen=True)
