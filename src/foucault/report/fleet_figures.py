@@ -167,12 +167,12 @@ def ratios(table: FleetTable) -> Section | None:
         bars, low, high, outside = _bars(x, np.inf, least=0.1)
         low = min(low, 0.9)
         high = max(high, 1.1)
-        place = [0.0, 0.48] if not data else [0.52, 1.0]
+        place = [0.0, 0.46] if not data else [0.54, 1.0]
         data.append(bars | {"xaxis": f"x{ref}", "yaxis": f"y{ref}", "name": name})
         shapes.append(_upright(1.0, ref, "solid"))
         axes |= {
             f"xaxis{ref}": figures.axis(
-                f"{name}: residual / noise", domain=place, range=[low, high], anchor=f"y{ref}",
+                name, domain=place, range=[low, high], anchor=f"y{ref}",
                 showgrid=False,
             ),
             f"yaxis{ref}": figures.axis("instruments" if not ref else "", anchor=f"x{ref}"),
