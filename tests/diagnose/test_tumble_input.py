@@ -537,7 +537,7 @@ def test_a_final_attitude_that_is_singular():
     said = told(result, "tumble.singular")
     middle = float(said.split("angle is ")[1].split(" deg")[0])
     assert abs(middle) == pytest.approx(90, abs=1.2)
-    assert "Take the attitude matrix and its covariance in `diagnostics`" in said
+    assert "Take attitude matrix and covariance from `diagnostics` of result.json" in said
     C_pn = np.array(result.diagnostics["attitude"]["C_pn"])
     np.testing.assert_allclose(C_pn, session.simulation.C_pn[1], atol=2e-3)
 

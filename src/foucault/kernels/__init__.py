@@ -1,8 +1,9 @@
 """Compiled loops: recursions over samples. Arrays and scalars in, arrays out; numba only.
 
-Every kernel has a slow, obvious twin in ``tests/reference.py`` and is tested compiled and as
-``.py_func``. `kernel` is the one decorator. Compiled code is cached on disk in a folder keyed
-by a hash of all kernel sources, because numba's own cache does not see an edit in another file.
+Every kernel has a slow, obvious twin in ``tests/reference.py`` or beside its test, and is tested
+compiled and as ``.py_func``. `kernel` is the one decorator. Compiled code is cached on disk in a
+folder keyed by a hash of all kernel sources, because numba's own cache does not see an edit in
+another file.
 """
 
 from __future__ import annotations

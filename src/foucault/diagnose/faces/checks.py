@@ -257,7 +257,7 @@ def _placement(e: FaceEvidence) -> Check:
     fine = sd <= ROUGH
     if not fine:
         words += " That is too much: use a block with square faces on a level support."
-    return Check("placement", sd, None, ROUGH, fine, words)
+    return Check("placement", sd * ARCMIN, None, ROUGH * ARCMIN, fine, words)
 
 
 def findings(e: FaceEvidence) -> list[Finding]:

@@ -197,15 +197,15 @@ def _unstill(e: Evidence) -> list[Check]:
     )
     out = []
     for key, value, scale, unit, what in rows:
-        limit = UNSTILL[key]
-        fine = value <= limit
-        words = f"{what} scatter by {value * scale:.2g} {unit} beyond the noise" + (
+        size, limit = value * scale, UNSTILL[key] * scale
+        fine = size <= limit
+        words = f"{what} scatter by {size:.2g} {unit} beyond the noise" + (
             "."
             if fine
-            else f", more than {limit * scale:.2g} {unit}: the instrument moved in its rests, or "
+            else f", more than {limit:.2g} {unit}: the instrument moved in its rests, or "
             f"the log is damaged (lost samples, wrong sample rate)."
         )
-        out.append(Check(f"scatter of {what[4:]}", value, None, limit, fine, words))
+        out.append(Check(f"scatter of {what[4:]}", size, None, limit, fine, words))
     return out
 
 

@@ -75,5 +75,5 @@ def vertical_check(session: Session, state: Attitudes) -> Check | None:
         else ". Its sign is reversed: the accelerometers read gravity instead of specific force "
         '(reads = "gravity"), both triads are mirrored alike, or the latitude has the wrong sign.'
     )
-    limit = abs(want)
-    return Check("vertical Earth rate", value - want, -limit, limit, fine, words, Level.UNUSABLE)
+    off, limit = (value - want) * unit, abs(want) * unit
+    return Check("vertical Earth rate", off, -limit, limit, fine, words, Level.UNUSABLE)

@@ -150,7 +150,7 @@ def _plausible(e: RateEvidence) -> list[Check]:
         words = f"The scale factors change by {worst * 1e6:.3g} ppm over the rates measured" + (
             "." if fine else ": that is saturation or a wrong rate of the table, not a gyro."
         )
-        out.append(Check("scale factor terms", worst, None, LARGE_TERM, fine, words))
+        out.append(Check("scale factor terms", 1e6 * worst, None, 1e6 * LARGE_TERM, fine, words))
     return out
 
 

@@ -68,14 +68,14 @@ def scatter(triad: int, sd: float) -> Check:
         Scatter of the readings about the model, per axis [SI].
     """
     kind, what = TRIADS[triad], _SCATTER[triad]
-    size, unit = UNITS[kind]
-    limit = LARGE[kind]
-    fine = sd <= limit
-    words = f"The {what} scatters by {plain(sd * size, 3)} {unit} from one reading to the next"
+    scale, unit = UNITS[kind]
+    size, limit = sd * scale, LARGE[kind] * scale
+    fine = size <= limit
+    words = f"The {what} scatters by {plain(size, 3)} {unit} from one reading to the next"
     words += (
         "."
         if fine
-        else f", more than {plain(limit * size, 3)} {unit}: the table moved, or the readings do "
+        else f", more than {plain(limit, 3)} {unit}: the table moved, or the readings do "
         "not belong together."
     )
-    return Check(f"scatter of {what}", sd, None, limit, fine, words, Level.UNUSABLE)
+    return Check(f"scatter of {what}", size, None, limit, fine, words, Level.UNUSABLE)

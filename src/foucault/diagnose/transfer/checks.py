@@ -257,7 +257,7 @@ def _bracket(e: Evidence) -> tuple[Check, ...]:
             f"The delay of {1e3 * tau:.1f} ms lies outside of 0 to {1e3 * e.longest:.1f} ms: the "
             "clocks differ, or longest_delay is too small."
         )
-    return (Check("delay", tau, low, high, fine, words),)
+    return (Check("delay", 1e3 * tau, 1e3 * low, 1e3 * high, fine, words),)
 
 
 def _innovations(e: Evidence, name: str, s: Spread) -> Check:
