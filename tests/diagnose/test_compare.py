@@ -130,8 +130,9 @@ def test_without_dates_there_is_a_step_but_no_drift():
     h = history(replace(series, time=np.full(4, np.nan)))
     assert h.courses[1].how == "step" and np.isnan(h.courses[1].drift)
     assert not any(c.drifts for c in h.courses)
-    same_day = history(replace(series, time=np.full(4, 1.7e9)))
-    assert np.isnan(same_day.courses[1].drift)
+    for hours, told in ((0.0, False), (23.0, False), (25.0, True)):
+        h = history(replace(series, time=1.7e9 + np.linspace(0.0, 3600.0 * hours, 4)))
+        assert np.isfinite(h.courses[1].drift) == told
 
 
 def test_weighted_least_squares_of_one_coefficient():

@@ -16,6 +16,10 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 
+DAY = 86400.0
+"""A slope over less says nothing of a year [s]."""
+
+
 @dataclass(frozen=True)
 class Series:
     """Results with the same coefficients, n of them, in order of time.
@@ -50,8 +54,8 @@ class Series:
 
     @property
     def dated(self) -> bool:
-        """Whether a drift can be told: all times are known and not all the same."""
-        return bool(np.isfinite(self.time).all() and np.ptp(self.time) > 0)
+        """Whether a drift per year can be told: all times are known, and they span a day."""
+        return bool(np.isfinite(self.time).all() and np.ptp(self.time) >= DAY)
 
     def at(self, rows: list[int]) -> Series:
         """Return some results, `rows` are their numbers, shape (m,) [1]."""
