@@ -4,11 +4,12 @@ PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 py
   $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
 BIN := .venv/bin
 
-.PHONY: help demo test tests lint bench docs validation release clean
+.PHONY: help demo test tests thorough lint bench docs validation release clean
 
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
-	@echo "make test   lint and every test, side by side"
+	@echo "make test   lint and tests, side by side"
+	@echo "make thorough   the tests of a second and more"
 	@echo "make lint   style, types and layers"
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"
@@ -24,8 +25,14 @@ test: .venv/installed-dev
 
 # Small matrices: a second BLAS thread only costs. Neighbours stay with one worker, which has their
 # fixtures already. Programs that tests start should find what was compiled of Python.
+PYTEST = OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n auto --dist worksteal
+
 tests: .venv/installed-dev
-	OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n auto --dist worksteal
+	$(PYTEST) -m "not thorough"
+
+# Statistics over many sessions, searches, studies that are killed, peak memory, the release.
+thorough: .venv/installed-dev
+	$(PYTEST) -m thorough
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

@@ -218,6 +218,7 @@ def test_inspect_of_an_undescribed_log_says_what_to_do(tmp_path: Path) -> None:
     assert result.stderr.startswith("error: ")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("level", "code"), [(Level.PASS, 0), (Level.DOUBTFUL, 3), (Level.UNUSABLE, 4)]
 )
@@ -408,6 +409,7 @@ def test_progress_shows_on_a_terminal_after_a_while(monkeypatch: pytest.MonkeyPa
     assert "thinking" not in shown(_Terminal())
 
 
+@pytest.mark.thorough
 def test_output_in_an_encoding_that_lacks_its_signs(tmp_path: Path) -> None:
     """As Windows redirects it: nothing fails, and JSON keeps every sign."""
     folder = tmp_path / "Müller"

@@ -108,6 +108,7 @@ REST = {
 MASTER = '\n[master]\nfile = "master.csv"\n'
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("script", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)
 def test_examples_run(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -55,6 +55,7 @@ def test_any_split_gives_the_same_rows() -> None:
     assert list(monte_carlo.run(draw, range(40), 8)) != whole
 
 
+@pytest.mark.thorough
 def test_one_worker_and_four_give_identical_bytes(tmp_path: Path) -> None:
     for workers in (1, 4):
         study.run(short(), 10, tmp_path / str(workers), seed=3, workers=workers)
@@ -73,6 +74,7 @@ study.run(campaign.parse(text, "short.toml"), 20, folder, seed=5, workers=2)
 """
 
 
+@pytest.mark.thorough
 def test_a_study_that_is_killed_and_resumed_equals_an_undisturbed_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -113,6 +115,7 @@ def test_a_folder_of_another_campaign_or_seed_is_refused(tmp_path: Path) -> None
         study.load(tmp_path / "elsewhere")
 
 
+@pytest.mark.thorough
 def test_a_finished_study_is_read_back_and_can_be_extended(tmp_path: Path) -> None:
     first = study.run(short(), 8, tmp_path, seed=1)
     again, asked = study.load(tmp_path)

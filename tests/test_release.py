@@ -17,6 +17,7 @@ import pytest
 import foucault
 
 ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.thorough
 FOLDERS = ("benchmarks", "design", "docs", "examples", "src", "tests", "validation")
 FILES = ("CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "MANIFEST.in", "Makefile", "README.md",
          "constraints.txt", "mkdocs.yml", "pyproject.toml")  # fmt: skip

@@ -33,6 +33,7 @@ def drifting(n=4, per_year=12.0):
     return [moved(r, gyro__bias__x=per_year * i) for i, r in enumerate(make_results(n, seed=11))]
 
 
+@pytest.mark.thorough
 def test_the_order_of_the_arguments_does_not_matter(folders):
     wanted = comparison_folder.document(comparison.run(folders))
     wanted.pop("provenance")

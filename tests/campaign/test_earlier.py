@@ -60,6 +60,7 @@ def with_from(path: Path, said: str) -> Path:
     return new
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", QUICK)
 def test_a_prior_is_what_merging_gives(name, tmp_path):
     one, two = two_sessions(name, tmp_path)
@@ -189,6 +190,7 @@ def test_a_gravity_that_all_were_given_counts_once_however_they_are_merged():
     assert two["accel.scale"].sd[0] == pytest.approx(1e-3 / np.sqrt(2), rel=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["norm_observation", "ferraris", "platform_tumble", "systematic"])
 def test_what_a_result_owes_to_gravity_is_what_another_gravity_makes(name, tmp_path):
     """However a procedure uses gravity, its results say by how much each coefficient follows it."""

@@ -48,6 +48,7 @@ def rows_of(data, serial):
     return np.flatnonzero(data["serial"] == serial)
 
 
+@pytest.mark.thorough
 def test_a_fleet_is_solved_in_one_batch_and_each_has_a_result(tmp_path):
     described = bench(tmp_path / "bench", 40, extra='[noise]\ngrade = "mems"\n')
     told = []
@@ -215,6 +216,7 @@ def test_tolerance_decides_pass_fail_and_undecided(tmp_path):
         fleet.run(described, tmp_path / "out", tolerance=bad)
 
 
+@pytest.mark.thorough
 def test_one_by_one_where_the_batch_does_not_solve_what_was_asked(tmp_path):
     likelihood = '[procedure]\nname = "norm_observation"\n'
     described = bench(tmp_path / "bench", 3, procedure=likelihood)

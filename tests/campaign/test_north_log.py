@@ -52,6 +52,7 @@ def test_the_module_gives_the_defaults_of_its_simulation():
                           ).simulate.grade == "mems"  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_the_schema_knows_both_kinds_of_log():
     schema = campaign.schema()
     for name in (NORTH, "hand_rotated"):

@@ -66,6 +66,7 @@ def test_what_was_lost_is_computed_again(searched, tmp_path):
     assert content(tmp_path / "again").equals(content(folder))
 
 
+@pytest.mark.thorough
 def test_more_restarts_go_on_where_it_ended(searched, tmp_path):
     folder, found = searched
     shutil.copytree(folder, tmp_path / "on")

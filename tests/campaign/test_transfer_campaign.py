@@ -87,6 +87,7 @@ def test_the_outage_is_navigated_with_what_was_found(session, run):
     assert with_ < 3000
 
 
+@pytest.mark.thorough
 def test_a_study(tmp_path):
     c = described(rate='"50 Hz"', message_rate='"2 Hz"')
     found = study.run(c, 4, tmp_path, workers=1)

@@ -101,6 +101,7 @@ def run(*words: object) -> Any:
 # -- the same content ------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_one_worker_four_threads_and_four_processes_give_identical_content(
     four: Any, quick: Path, undisturbed: Path, tmp_path: Path
 ) -> None:
@@ -123,6 +124,7 @@ def test_a_tumble_gives_identical_content(four: Any, tmp_path: Path) -> None:
     assert one.read_bytes() == processes.read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_search_finds_the_same_plan(four: Any, tmp_path: Path) -> None:
     asked = ("--restarts", 6, "--evaluations", 40, "--round", 4, "--seed", 3)
     ways = {"threads": ("--workers", 2), "processes": ("--scheduler", four.scheduler_address)}
@@ -189,6 +191,7 @@ def ended(children: list[psutil.Process]) -> bool:
     return psutil.wait_procs(children, timeout=20)[1] == []
 
 
+@pytest.mark.thorough
 def test_a_study_that_is_interrupted_then_killed_then_resumed_equals_an_undisturbed_one(
     quick: Path, undisturbed: Path, tmp_path: Path
 ) -> None:

@@ -85,6 +85,7 @@ def test_a_campaign_says_where_it_is_and_its_clock_counts_from_1970(
     assert "says no latitude" not in said
 
 
+@pytest.mark.thorough
 def test_a_second_imu(flight: tuple[Path, TransferSimulation]) -> None:
     folder, made = flight
     half = Log(made.log.time[::2] + 12.5, made.log.gyro[::2], made.log.accel[::2], "rate")

@@ -32,6 +32,7 @@ def bench(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.thorough
 def test_all_pass(bench: Path, tmp_path: Path) -> None:
     result = run("fleet", bench, "-o", tmp_path / "out", "--reports")
     assert result.exit_code == 0
@@ -67,6 +68,7 @@ def test_a_wrong_tolerance_ends_before_the_work(bench: Path, tmp_path: Path) -> 
     assert result.exit_code == 1 and not (tmp_path / "out").exists()
 
 
+@pytest.mark.thorough
 def test_any_number_of_threads_finds_the_same(tmp_path: Path) -> None:
     run("simulate", "norm_observation", "-o", tmp_path, "--instruments", 3, "--seed", 4)
     made = []  # one by one, as the solution of the template is: a batch is not divided

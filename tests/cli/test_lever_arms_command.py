@@ -66,6 +66,7 @@ def velocities(result: Result, which: str) -> np.ndarray:
     return np.array([table[f"{which}_{way}"] for way in ("east", "north", "up")])
 
 
+@pytest.mark.thorough
 def test_calibrated_applied_and_calibrated_again(folder: Path) -> None:
     found = run_folder.load_result(folder / "run")
     truth = {row["name"]: row["value"] for row in json.loads(

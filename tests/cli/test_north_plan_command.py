@@ -23,6 +23,7 @@ def run(*words: object) -> Result:
     return result
 
 
+@pytest.mark.thorough
 def test_minutes_and_what_to_do(tmp_path: Path) -> None:
     file = tmp_path / "stops.csv"
     said = run("--latitude", "47 deg", *GYRO, "--accuracy", "0.1 deg", "-o", file).output
@@ -66,6 +67,7 @@ def test_a_floor_is_named() -> None:
     assert "The accuracy is not reachable" in said
 
 
+@pytest.mark.thorough
 def test_every_setting_counts() -> None:
     def sd(*more: object) -> float:
         words = ("--latitude", "47 deg", *GYRO, "--time", "10 min", "--order", "published", *more)
@@ -129,6 +131,7 @@ def test_a_calibration_adds_its_uncertainty(tmp_path: Path) -> None:
     assert "is a result of six_position, not of the calibration" in other.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "said"),
     [

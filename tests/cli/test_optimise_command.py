@@ -123,6 +123,7 @@ def test_the_same_command_computes_nothing_again(search):
     assert times == {p: p.stat().st_mtime_ns for p in (folder / "parts").iterdir()}
 
 
+@pytest.mark.thorough
 def test_a_search_in_two_goes_is_one_in_one_go(search, tmp_path):
     campaign, folder, _ = search
     size = ("--evaluations", 60, "--round", 2)
@@ -142,6 +143,7 @@ def test_another_seed_finds_another_plan(search, tmp_path):
     assert found_plan.load(tmp_path / "s").motion != found_plan.load(folder).motion
 
 
+@pytest.mark.thorough
 def test_a_time_limit_lets_one_restart_end(search, tmp_path):
     campaign, folder, _ = search
     size = ("--evaluations", 60, "--round", 2, "--workers", 1)
@@ -219,6 +221,7 @@ def test_what_no_allowed_plan_shows_must_not_count(tmp_path):
     assert "No allowed plan shows" in (tmp_path / "s" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("optimise", "procedure", "code", "text"),
     [

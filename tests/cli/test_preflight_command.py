@@ -83,6 +83,7 @@ WANDERING = ImuNoise(
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("procedure", "simulate", "noise"),
     [
@@ -134,6 +135,7 @@ def test_noise_and_prior_decide(no_more):
 # -- a plan that does not show everything ----------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_turns_about_one_axis_do_not_show_everything():
     found = foreseen('plan = "-x"')
     scale = [f"gyro.torquer_scale.{a}" for a in "xyz"]
@@ -190,6 +192,7 @@ def test_a_published_filter_is_not_what_is_foretold():
         preflight.foresee(campaign_of('filter = "published"\ndelay_sd = "0.1 s"'))
 
 
+@pytest.mark.thorough
 def test_another_plan_takes_the_place_of_the_one_in_the_file():
     made = campaign_of('plan = "-x -z"\nrate = "0.2 deg/s"\nsegment = "300 s"')
     assert preflight.foresee(made).duration == 600
@@ -203,6 +206,7 @@ def test_another_plan_takes_the_place_of_the_one_in_the_file():
     assert np.degrees(faster.fastest) == pytest.approx(0.4) and faster.duration == 600
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("latitude_sd", ["0 deg", "0.02 deg"])
 def test_more_is_worth_what_the_longer_plan_shows(latitude_sd):
     """What is not noise is in it: an unknown latitude moves drifts however long it takes."""
@@ -372,6 +376,7 @@ def test_a_plan_takes_the_place_of_listed_positions():
     assert preflight.foresee(made, {"plan": "dodecahedron 20"}).plan == "dodecahedron 20"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["hand_rotated", "six_position", "ferraris", "rate_table"])
 def test_where_no_motion_is_planned_one_session_is_simulated(name):
     """What it says is the covariance of the session that `foucault simulate` makes."""

@@ -36,6 +36,7 @@ def run(*words):
     return result
 
 
+@pytest.mark.thorough
 def test_the_list_says_what_each_needs_and_shows():
     result = CliRunner().invoke(app, ["--json", "plans", "--model", "systematic"])
     assert result.exit_code == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from typer.testing import CliRunner
 
 from foucault.cli import app
@@ -18,6 +19,7 @@ def ran(*words, code=0):
     return json.loads(result.stdout)
 
 
+@pytest.mark.thorough
 def test_from_a_plan_to_a_result(tmp_path):
     file = tmp_path / "plan.toml"
     ran("init", "transfer_alignment", "-o", file)

@@ -217,6 +217,7 @@ def test_wrong_units_are_said(folder: Path, tmp_path: Path, text: bytes) -> None
     assert 'The unit is probably wrong; in [log.accel] write unit = "m/s^2"' in result.output
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent otherwise there")
 def test_ctrl_c_ends_with_the_summary(tmp_path: Path, text: bytes) -> None:
     path = tmp_path / "session.csv"

@@ -56,6 +56,7 @@ def test_the_table_is_complete() -> None:
     assert codes <= set(SYMPTOMS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("column", COLUMNS)
 def test_a_right_session_is_taken(column: str, right) -> None:
     assert right(column).error is None
@@ -89,6 +90,7 @@ ELSEWHERE = {
 """Cells that are tried with another seed, and where there are grades with another one."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("column", ELSEWHERE)
 def test_mistakes_in_another_log(column: str, tmp_path: Path) -> None:
     grade = {} if column == "north_seeking" else {"grade": "tactical"}

@@ -6,6 +6,8 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 KERNELS = ROOT / "src" / "foucault" / "kernels"
 
@@ -40,6 +42,7 @@ def entries() -> set[tuple[str, str]]:
     return {(m, name) for m, name in functions if name not in called or (m, name) in outside}
 
 
+@pytest.mark.thorough
 def test_every_kernel_is_tried_in_both_forms():
     tests = [file.read_text(encoding="utf-8") for file in (ROOT / "tests").rglob("test_*.py")]
     both = [_words(text) for text in tests if "py_func" in text or "plain_kernels" in text]
@@ -49,6 +52,7 @@ def test_every_kernel_is_tried_in_both_forms():
     assert not untried
 
 
+@pytest.mark.thorough
 def test_no_kernel_is_dead():
     elsewhere = [
         file.read_text(encoding="utf-8")

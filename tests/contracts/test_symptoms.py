@@ -78,6 +78,7 @@ def test_every_symptom_is_raised_somewhere() -> None:
     assert set(SYMPTOMS) <= set(re.findall(r'"([\w.]+)"', CODE))
 
 
+@pytest.mark.thorough
 def test_every_symptom_is_told_in_a_test() -> None:
     assert set(SYMPTOMS) <= told()
 

@@ -123,6 +123,7 @@ def studies():
     return out
 
 
+@pytest.mark.thorough
 def test_noise_is_recovered_inside_its_interval(studies):
     """Two-sided where the noise is there; where it is not, limits may only hold too often."""
     there = sum(np.count_nonzero(p) for p in CASES.values())
@@ -138,6 +139,7 @@ def test_noise_is_recovered_inside_its_interval(studies):
                 assert inside <= high, (name, allan.NOISES[i], inside)
 
 
+@pytest.mark.thorough
 def test_intervals_that_are_too_narrow_are_caught(studies):
     there = sum(np.count_nonzero(p) for p in CASES.values())
     low = binom.ppf(FALSE_ALARM / (5 * len(CASES) + there), RUNS, 0.95)
@@ -145,6 +147,7 @@ def test_intervals_that_are_too_narrow_are_caught(studies):
     assert sum(abs(noise.value - 1) < 1.96 / 1.5 * noise.sd for noise in noises) < low
 
 
+@pytest.mark.thorough
 def test_what_is_there_is_seen_and_what_is_not_is_not(studies):
     for name, key in [("flicker", "bias_instability"), ("random walk", "random_walk")]:
         # Another slow noise can stand in for it in a record; in one of twenty at most.
@@ -156,6 +159,7 @@ def test_what_is_there_is_seen_and_what_is_not_is_not(studies):
     assert sum(false) <= binom.ppf(1 - FALSE_ALARM, len(false), 0.01)
 
 
+@pytest.mark.thorough
 def test_curves_of_pure_noise_have_no_excess(studies):
     for name, channels in studies.items():
         found = sum(channel.excess > 0 for channel in channels)

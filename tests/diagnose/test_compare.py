@@ -24,6 +24,7 @@ def shifted(series, k, by):
     return replace(series, values=values)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("n", [2, 4])
 def test_one_comparison_in_a_hundred_of_the_unchanged_is_a_false_alarm(n):
     trials = 400
@@ -42,6 +43,7 @@ def test_one_comparison_in_a_hundred_of_the_unchanged_is_a_false_alarm(n):
     assert low < sum(h.pairs[0].w[3] ** 2 for h in found) < high
 
 
+@pytest.mark.thorough
 def test_a_covariance_that_is_too_small_is_found():
     alarms = 0
     for seed in range(200):
@@ -97,6 +99,7 @@ def test_a_change_is_named_with_its_size(k):
     assert alone >= binom.ppf(0.001, 40, 0.99)  # what is left is refused once in a hundred
 
 
+@pytest.mark.thorough
 def test_drift_step_and_scatter_are_told_apart():
     said = {"drift": 0, "step": 0, "scatter": 0}
     wanted = {

@@ -34,6 +34,7 @@ def test_outlying_instruments_are_named_with_what_differs():
     assert found[0].value == x[7, 0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("n", [8, 12, 60])
 def test_one_fleet_in_a_hundred_has_a_false_outlier(n):
     rng = np.random.default_rng(n)
@@ -44,6 +45,7 @@ def test_one_fleet_in_a_hundred_has_a_false_outlier(n):
     assert alarms > 0  # a limit that nothing passes would find nothing either
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("n", "size"), [(8, 16.0), (12, 10.0), (20, 8.0), (60, 7.0)])
 def test_an_odd_instrument_is_found_among_few(n, size):
     """Limits of the median distance would take 30 standard deviations among eight."""

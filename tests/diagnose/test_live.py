@@ -52,6 +52,7 @@ def fed(log: Log, pieces: float = 0.2, used: LogDescription = USED) -> tuple[Liv
     return live, watchman
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["mems", "tactical", "navigation"])
 @pytest.mark.parametrize(("rate", "pieces", "seed"), [(100, 0.2, 1), (400, 0.05, 2), (50, 3.1, 3)])
 def test_rests_are_those_of_the_finished_log(
@@ -96,6 +97,7 @@ def test_nothing_of_the_future_is_used() -> None:
     assert last[-1] <= len(part)
 
 
+@pytest.mark.thorough
 def test_work_is_a_few_ms_per_second_of_data_at_a_thousand_hertz() -> None:
     log = session(1000.0, rests=40)
     fed(log[:2000])  # compile

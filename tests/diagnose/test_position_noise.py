@@ -80,6 +80,7 @@ def test_of_a_long_log_only_a_part_is_kept_from_beginning_to_end():
     np.testing.assert_array_equal(np.diff(time), 4.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("gyro", "accel"), [(0.0625, 0.0), (0.5, 0.0), (0.5, 0.05)], ids=["fine", "coarse", "both"]
 )

@@ -29,6 +29,7 @@ def vertical(rate, latitude=45 * DEG):
     return rate + EARTH * np.sin(latitude)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("table", TABLES, ids="-".join)
 @pytest.mark.parametrize("increments", [False, True], ids=["rates", "increments"])
 @pytest.mark.parametrize("errors", [{}, MEMS], ids=["perfect", "mems"])
@@ -56,6 +57,7 @@ def test_rests_and_spins_are_found_in_every_kind_of_log(table, increments, error
     assert (off < 6 * sd + 1e-5).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("table", TABLES, ids="-".join)
 @pytest.mark.parametrize("increments", [False, True], ids=["rates", "increments"])
 def test_nothing_of_the_horizontal_earth_rate_is_left(table, increments):
@@ -72,6 +74,7 @@ def test_nothing_of_the_horizontal_earth_rate_is_left(table, increments):
     assert np.linalg.norm(whole) * HOUR > 0.1  # the test can fail
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("table", TABLES, ids="-".join)
 @pytest.mark.parametrize("rate", [50.0, 200.0])
 def test_a_spin_of_exactly_one_turn_is_not_lost(table, rate):
@@ -164,6 +167,7 @@ def test_blocks_of_any_length_give_the_same_means(monkeypatch):
             )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 @pytest.mark.parametrize("increments", [False, True], ids=["rates", "increments"])
 def test_a_log_on_disk_gives_what_it_gives_in_memory(tmp_path, suffix, increments, monkeypatch):
@@ -184,6 +188,7 @@ def test_a_log_on_disk_gives_what_it_gives_in_memory(tmp_path, suffix, increment
     assert seen == sorted(seen) and seen[-1] <= 1.0
 
 
+@pytest.mark.thorough
 def test_memory_stays_flat_however_long_the_log(tmp_path):
     log = Session(plan_of(FACES, 0.0, time=20.0), rate=500.0).log(("position",))
     once = log.duration + log.interval

@@ -61,6 +61,7 @@ ONE = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TERMS)
 @pytest.mark.parametrize("hours", [1.5, 12.0])
 def test_one_error_comes_back_as_itself_and_nothing_else(name: str, hours: float) -> None:
@@ -135,6 +136,7 @@ def test_noise_alone_is_the_integral_that_it_should_be() -> None:
     assert np.allclose(whole, whole.T, atol=1e-12 * np.abs(whole).max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("of", ["position", "velocity"])
 def test_the_standard_deviations_are_right(of: str) -> None:
     """NEES and chi-square of 60 runs inside two-sided limits; sd twice too small must fail."""

@@ -72,6 +72,7 @@ def test_rates_of_a_wrong_unit(log: Log, factor: float, words: str) -> None:
     assert words in problem.message
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("gyro", "accel", "code", "words"),
     [

@@ -254,6 +254,7 @@ def test_logged_angles_that_nobody_needs_and_that_fit_nothing_are_not_used():
     np.testing.assert_array_equal(got.angles[:, 1:], np.full((12, 2), np.nan))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("axis", "degrees", "logged"),
     [(0, 90, True), (1, 90, False), (2, 90, True), (0, 180, False), (1, 180, True),

@@ -217,6 +217,7 @@ EXCHANGED = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", LOGS)
 @pytest.mark.parametrize("matrix", EXCHANGED, ids=words)
 def test_axes_that_are_swapped_or_reversed(speed, matrix):
@@ -242,6 +243,7 @@ def test_axes_of_the_readings_that_are_swapped(matrix):
     assert f"({words(matrix.T)})" in listed
 
 
+@pytest.mark.thorough
 def test_a_motion_that_no_command_explains(tmp_path):
     """Readings that do not move, and readings that are noise: no numbers that are none."""
     made, session = tumble()
@@ -327,6 +329,7 @@ def late_of(result):
     return value / 1e3, sd / 1e3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.005, -0.005, 0.1, 0.2, -0.2])
 def test_readings_that_are_a_little_late_or_early(delay):
     made, session = tumble(simulate=f'delay = "{delay} s"')
@@ -342,6 +345,7 @@ def test_readings_that_are_a_little_late_or_early(delay):
     assert abs(found.diagnostics["delay"]["value"] - delay) < 5 * found.diagnostics["delay"]["sd"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", ["0.1 deg/s", "5 deg/s", "0.02 deg/s", "means"])
 @pytest.mark.parametrize("delay", [10.0, -10.0, 2.0, -30.0])
 def test_readings_that_are_seconds_late_or_early(speed, delay):
@@ -571,6 +575,7 @@ def test_a_run_that_was_stopped_early(passes, tmp_path):
     saved(result, tmp_path)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("spoilt", ["too fast", "shifted", "rolled"])
 def test_a_run_that_leads_nowhere_says_so(spoilt, tmp_path):
     """Status and advice, and no number that is none."""

@@ -70,6 +70,7 @@ def test_a_clock_that_counts_from_1970_changes_nothing() -> None:
     np.testing.assert_allclose(other.turns.end - start, one.turns.end, atol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("flexure", "jitter"), [(None, 0.0), (Flexure((3e-4, 3e-4, 2e-4), 0.8), 0.0), (None, 0.004)]
 )

@@ -376,6 +376,7 @@ def test_a_wandering_bias_is_followed():
     assert not low < run(log, state, sensors, updates, P0, NOISE).nis.sum() < high
 
 
+@pytest.mark.thorough
 def test_spread_is_the_scatter_of_free_runs():
     """Attitude, sensor errors and noise, half an hour: NEES of what is seen at the place."""
     rate, length, runs = 10, 1800, 200

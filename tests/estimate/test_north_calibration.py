@@ -234,6 +234,7 @@ RIGS = {
 }  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", RIGS)
 def test_errors_have_the_size_that_was_promised(case):
     runs = [drawn(seed, **RIGS[case]) for seed in range(40)]

@@ -91,6 +91,7 @@ def generalised(d, y, V, prior):
     return scale * (cov @ X.T @ W @ y), np.outer(scale, scale) * cov
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stops", ORDERS.values(), ids=map(str, ORDERS))
 @pytest.mark.parametrize("noise", [FIELD, COLOURED], ids=["white", "coloured"])
 def test_it_is_generalised_least_squares(stops, noise):
@@ -317,6 +318,7 @@ def test_a_drift_that_was_weighed_scatters_as_predicted():
     assert not consistent(reduce(d, FIELD), truth)
 
 
+@pytest.mark.thorough
 def test_index_errors_scatter_as_predicted():
     motion = Stops(np.radians(PALINDROME), np.full(8, 60.0), 5.0)
     d, truth = simulated(FIELD, motion, errors=SeekerErrors(index_sd=2e-4))

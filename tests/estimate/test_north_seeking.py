@@ -252,6 +252,7 @@ CASES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES)
 def test_errors_have_the_size_that_was_promised(case):
     """Every set-up has its own noise and its own instrument, known as well as is said."""

@@ -80,6 +80,7 @@ def test_the_covariance_of_a_bias_that_moves():
     np.testing.assert_allclose(root @ root.T, 4e-12 * np.outer(x, x) / np.mean(x**2), atol=1e-24)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "drift", [None, line(10 * HOUR), line(100 * HOUR), markov(10 * HOUR), steps_apart(10 * HOUR)],
     ids=["none", "line of 10 deg/h", "line of 100 deg/h", "Gauss-Markov", "each step"],
@@ -95,6 +96,7 @@ def test_errors_have_the_size_that_is_promised(drift):
     assert 0.65 < np.mean(ratio) < 1.4
 
 
+@pytest.mark.thorough
 def test_neither_scatter_takes_the_part_of_the_other():
     jitter = np.array([
         [t.rate_jitter * 1e6, t.bias_sd / HOUR]

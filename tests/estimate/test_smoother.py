@@ -145,6 +145,7 @@ def test_nothing_is_known_worse_than_by_the_filter():
     assert np.all(smoothed.sd[0, 12:15] < 0.6 * found.sd[0, 12:15])
 
 
+@pytest.mark.thorough
 def test_smoothed_states_are_nearer_to_the_truth():
     """Many runs: the NEES of every fourth epoch, and the mean square beside the filter's."""
     runs, at = 40, slice(0, None, 4)

@@ -90,6 +90,7 @@ def clean(n=250):
     return [replace(s.readings(k), gyro=None) for k in range(n)]
 
 
+@pytest.mark.thorough
 def test_false_alarms_are_as_rare_as_promised():
     sessions = clean()
     alarms = sum(bool((got := fitted_rests(r)).outliers or got.suspects) for r in sessions)

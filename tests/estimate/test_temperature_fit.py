@@ -146,6 +146,7 @@ def test_terms_are_taken_away_until_they_are_needed() -> None:
     assert fixed.missing[0].p < 1e-6  # and is told to be too few
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wanted", [False, True])
 def test_a_term_too_many_is_chosen_as_often_as_said(wanted: bool) -> None:
     """1 % of all choices, for both families together, where nothing changes with temperature."""

@@ -86,6 +86,7 @@ def column(name, attitude):
     return real, linear
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("attitude", ["vector", "angles"])
 @pytest.mark.parametrize(
     "name",
@@ -145,6 +146,7 @@ def drawn(seed, *, delay_state=False, assumed=DELAY):
     return case, np.concatenate([truth, mu, [DELAY] if delay_state else []])
 
 
+@pytest.mark.thorough
 def test_consistent():
     """NEES and NIS of 20 flights inside two-sided limits at 1 %; a covariance too small is not."""
     nees, nis, runs = 0.0, 0.0, 20
@@ -162,6 +164,7 @@ def test_consistent():
     assert low < nis < high
 
 
+@pytest.mark.thorough
 def test_the_delay_is_found_either_way():
     errors, sds = [], []
     for seed in range(6):

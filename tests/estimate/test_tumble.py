@@ -76,6 +76,7 @@ def short(seed=3, steps=40):
     return tumble, State(start, model.packed(G))
 
 
+@pytest.mark.thorough
 def test_one_pass_is_the_dense_filter():
     tumble, at = short()
     sd = np.append(np.append([0.1, 0.2, 0.3], np.abs(make_cluster(9, 100.0).packed(G)) + 1e-6), 0.0)
@@ -139,6 +140,7 @@ def test_without_noise_the_truth_comes_back(block):
     assert np.linalg.norm(log(fit.C_np.T @ C_pn.T)) < 20 * ARCSEC
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_promised():
     """NEES of 45 over 40 sessions, chi-square limits at 1 %, and a covariance 20 % off fails."""
     score = []

@@ -118,6 +118,7 @@ def test_one_coefficient_comes_back_alone(name):
         np.testing.assert_allclose(got.state.lever_arm, 0.0, atol=1e-10)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", [*SQUARES, *(n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity"))]
 )
@@ -182,6 +183,7 @@ def drawn(kind, sigma, draws):
     return np.array(errors), np.array(covs)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["free", "angles"])
 def test_errors_have_the_size_that_was_promised(kind):
     errors, covs = drawn(kind, 5 * ARCSEC, DRAWS)
@@ -192,6 +194,7 @@ def test_errors_have_the_size_that_was_promised(kind):
     assert nees(errors, 1.2 * covs).sum() < low
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sigma", [5 * ARCSEC, 600 * ARCSEC])
 def test_joint_estimate_is_never_worse_than_the_norms_on_the_same_readings(sigma):
     n = DRAWS if sigma < 10 * ARCSEC else 30

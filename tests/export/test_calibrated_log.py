@@ -361,6 +361,7 @@ def memory(folder: Path, suffix: str, rows: int) -> int:
     return int(used)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 @pytest.mark.parametrize(
     ("suffix", "short", "long"),  # with the short one every buffer has its full size

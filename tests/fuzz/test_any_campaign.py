@@ -118,6 +118,7 @@ def test_templates_are_taken(procedure: str) -> None:
     assert taken(campaign.template(procedure)) is not None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("procedure", PROCEDURES)
 @given(data=st.data())
 def test_anything_at_any_key(procedure: str, data: st.DataObject) -> None:

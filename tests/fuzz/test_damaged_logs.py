@@ -59,6 +59,7 @@ def test_good_files_are_read(file: str, tmp_path: Path) -> None:
     assert np.allclose(np.column_stack([log.time, log.gyro, log.accel]), table(), atol=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("file", GOOD)
 @given(data=st.data())
 def test_damaged_files(file: str, tmp_path: Path, data: st.DataObject) -> None:

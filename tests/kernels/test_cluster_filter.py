@@ -57,6 +57,7 @@ def twin_log(command, z, r=1e-10, dt=0.2):
     return [(dt, c, row, np.full(3, r)) for c, row in zip(command, z, strict=True)]
 
 
+@pytest.mark.thorough
 @FORMS
 @pytest.mark.parametrize("full", [True, False])
 def test_it_is_the_dense_filter(form, full):
@@ -79,6 +80,7 @@ def test_it_is_the_dense_filter(form, full):
     assert np.max(np.abs(got - covs[-1]) / np.outer(spread[-1], spread[-1])) < 1e-9
 
 
+@pytest.mark.thorough
 @FORMS
 @pytest.mark.parametrize("kind", [parts.PLANNED, parts.INTEGRATED])
 def test_a_misalignment_is_not_fed_back(form, kind):

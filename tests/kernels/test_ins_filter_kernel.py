@@ -59,6 +59,7 @@ def case(names, samples, every, latitude=48.0, speed=250.0, seed=3, scale=1.0):
     return log, state, sensors, updates, P0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("form", ["compiled", "python"])
 @pytest.mark.parametrize(
     ("names", "latitude"),

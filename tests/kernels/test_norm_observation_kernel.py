@@ -93,6 +93,7 @@ def _moved(grade_name, both, lever_arm):
     return (rest, va, accel, vf, gyro, vw, h, g, lever_arm), cov
 
 
+@pytest.mark.thorough
 @FORMS
 @pytest.mark.parametrize("lever_arm", [True, False])
 @pytest.mark.parametrize(("grade_name", "both"), [("mems", False), ("navigation", True)])

@@ -41,6 +41,7 @@ def peak(folder, suffix, rows):
     return memory
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_peak_memory_grows_by_less_than_three_tables(tmp_path, suffix):

@@ -283,6 +283,7 @@ print(json.dumps([count, peak() - before]))
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 def test_a_fleet_one_after_the_other_takes_the_memory_of_one(tmp_path):
     import pyarrow as pa

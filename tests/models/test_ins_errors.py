@@ -49,6 +49,7 @@ def _sizes(J):
     return np.maximum(size.repeat(3, axis=0), 1e-30)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("latitude", "names"),
     [(48.0, LAYOUT.names), (-30.0, LAYOUT.names[::5]), (89.99, LAYOUT.names[2::5])],

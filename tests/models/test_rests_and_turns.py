@@ -34,6 +34,7 @@ def _predict(session, state, names=NAMES):
     return predict(session, names, state, PSD)
 
 
+@pytest.mark.thorough
 @KINDS
 @SITES
 def test_jacobian_is_the_derivative_of_the_prediction(sampled, site):

@@ -37,6 +37,7 @@ def _windows(noise, rng, dt=0.02, trials=1000):
     return np.concatenate(rows)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "noise",
     [

@@ -133,6 +133,7 @@ def test_noise_is_measured_where_it_is_larger_than_declared():
         assert np.all((low / 9 < seen / true) & (seen / true < high / 9))
 
 
+@pytest.mark.thorough
 def test_the_mean_of_two_vectors_holds_the_sway():
     """NEES of pitch and roll of 40 windows that end anywhere in a sway, two-sided at 1 %."""
     rng = np.random.default_rng(9)

@@ -27,6 +27,7 @@ def _shaken(increments, rng):
                          increments.dvel_b + np.diff(v, axis=0))  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("given", [False, True], ids=["at rest", "given velocity"])
 def test_consistent_by_monte_carlo(given):
     """NEES of attitude and NIS of 60 alignments, two-sided, four tests at 1 % together."""

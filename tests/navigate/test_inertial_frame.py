@@ -66,6 +66,7 @@ def test_a_given_velocity():
     assert np.abs(attitude_error(blind.C_nb, truth.C_nb[-1])).max() > 0.1
 
 
+@pytest.mark.thorough
 def test_covariance_by_monte_carlo():
     """NEES of 300 alignments with noise and biases, two-sided at 1 %."""
     sensors = SensorErrors(np.full(3, 4e-12), np.full(3, 4e-8), 0.05 * DPH, 1e-3)
@@ -82,6 +83,7 @@ def test_covariance_by_monte_carlo():
     assert not low < total / 1.3**2 < high, "a covariance 1.3 sd too large is noticed"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("memory", [0.0, 0.6])
 def test_covariance_of_a_disturbance_by_monte_carlo(memory):
     """Bounded velocity noise, white and correlated: NEES of 160, two-sided, two tests at 1 %."""

@@ -27,6 +27,7 @@ def away(there, row: int, truth, at: int) -> float:
     )))  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", RUNS)
 def test_millimetres_over_a_quarter_of_an_hour_there_and_back(name: str) -> None:
     plan, start, headings = RUNS[name]

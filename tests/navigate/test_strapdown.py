@@ -45,6 +45,7 @@ STANDING = matrix_of(1.0, 0.2, -0.3)
 # -- the true motion ---------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", VEHICLES)
 def test_fourth_order_in_attitude_third_in_velocity(name):
     missed = order_run(name, (0.02, 0.01, 0.005), 20.0)
@@ -66,6 +67,7 @@ def test_second_order_in_position_by_the_change_of_acceleration():
         np.testing.assert_allclose(away, dt**2 / 12 * pushed, rtol=0.02)
 
 
+@pytest.mark.thorough
 def test_over_the_pole_and_the_date_line():
     for name, crossed in (("aircraft over the pole", "pole"), ("aircraft over the date line", "")):
         state, w, f = VEHICLES[name]
@@ -81,6 +83,7 @@ def test_over_the_pole_and_the_date_line():
         assert np.all(missed < [1e-7, 2e-5, 2e-4])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("latitude", [0.0, 45.0, -60.0, 89.999, 90.0])
 def test_stands_still_for_hours(latitude):
     increments, state = standing(latitude * DEG, 6 * HOUR, 0.02, C_nb=STANDING)
@@ -244,6 +247,7 @@ def sculled(frequency, dt, angle, push):
     return time, increments, state, true_state(w, f, state, 0.0, time[-1])
 
 
+@pytest.mark.thorough
 @FREQUENCIES
 @COMPENSATED
 def test_sculling_drift(frequency, compensated):

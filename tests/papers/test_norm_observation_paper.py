@@ -119,6 +119,7 @@ def table_3(draws=25):
     return second, results
 
 
+@pytest.mark.thorough
 def test_table_3_comes_out_inside_its_covariance():
     squares, results = table_3()
     for solution, each in squares.items():

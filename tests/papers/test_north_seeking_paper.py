@@ -161,11 +161,13 @@ def test_z_coupling_outlives_a_level_calibration_and_not_a_tilted_one():
     assert good, "\n".join(lines)
 
 
+@pytest.mark.thorough
 def test_consistency_of_the_calibrations():
     lines, _ = calibration.nees(15)
     assert all("| yes |" in line for line in lines[2:]), "\n".join(lines)
 
 
+@pytest.mark.thorough
 def test_ln100_at_rest():
     folder = static.DATA / "ln100_static"
     if not folder.is_dir():

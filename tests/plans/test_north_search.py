@@ -117,6 +117,7 @@ def test_the_table_and_the_changes_say_the_same():
     assert one.cost(plan) == 0.0
 
 
+@pytest.mark.thorough
 def test_white_noise_is_not_beaten_and_four_positions_are_found():
     one = CASES["white"]
     found = searched(one, 4000)
@@ -126,6 +127,7 @@ def test_white_noise_is_not_beaten_and_four_positions_are_found():
     assert len(found.plan) <= 6  # of plans that are alike the simpler
 
 
+@pytest.mark.thorough
 def test_a_drift_that_is_ignored_cancels_in_fewer_stops_than_the_palindrome_has():
     one = space(drift=DRIFT, solved="none", rig=Rig(total=300.0, move=0.0, shortest=5.0, most=6))
     found = searched(one, 2000)
@@ -138,6 +140,7 @@ def test_a_drift_that_is_ignored_cancels_in_fewer_stops_than_the_palindrome_has(
     assert len(found.plan) <= 6 < len(orders.PALINDROME)
 
 
+@pytest.mark.thorough
 def test_slow_noise_is_beaten_by_more_stops_as_far_as_moves_allow():
     one = CASES["slow"]
     found = searched(one)

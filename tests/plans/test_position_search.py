@@ -69,6 +69,7 @@ MODULES = {"free": norm_observation, "exact": multi_position, "with errors": tur
 MORE = {"accel_quadratic": True, "g_sensitivity": True, "both_senses": True, "four_positions": True}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("trust", MODULES)
 @pytest.mark.parametrize("more", [{}, MORE], ids=["", "everything"])
 def test_a_session_is_the_sum_of_its_positions(trust, more):
@@ -122,6 +123,7 @@ def test_positions_together_tell_what_each_tells(trust, more):
 # -- found plans -----------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name",
     [
@@ -166,6 +168,7 @@ def test_weights_decide():
     assert np.nanmax(comparison.ratio[0]) > 1.05
 
 
+@pytest.mark.thorough
 def test_integrity_names_every_bad_rest():
     assert not judged(named_angles("icosahedron 12")).named
     space = space_of(wanted={"integrity": True})

@@ -125,6 +125,7 @@ def test_what_noise_and_prior_do_not_say_is_stated_too(usual):
     assert unsure.cost(plan) == pytest.approx(usual.cost(plan), abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_the_plan_that_is_taken_keeps_limits_everywhere():
     """Between the points where the search looks, too: judged each second."""
     kept = space(f'{FAST}\nmiddle_limit = "60 deg"')
@@ -137,6 +138,7 @@ def test_the_plan_that_is_taken_keeps_limits_everywhere():
             assert needed.needed < np.radians(61.0)
 
 
+@pytest.mark.thorough
 def test_gimbals_keep_their_limits():
     kept = space(f'{FAST}\nmiddle_limit = "30 deg"\ncable_limit = "200 deg"')
     rng = np.random.default_rng(3)
@@ -236,6 +238,7 @@ def test_what_does_not_count_may_be_unseen():
     assert set(space(wanted=f'axes = "x"\nweights = {{ {weights} }}').unseen) == set(names)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("procedure", "wanted", "code", "said"),
     [

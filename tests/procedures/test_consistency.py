@@ -54,12 +54,14 @@ def _scaled(noise, factor):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", GRADES)
 def test_errors_have_the_size_that_was_promised(name):
     total, (low, high) = _sum(name, SESSIONS, grade(name).noise)
     assert low < total < high
 
 
+@pytest.mark.thorough
 def test_slow_noise_is_accounted_for():
     gyro = TriadNoise(white=2e-5, bias_instability=2e-5, correlation_time=30.0, random_walk=2e-6)
     accel = TriadNoise(white=3e-4, bias_instability=5e-4, correlation_time=60.0, random_walk=2e-5)
@@ -71,6 +73,7 @@ def test_slow_noise_is_accounted_for():
     assert total > high
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("factor", [1.3, 1 / 1.3])
 def test_the_check_sees_a_wrong_noise(factor):
     noise = _scaled(grade("tactical").noise, factor)

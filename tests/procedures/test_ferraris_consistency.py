@@ -41,6 +41,7 @@ def sessions(n, place, given, procedure=ferraris, **words):
     return total, chi_square_limits(len(names) * n, tests=4), len(names) * n
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("procedure", [ferraris, six_position])
 @pytest.mark.parametrize("place", [0.0, 5 * ARCMIN])
 def test_errors_have_the_size_that_was_promised(procedure, place):
@@ -60,6 +61,7 @@ def test_an_estimated_placement_promises_enough():
     assert low * 0.7 < total < 1.6 * dof
 
 
+@pytest.mark.thorough
 def test_published_solution_has_its_own_uncertainty():
     total, (low, high), _ = sessions(8, 5 * ARCMIN, 5 * ARCMIN, solution="published")
     assert 0.9 * low < total < 1.1 * high

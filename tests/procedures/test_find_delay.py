@@ -110,6 +110,7 @@ def test_a_slave_in_other_axes_is_named() -> None:
     assert told.code == "delay.axes" and "mounted 25" in told.message
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_an_angle_that_counts_the_other_way(place: int) -> None:
     run = flown()
@@ -124,6 +125,7 @@ def test_an_angle_that_counts_the_other_way(place: int) -> None:
     assert unknown.delay.delay == pytest.approx(run.delay, abs=5e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("mounting", [None, ALONG])
 def test_a_gyro_that_is_reversed(mounting) -> None:
     run = flown()

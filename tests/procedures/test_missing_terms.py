@@ -122,6 +122,7 @@ def test_a_bias_that_moves_between_rests_and_spins_does_no_harm():
     assert np.all(np.abs(c.values - truth) < 4.5 * c.sd)
 
 
+@pytest.mark.thorough
 def test_the_published_recovery_is_called_doubtful_where_its_bias_shows():
     r = readings(draw_errors("mems", 3))
     verdicts = {}

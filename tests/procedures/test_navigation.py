@@ -84,6 +84,7 @@ def test_contributions_add_up_to_the_difference(parked) -> None:
     assert np.abs(total - parked.difference[:, :2]).max() < 0.01 * size
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["gyro.bias.x", "accel.bias.y", "gyro.misalignment.yz"])
 def test_one_coefficient_is_worth_what_navigating_twice_says(name: str) -> None:
     """On a drive too; half a calibration is the other navigation."""
@@ -98,6 +99,7 @@ def test_one_coefficient_is_worth_what_navigating_twice_says(name: str) -> None:
     assert full.budget.worth[-1, 6:8, k] == pytest.approx(known, rel=0.01, abs=0.02)
 
 
+@pytest.mark.thorough
 def test_the_predicted_error_is_right() -> None:
     """NEES of position and velocity of 30 runs; with the calibration's part left out it fails."""
     squares, without = 0.0, 0.0
@@ -341,6 +343,7 @@ def test_sway_is_not_taken_for_noise() -> None:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [1e-6, 1.0, 30.0])
 def test_what_a_coefficient_does_is_the_same_however_well_it_is_known(size: float) -> None:
     """The step by which an alignment is repeated must not follow the declared sd."""

@@ -104,6 +104,7 @@ def scatter(case, n=16, claimed=1.0):
     return float(nees(np.array(errs), np.array(covs)).sum()), np.size(errs), levels
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", SESSIONS)
 def test_errors_have_the_size_that_was_promised(case):
     total, dof, levels = scatter(case)

@@ -101,6 +101,7 @@ LOOPS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("loop", LOOPS)
 def test_calibrate_and_find_north(loop):
     """One instrument each: its calibration is part of the error of its set-up."""

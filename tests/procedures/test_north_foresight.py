@@ -55,6 +55,7 @@ def made(session, settings, seed, noise=FIELD):
                                   seed=seed).log  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", SESSIONS)
 def test_the_uncertainty_is_that_of_a_session(case):
     session, settings = SESSIONS[case]

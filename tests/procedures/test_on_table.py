@@ -126,6 +126,7 @@ def test_published_recovery_shows_its_bias_and_the_exact_one_none():
     assert half == pytest.approx(5.94e-6, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_four_positions_believe_the_table_and_parallel_vectors_do_not():
     chosen = {"solution": "linear", "four_positions": True}
     gyro = [n.startswith("gyro.misalignment") for n in LINEAR_LOWER]
@@ -191,6 +192,7 @@ def test_names_follow_what_was_chosen():
     assert len(names(s(accel_quadratic=True, g_sensitivity=True), gyro=False)) == 12
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("module", [norm_observation, turntable])
 def test_quadratic_terms_and_g_sensitivity_are_recovered(module):
     rng = np.random.default_rng(2)
@@ -399,6 +401,7 @@ def test_noise_that_was_declared_is_not_called_unknown():
     assert "readings.noise_unknown" in [f.code for f in measured.findings]
 
 
+@pytest.mark.thorough
 def test_without_declared_noise_the_residuals_tell_it():
     """Two variances, from about 19 equations each, estimated: the mean of several sessions."""
     ratios = []

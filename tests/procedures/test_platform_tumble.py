@@ -46,6 +46,7 @@ def failed(result):
 # -- what was put in comes back --------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CONSTANTS.names)
 def test_one_error_alone_comes_back(name):
     """By name and sign, and nothing else; the prior at zero pulls as linear theory says."""
@@ -201,6 +202,7 @@ def test_readings_after_a_step_of_the_command_can_be_left_out():
     assert low < nees(masked, session.truth) < high
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["rate", "increment"])
 @pytest.mark.parametrize("holds", ["from its time", "until its time"])
 def test_commands_that_hold_either_way(holds, kind):

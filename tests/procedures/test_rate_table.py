@@ -97,6 +97,7 @@ def trials(name, count, **_):
     return np.array(errors), np.array(covs)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["mems", "tactical"])
 def test_errors_have_the_size_that_was_promised(name):
     errors, covs = trials(name, 70)

@@ -40,6 +40,7 @@ def test_declared_noise_that_the_residuals_contradict(factor):
     assert right.verdict.level is Level.PASS
 
 
+@pytest.mark.thorough
 def test_scatter_between_rests_is_estimated():
     """Offsets drawn for every rest: the estimate is a variance from its redundancy."""
     sd, ratios, dof = 0.01, [], []

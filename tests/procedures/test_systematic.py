@@ -77,6 +77,7 @@ def bending():
 # -- what was put in comes back --------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_campaign_from_simulation_to_report(tmp_path):
     text = campaign.template("systematic")
     text = text.replace('# rest_time = "60 s"', 'rest_time = "40 s"')
@@ -110,6 +111,7 @@ def test_a_campaign_from_simulation_to_report(tmp_path):
         assert np.linalg.norm(row["velocity"][:2]) < 0.05 * np.linalg.norm(raw["velocity"][:2])
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_promised():
     """NEES of 24 coefficients over 10 sessions; a covariance a third off is found out."""
     runs, score = 10, []
@@ -182,6 +184,7 @@ def test_the_published_steps_find_the_same(bending):
     assert sd[0] < sd[1] < 3 * sd[0]
 
 
+@pytest.mark.thorough
 def test_the_wrong_chirality_fits_worse(bending):
     settings, made = bending
     other = settings.model_copy(update={"chirality": 1})
@@ -293,6 +296,7 @@ def test_passes_settle_where_a_short_sequence_hardly_shows_something():
     assert low < score < high
 
 
+@pytest.mark.thorough
 def test_a_deflection_that_the_session_cannot_see_is_refused(nineteen, bending):
     bent = Settings(deflection="coupled6")
     with pytest.raises(FoucaultError) as caught:
@@ -437,6 +441,7 @@ def test_a_rest_that_moves_is_left_out(nineteen):
     assert "rest 5" not in result.diagnostics["sequence"]["labels"]
 
 
+@pytest.mark.thorough
 def test_no_deflection_where_there_is_none():
     """Six parameters of a rigid instrument, four sessions: inside their promise about zero."""
     settings, score = Settings(sequence=BOTH, deflection="coupled6"), 0.0

@@ -212,6 +212,7 @@ def test_odds_are_what_filters_with_each_model_say(bending):
 # -- what is chosen --------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_no_deflection_is_seen_where_there_is_none(rigid):
     settings, made = rigid
     result = trial(settings, made)
@@ -227,6 +228,7 @@ def test_no_deflection_is_seen_where_there_is_none(rigid):
     np.testing.assert_array_equal(plain.coefficients.values, result.coefficients.values)
 
 
+@pytest.mark.thorough
 def test_the_model_is_found_and_its_coefficients_are_the_result(bending):
     settings, made = bending
     result = trial(settings, made)
@@ -243,6 +245,7 @@ def test_the_model_is_found_and_its_coefficients_are_the_result(bending):
     assert ranks["coupled6, chirality -1"] == 6 and ranks["general18"] < 18
 
 
+@pytest.mark.thorough
 def test_the_other_sense_is_found_and_solved_anew(other_sense):
     settings, made = other_sense
     result = trial(settings, made)
@@ -259,6 +262,7 @@ def test_the_other_sense_is_found_and_solved_anew(other_sense):
     )
 
 
+@pytest.mark.thorough
 def test_a_wrong_sense_that_was_named_is_told_where_it_is_shown(other_sense):
     settings, made = other_sense
     wrong = settings.model_copy(update={"deflection": "coupled6", "chirality": -1})
@@ -280,6 +284,7 @@ def test_a_wrong_sense_that_was_named_is_told_where_it_is_shown(other_sense):
     assert "Do the gyros bend" in html(result)
 
 
+@pytest.mark.thorough
 def test_the_published_steps_are_compared_too(bending):
     settings, made = bending
     steps = settings.model_copy(update={"steps": "published"})
@@ -292,6 +297,7 @@ def test_the_published_steps_are_compared_too(bending):
         assert a.log_odds == pytest.approx(b.log_odds, abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_model_that_is_seen_in_part_warns_or_is_chosen_with_a_prior():
     """Bending along the force alone: six poses see five of its six combinations."""
     settings, made = session("direct6", [4.0, -3.0, 4.0, 5.0, -4.0, 3.0], seed=3)

@@ -82,6 +82,7 @@ def test_a_quadratic_term_that_stands_for_asymmetry_too(curved):
     assert said.cure.endswith("set accel_asymmetry = true.")
 
 
+@pytest.mark.thorough
 def test_slanting_rests_tell_them_apart():
     settings = Settings(sequence=BOTH)
     made = simulated(settings, quadratic=QUADRATIC)
@@ -95,6 +96,7 @@ def test_slanting_rests_tell_them_apart():
     assert set(told(calibrated(simulated(settings), settings))) == {"systematic.stands_for"}
 
 
+@pytest.mark.thorough
 def test_a_crooked_table_hardly_tells_them_apart():
     """Turns off by degrees: the session tells a little of each, and far less than of the sum."""
     rough = systematic.Session(rest_time=60.0, angle_sd=1.5 * DEG, start_sd=3 * DEG)
@@ -179,6 +181,7 @@ def test_gyros_that_bend_are_named_before_a_check_fails():
     assert said.cure.startswith("Add spins of ten turns") and 'deflection = "choose"' in said.cure
 
 
+@pytest.mark.thorough
 def test_gyros_that_bend_in_spins_are_to_be_chosen_of():
     settings = Settings(sequence=BOTH)
     result = calibrated(simulated(settings, bend=1.0), settings)
@@ -196,6 +199,7 @@ def test_lever_arms_are_not_taken_for_bending():
     assert "systematic.bends" not in told(result)
 
 
+@pytest.mark.thorough
 def test_the_false_alarm_rate_of_bending_is_one_percent_or_less():
     """Imagined sessions without bending, of a filter that fits its noise; 3 % is seen with 96 %."""
     rng = np.random.default_rng(5)

@@ -96,6 +96,7 @@ def test_the_table_is_held_against_the_plan():
     assert told.fastest == pytest.approx(18 * DEG) and not told.complete
 
 
+@pytest.mark.thorough
 def test_a_model_that_is_not_seen_is_named_before():
     told = foresee(planned(BENDING.replace("coupled6", "direct12")))
     assert "systematic.deflection_planned" in codes(told)
@@ -142,6 +143,7 @@ def test_the_bound_needs_no_prior_and_knows_what_is_not_seen():
 # -- the quick covariance --------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("more", [{}, {"decorrelate": False}, {"lever_arms": True}])
 def test_quick_uncertainties_are_nearly_those_stated(more):
     settings = Settings(sequence=(), deflection="coupled6", **more)
@@ -155,6 +157,7 @@ def test_quick_uncertainties_are_nearly_those_stated(more):
     np.testing.assert_array_equal(quick.sd(sequence), first)  # from what it has kept
 
 
+@pytest.mark.thorough
 def test_what_the_sequences_show():
     both = nine_positions().then(action_sequences("simple 6"))
     (seen, count), models = shown(both, SITE, NOISE)
@@ -187,6 +190,7 @@ def test_plans_fill_the_time_and_keep_the_limits(space):
     assert space.from_json(json.loads(json.dumps(space.as_json(plan)))) == plan
 
 
+@pytest.mark.thorough
 def test_a_descent_beats_the_known_plan_and_is_the_same_again(space, monkeypatch):
     monkeypatch.setattr(optimise, "PROBED", 12)
     best = descend(space, np.random.default_rng(1), 20)
@@ -206,6 +210,7 @@ def test_a_descent_beats_the_known_plan_and_is_the_same_again(space, monkeypatch
     np.testing.assert_allclose(plan.times, done.times, rtol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_search_in_a_folder_for_the_shortest(tmp_path, monkeypatch):
     monkeypatch.setattr(systematic_plan, "OTHERS", systematic_plan.OTHERS[3:])
     wanted = 'accuracy = { "deflection" = "0.06 arcsec/g" }\nmost_turns = 12'
@@ -229,6 +234,7 @@ def test_a_search_that_can_only_be_longer_says_so(tmp_path, monkeypatch):
     assert "optimise.no_time" in codes(found) and not found.complete
 
 
+@pytest.mark.thorough
 def test_angles_in_steps():
     space = optimisation.space_of(planned(FAST + '\nangle_step = "45 deg"', 'total = "25 min"'))
     rng = np.random.default_rng(0)

@@ -43,6 +43,7 @@ def came(module, seed, noise=NOISE, prior=None, session=(), simulated=NOISE, **s
     return module.calibrate(made.log, site=SITE, settings=chosen, noise=noise, prior=prior)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", MODULES)
 @pytest.mark.parametrize(
     "more",
@@ -65,6 +66,7 @@ def test_a_calibration_has_the_uncertainties_that_were_foretold(name, more):
     assert found.complete and found.rank == found.states == len(found.names)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solution", ["linear", "published"])
 def test_linear_solutions_are_foretold_too(solution):
     settings = {"plan": "icosahedron 12", "solution": solution}
@@ -85,6 +87,7 @@ def test_noise_that_will_be_measured_costs_a_little():
     assert np.abs(np.log(np.mean(ratio, axis=0))).max() < 0.3
 
 
+@pytest.mark.thorough
 def test_errors_of_the_table_are_in_what_is_foretold():
     """Errors of 20 arcsec in every position of a table that is believed: the scatter is 100 ug."""
     session = {"position_sd": 20 * multi_position.ARCSEC}

@@ -69,6 +69,7 @@ def only(made: list[Session], family: str) -> list[Session]:
 # -- statistics -------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_errors_of_the_functions_are_what_their_covariance_says() -> None:
     own = {"gyro.bias": 2.0, "accel.bias": 1.0}
     unit = dict(zip(TRUTH.layout.names, typical(TEMPLATE.coefficients), strict=True))
@@ -111,6 +112,7 @@ def test_too_low_an_order_cannot_hide_in_scatter_that_is_found() -> None:
     assert result.verdict.level is Level.DOUBTFUL
 
 
+@pytest.mark.thorough
 def test_errors_with_scatter_that_is_found_follow_student() -> None:
     """Scatter far above the covariances and alike on three axes: an F distribution."""
     degrees, logs = np.linspace(-15, 65, 9), 0.0
@@ -260,6 +262,7 @@ def test_an_odd_session_is_named() -> None:
     assert "accel.scale" in failed.sentence
 
 
+@pytest.mark.thorough
 def test_hysteresis_is_told_and_only_where_there_is_some() -> None:
     degrees = (25, 45, 65, 40, 20, 0, -15, 5, 30)
     made = sessions(degrees)

@@ -48,6 +48,7 @@ def scales(result: Result, temperature: float) -> tuple[np.ndarray, np.ndarray]:
     return error, model.at(temperature).sd[at]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("knots", [(), (ROOM - 40, ROOM, ROOM + 40)])
 def test_more_sessions_do_not_make_gravity_better_known(knots: tuple[float, ...]) -> None:
     settings = replace(SETTINGS, orders={}, knots=knots) if knots else SETTINGS

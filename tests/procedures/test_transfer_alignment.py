@@ -45,6 +45,7 @@ def settings(c, **changes):
 # -- what was put in comes back --------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_promised():
     """NEES of 13 numbers over 12 flights; a covariance a third off is found out."""
     c, runs, total = described(), 12, 0.0
@@ -128,6 +129,7 @@ def test_the_attitude_history_is_smoothed(flight, found):
     assert 0.3 < np.mean((phi / sd) ** 2) < 2.5
 
 
+@pytest.mark.thorough
 def test_it_is_handed_over_as_well_as_it_says():
     total, runs = 0.0, 8
     c = described(hand_over='"239.5 s"')
@@ -170,6 +172,7 @@ def test_the_delay_is_found_by_other_methods(flight, found, method):
         assert abs(fit["value"] - session.simulation.delay) < 4 * fit["sd"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "simulated, chosen",
     [
@@ -209,6 +212,7 @@ def test_the_published_sixteen_states():
 # -- the bounded filter ----------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wanted", ["prior", "navigation"])
 def test_h_infinity(flight, found, wanted):
     c, session = flight
@@ -290,6 +294,7 @@ def test_a_delay_outside_its_bracket():
     assert "The likeliest delay, 200.0 ms, lies at an end of the bracket" in said.message
 
 
+@pytest.mark.thorough
 def test_no_manoeuvre():
     c = described(profile='"straight"')
     result = trial(c, made(c).simulation.log)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
@@ -19,6 +20,7 @@ LEGS = [SWELL, {"turn": "40 deg", "time": "50 s", "flat": True}, SWELL,
         {"turn": "-70 deg", "time": "50 s", "flat": True}]  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_told_after_fifty_minutes():
     session = Session.model_validate({
         "profile": "ship", "manoeuvres": LEGS * 10, "rate": "20 Hz", "message_rate": "1 Hz",

@@ -59,6 +59,7 @@ def test_limits_that_leave_nothing_are_refused():
         made(Wanted(total=60.0))
 
 
+@pytest.mark.thorough
 def test_own_manoeuvres_are_foretold():
     """A straight run of one's own is the straight run that is built in."""
     own = Session.model_validate({
@@ -72,6 +73,7 @@ def test_own_manoeuvres_are_foretold():
     assert (faster.motion.start.speed, faster.motion.start.heading) == (60.0, 1.0)
 
 
+@pytest.mark.thorough
 def test_a_search_finds_a_motion_that_the_campaign_then_does(tmp_path):
     file = tmp_path / "campaign.toml"
     text = campaign.template("transfer_alignment")

@@ -137,6 +137,7 @@ def test_nobody_is_sent_elsewhere_for_a_wrong_column(flight) -> None:
         assert result.verdict.level is not Level.PASS
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("profile", ["ship", "uav", "survey"])
 def test_other_vehicles_name_them_too(profile: str) -> None:
     c = described(profile=f'"{profile}"')
@@ -291,6 +292,7 @@ def test_whole_samples_and_an_unknown_delay() -> None:
 # -- what was said of the mount, and beforehand ----------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -317,6 +319,7 @@ def test_the_right_lever_arm_is_left_alone(levered) -> None:
                                               lever_arm=("0 m", "0 m", "0 m")))  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("prior", "words"),
     [
@@ -372,6 +375,7 @@ def test_one_pass_of_a_slave_without_errors_has_settled(flight) -> None:
 # -- a slave whose axes are not at right angles ----------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_misalignments_widen_the_uncertainties_of_biases(flight) -> None:
     """Axes off by 1 mrad: of uncertainties that know nothing of it biases are tens off."""
     total, runs, worst = 0.0, 2, 0.0
@@ -437,6 +441,7 @@ def test_as_many_passes_as_it_takes(flight) -> None:
     assert few < len(result.diagnostics["passes"]["values"]) <= c.settings.passes
 
 
+@pytest.mark.thorough
 def test_two_hours() -> None:
     """A free run of the slave would be gone by far: its vertical grows 300 000 times."""
     c = described(profile='"ship"', rate='"10 Hz"', message_rate='"0.5 Hz"')

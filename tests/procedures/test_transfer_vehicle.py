@@ -84,6 +84,7 @@ def test_biases_of_the_first_half_close_the_second(log, campaign):
     assert np.abs(err).max() < 2.0
 
 
+@pytest.mark.thorough
 def test_halves_agree_when_the_clocks_do(log, campaign, found):
     drift = found.diagnostics["delay"]["rate_matching"]["drift"]
     assert drift == pytest.approx(-7.8e-6, abs=1.5e-6)

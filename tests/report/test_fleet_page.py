@@ -138,6 +138,7 @@ def test_the_tolerance_table_counts_decisions():
     assert "accel. bias.x 5 mg 59 1 0" in said
 
 
+@pytest.mark.thorough
 def test_ten_thousand_instruments_stay_a_small_page():
     table = make_table(2500).decided(LIMITS)
     page = page_of.html(table, ABOUT)

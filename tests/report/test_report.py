@@ -240,6 +240,7 @@ def test_no_result_no_report(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.thorough
 def test_the_slow_part_of_plotly_is_not_imported(folder):
     code = (
         "import sys\n"

@@ -48,6 +48,7 @@ def test_at_rest_the_increments_are_those_of_earth_and_gravity() -> None:
     np.testing.assert_allclose(dvel, g * C_bn[:, 2] * dt, rtol=0, atol=4 * EPS * 0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("plan", [drive(1), flight(1)], ids=["drive", "flight"])
 def test_increments_of_any_rate_add_up_to_the_same(plan) -> None:
     motion, _ = motion_of(plan, START)
@@ -66,6 +67,7 @@ def test_increments_of_any_rate_add_up_to_the_same(plan) -> None:
             assert np.abs(angle).max() < 1e-15
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("offset", [0.0, -5e-4])
 @pytest.mark.parametrize("plan", [drive(1), flight(1)], ids=["drive", "flight"])
 def test_what_is_felt_leads_to_where_the_truth_is(plan, offset: float) -> None:

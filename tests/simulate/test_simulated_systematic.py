@@ -124,6 +124,7 @@ def test_noise_is_that_of_its_grade_and_seeded() -> None:
     assert sd == pytest.approx(5e-6 * 9.80665 * np.sqrt(50.0), rel=0.05)
 
 
+@pytest.mark.thorough
 def test_an_hour_and_a_half_takes_seconds() -> None:
     sequence = nineteen_positions().then(action_sequences())
     begin = time.process_time()

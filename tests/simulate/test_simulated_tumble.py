@@ -48,6 +48,7 @@ def test_a_cluster_without_errors_does_what_the_plan_says():
     np.testing.assert_allclose(np.diff(made.log.time), 0.2, rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_both_integrators_agree_over_the_published_plan():
     made = [
         simulated(PUBLISHED, start=START, integrator=name, arms=0.05 * np.eye(3))
@@ -94,6 +95,7 @@ def test_only_one_integrator_goes_through_the_singular_attitude():
 # -- sampling ------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["exponential", "published"])
 @pytest.mark.parametrize("delay", [0.0, 0.04, 0.2, 0.26, -0.1])
 @pytest.mark.parametrize("sampled", ["rate", "increment"])
@@ -172,6 +174,7 @@ WHITE = ImuNoise(
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["exponential", "published"])
 def test_gyro_noise_turns_the_cluster_by_its_random_walk(integrator):
     plan = sequence("-x", RATE, segment=20.0)
