@@ -104,7 +104,7 @@ def test_files_that_are_no_positions(text: str, why: str, tmp_path: Path) -> Non
 def test_a_file_that_is_no_text(tmp_path: Path) -> None:
     file = tmp_path / "angles.csv"
     file.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FoucaultError, match="it is not text"):
+    with pytest.raises(FoucaultError, match="its first line is not `outer,middle,inner`"):
         read_positions(file)
 
 
