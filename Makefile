@@ -9,7 +9,7 @@ BIN := .venv/bin
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
 	@echo "make test   lint and tests, side by side"
-	@echo "make thorough   the tests of a second and more"
+	@echo "make thorough   the tests of half a second and more"
 	@echo "make lint   style, types and layers"
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"

@@ -395,6 +395,7 @@ def test_text_that_toml_must_escape_survives(tmp_path: Path) -> None:
     assert again.instrument["note"] == note
 
 
+@pytest.mark.thorough
 def test_schema_accepts_the_template_and_refuses_mistakes() -> None:
     schema = campaign.schema()
     jsonschema.Draft202012Validator.check_schema(schema)

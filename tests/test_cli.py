@@ -356,6 +356,7 @@ name = "hand_rotated"
     assert missing.exit_code == 1
 
 
+@pytest.mark.thorough
 def test_demo_prints_the_result_beside_the_truth(tmp_path: Path) -> None:
     result = run("demo", "-o", tmp_path, "--json")
     assert result.exit_code == 0, result.stderr
@@ -372,6 +373,7 @@ def test_demo_prints_the_result_beside_the_truth(tmp_path: Path) -> None:
         assert row["coefficient"] in out
 
 
+@pytest.mark.thorough
 def test_demo_with_another_seed(tmp_path: Path) -> None:
     for seed in (5, 6):
         assert run("demo", "-o", tmp_path / str(seed), "--seed", seed, "--quiet").exit_code in (
@@ -421,6 +423,7 @@ def test_output_in_an_encoding_that_lacks_its_signs(tmp_path: Path) -> None:
     assert json.loads(told.stdout)["folder"] == str(folder)
 
 
+@pytest.mark.thorough
 def test_the_installed_program(tmp_path: Path) -> None:
     program = Path(sys.executable).with_name("foucault")
     done = subprocess.run(

@@ -187,6 +187,7 @@ def test_options_in_the_text_of_the_docs_exist(program: Any) -> None:
             assert said <= options, f"{page.name}: foucault {words}"
 
 
+@pytest.mark.thorough
 def test_the_first_page_does_what_it_says(
     tmp_path: Path, session: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -206,6 +206,7 @@ def _interrupt_at(monkeypatch, step, kind):
     return lambda: bool(hit)
 
 
+@pytest.mark.thorough
 def test_killed_while_writing_the_old_result_stays(tmp_path):
     save(make_result(seed=1), tmp_path, "old")
     code = (

@@ -94,6 +94,7 @@ def test_the_batch_is_the_linear_solution_of_calibrate(tmp_path):
     np.testing.assert_allclose(batch.estimate.lever_arm[0], lever_arm, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_the_order_of_the_positions_does_not_matter(tmp_path):
     described = bench(tmp_path / "bench", 3)
     one = fleet.run(described, tmp_path / "one")
@@ -174,6 +175,7 @@ def test_an_instrument_that_does_not_respond_is_unsolved(tmp_path):
     assert problems[1].code == "fleet.unsolved" and "do not determine" in problems[1].message
 
 
+@pytest.mark.thorough
 def test_a_noisy_instrument_is_doubtful_and_its_uncertainty_knows_it(tmp_path):
     described = bench(tmp_path / "bench", 20, extra='plan = "dodecahedron 20"\n')
     quiet = fleet.run(described, tmp_path / "one")
@@ -195,6 +197,7 @@ def test_a_noisy_instrument_is_doubtful_and_its_uncertainty_knows_it(tmp_path):
     np.testing.assert_allclose(table.sd[4], quiet.sd[4], rtol=0.1)
 
 
+@pytest.mark.thorough
 def test_tolerance_decides_pass_fail_and_undecided(tmp_path):
     described = bench(tmp_path / "bench", 30)
     limits = tolerance.parse('"accel.bias" = "40 mg"\n"gyro.scale" = { limit = "9 %", sd = "1 %" }')

@@ -105,6 +105,7 @@ def test_what_is_damaged_is_computed_again_or_said(searched, tmp_path):
     assert caught.value.code == "study.damaged"
 
 
+@pytest.mark.thorough
 def test_what_the_plan_hardly_shows_is_said(searched, tmp_path):
     """Turns about x alone; what no such plan shows has no weight, so that the rest is named."""
     with pytest.raises(FoucaultError) as caught:
@@ -130,6 +131,7 @@ def test_what_the_plan_hardly_shows_is_said(searched, tmp_path):
     assert "optimise.hardly" not in {item.code for item in searched[1].findings}
 
 
+@pytest.mark.thorough
 def test_a_time_limit_keeps_what_is_finished(tmp_path):
     found = optimisation.run(described(), tmp_path, time_limit=1e-9, workers=1, **SMALL)
     assert 1 <= len(found.restarts) < 6

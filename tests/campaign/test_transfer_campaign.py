@@ -40,6 +40,7 @@ def run(session):
     return result
 
 
+@pytest.mark.thorough
 def test_from_the_file_to_the_report(session, run):
     folder, made, file = session
     assert run.verdict.level is Level.PASS, run.verdict.reasons
@@ -97,6 +98,7 @@ def test_a_study(tmp_path):
     assert [row["ratio"] for row in again.rows()] == [row["ratio"] for row in found.rows()]
 
 
+@pytest.mark.thorough
 def test_preflight():
     seen = preflight.foresee(described(profile='"straight"'))
     assert not seen.complete

@@ -146,6 +146,7 @@ def test_titles_of_increments(tmp_path: Path) -> None:
     assert "gyro in rad (increments), accel in m/s (increments)" in text
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "text"),
     [

@@ -115,6 +115,7 @@ def test_one_worker_four_threads_and_four_processes_give_identical_content(
     assert len(set(table["seed"].to_pylist())) == TRIALS
 
 
+@pytest.mark.thorough
 def test_a_tumble_gives_identical_content(four: Any, tmp_path: Path) -> None:
     text = campaign.template("platform_tumble")
     described = campaign.parse(text, "platform_tumble.toml")
@@ -136,6 +137,7 @@ def test_a_search_finds_the_same_plan(four: Any, tmp_path: Path) -> None:
         assert here.read_bytes() == there.read_bytes(), name
 
 
+@pytest.mark.thorough
 def test_the_seed_of_a_study_decides_what_is_simulated(quick: Path, tmp_path: Path) -> None:
     made = []
     for folder, seed, workers in (("a", 3, 1), ("b", 3, 2), ("c", 4, 1)):
@@ -148,6 +150,7 @@ def test_the_seed_of_a_study_decides_what_is_simulated(quick: Path, tmp_path: Pa
 # -- what is killed --------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_worker_that_is_killed_changes_nothing(
     four: Any, quick: Path, undisturbed: Path, tmp_path: Path
 ) -> None:

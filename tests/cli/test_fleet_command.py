@@ -42,6 +42,7 @@ def test_all_pass(bench: Path, tmp_path: Path) -> None:
     assert (tmp_path / "out" / "instruments" / "SN010" / "report.html").is_file()
 
 
+@pytest.mark.thorough
 def test_json_with_a_tolerance_and_a_broken_instrument(bench: Path, tmp_path: Path) -> None:
     means = tmp_path / "means.parquet"
     table = pq.read_table(means)

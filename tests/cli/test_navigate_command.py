@@ -56,6 +56,7 @@ def test_a_parked_log_on_the_screen_and_nothing_written(folder: Path) -> None:
     assert sorted(p.name for p in folder.iterdir()) == before
 
 
+@pytest.mark.thorough
 def test_a_drive_with_its_folder(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     words = ["--reference", folder / "reference.csv", "--calibration", folder / "run", "-o", out]
@@ -139,6 +140,7 @@ accel = {{ white = "5 ug/sqrt(Hz)" }}
 """
 
 
+@pytest.mark.thorough
 def test_a_campaign_says_the_same(folder: Path) -> None:
     file = folder / "campaign.toml"
     file.write_text(CAMPAIGN.format(serial="SN 4"))
@@ -186,6 +188,7 @@ def test_without_a_place_there_is_no_navigation(folder: Path) -> None:
     assert result.exit_code == 1 and 'Give --latitude "47.3 deg"' in result.output
 
 
+@pytest.mark.thorough
 def test_damaged_folders_are_refused(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run("navigate", folder / "parked.csv", *SITE, "-o", out)
@@ -222,6 +225,7 @@ def test_a_log_that_never_left_its_site(turned: Path) -> None:
     assert still["reference"]["still"] and still["runs"][0]["growth"][-1]["horizontal"] < 50
 
 
+@pytest.mark.thorough
 def test_a_log_that_left_its_site(folder: Path) -> None:
     words = ("navigate", folder / "drive.parquet", *SITE, *QUIET, "--still")
     assert "that the instrument never left its site, but" in run(*words).output
@@ -244,6 +248,7 @@ def test_the_method_that_aligns_at_the_start(folder: Path, method: str) -> None:
     assert said["runs"][0]["start"]["method"] == method
 
 
+@pytest.mark.thorough
 def test_the_vertical_channel(folder: Path, tmp_path: Path) -> None:
     moved = {}
     for vertical in ("held", "free"):

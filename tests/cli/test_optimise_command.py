@@ -91,6 +91,7 @@ def test_the_plan_that_was_found_is_the_plan_of_the_campaign_that_was_written(se
     assert needs["middle angle"].needed > 0.01
 
 
+@pytest.mark.thorough
 def test_json_is_what_the_folder_holds(search):
     campaign, folder, _ = search
     said = said_of(run("optimise", campaign, "-o", folder, *SIZE, "--json"))
@@ -113,6 +114,7 @@ def test_the_report_can_be_written_again(search):
 # -- a search that goes on -------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_the_same_command_computes_nothing_again(search):
     campaign, folder, result = search
     times = {p: p.stat().st_mtime_ns for p in (folder / "parts").iterdir()}
@@ -136,6 +138,7 @@ def test_a_search_in_two_goes_is_one_in_one_go(search, tmp_path):
         assert (other / name).read_bytes() == (folder / name).read_bytes(), name
 
 
+@pytest.mark.thorough
 def test_another_seed_finds_another_plan(search, tmp_path):
     campaign, folder, _ = search
     result = run("optimise", campaign, "-o", tmp_path / "s", *SIZE, "--seed", 1)
@@ -158,6 +161,7 @@ def test_a_time_limit_lets_one_restart_end(search, tmp_path):
     assert found_plan.load(tmp_path / "s") == found_plan.load(folder)
 
 
+@pytest.mark.thorough
 def test_an_unfinished_search_has_no_report(search, tmp_path):
     campaign, _, _ = search
     run("optimise", campaign, "-o", tmp_path / "s", "--restarts", 2, "--evaluations", 60)
@@ -172,6 +176,7 @@ def test_an_unfinished_search_has_no_report(search, tmp_path):
 # -- searches that end otherwise -------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_no_gain_ends_with_3_and_says_so(tmp_path):
     """In a third of the time a handful of random plans are worse."""
     campaign = write_campaign(tmp_path, f'{FASTER}total = "1801 s"\nworst = 100.0\n')
@@ -184,6 +189,7 @@ def test_no_gain_ends_with_3_and_says_so(tmp_path):
     assert "optimise.no_gain" in [f["code"] for f in said["findings"]]
 
 
+@pytest.mark.thorough
 def test_a_plan_to_beat_that_the_rig_cannot_do(tmp_path):
     """What is found may be worse, and is of use all the same."""
     limits = 'cable_limit = "300 deg"'
@@ -200,6 +206,7 @@ def test_a_plan_to_beat_that_the_rig_cannot_do(tmp_path):
     assert table.count("BROKEN") == 1
 
 
+@pytest.mark.thorough
 def test_what_no_allowed_plan_shows_must_not_count(tmp_path):
     one_axis = f'[optimise]\naxes = "x"\nrates = ["0.2 deg/s"]\n{BRIEF}'
     campaign = write_campaign(tmp_path, one_axis)

@@ -60,6 +60,7 @@ def no_more(monkeypatch):
 # -- what is foretold comes true -------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2, 4])
 def test_a_calibration_has_the_uncertainties_that_were_foretold(seed, monkeypatch):
     """The published plan, with errors about the usual ones, another attitude and other noise.
@@ -251,6 +252,7 @@ def test_a_cluster_that_stands_still_shows_nothing():
 # -- the command -----------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_the_words_and_the_table(tmp_path):
     file = tmp_path / "expected.csv"
     result = run("preflight", TEMPLATE, "-o", file)
@@ -272,6 +274,7 @@ def test_the_words_and_the_table(tmp_path):
     assert rows[-1]["prior_sd"] == rows[-1]["of_prior"] == "" and float(rows[-1]["sd"]) > 0
 
 
+@pytest.mark.thorough
 def test_a_bad_plan_ends_with_3_and_names_what_it_does_not_see():
     result = run("preflight", TEMPLATE, "--plan", "-x")
     assert result.exit_code == 3
@@ -322,6 +325,7 @@ def test_mistakes_end_with_1_and_one_sentence(words, text):
     assert text in result.stderr and result.stderr.count("error:") == 1
 
 
+@pytest.mark.thorough
 def test_limits_are_read_side_by_side():
     """One unit for a kind, and what only rounding made is nothing."""
     by_rounding = Limit("middle angle", "angle", -2.2e-16, np.radians(70.0))
@@ -349,6 +353,7 @@ def test_one_unit_for_a_kind():
 # -- other procedures ------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_session_on_a_table_is_foretold_with_limits_and_what_more_would_buy(tmp_path):
     file = tmp_path / "campaign.toml"
     text = (EXAMPLE.parent / "norm_observation.toml").read_text()

@@ -73,6 +73,7 @@ def test_from_results_to_a_calibrated_log(runs: list[str], tmp_path: Path) -> No
     assert run("report", "model").exit_code == 0
 
 
+@pytest.mark.thorough
 def test_json_and_options(runs: list[str]) -> None:
     done = run("--json", "temperature", *runs, "--at", "at-15=258.15 K", "--order", "1", "--order",
                "gyro.bias=2", "--order", "accel.bias=2", "--scatter", "none", "--scatter",
@@ -157,6 +158,7 @@ def test_functions_are_no_prior_and_are_not_merged(runs: list[str]) -> None:
     assert json.loads(done.stdout)["error"]["code"] == "temperature.as_prior"
 
 
+@pytest.mark.thorough
 def test_export_at_a_temperature(runs: list[str]) -> None:
     run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model")
     assert run("export", "model", "--to", "c", "-o", "calibration.h").exit_code == 0

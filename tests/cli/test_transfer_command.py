@@ -52,6 +52,7 @@ def test_a_log_without_its_master(tmp_path):
     assert "master is missing" in result.output + str(result.stderr)
 
 
+@pytest.mark.thorough
 def test_another_motion_is_tried_by_its_name(tmp_path):
     file = tmp_path / "plan.toml"
     own = '[{ s_turn = "40 deg", time = "40 s" }]'  # another plan takes its place
@@ -64,6 +65,7 @@ def test_another_motion_is_tried_by_its_name(tmp_path):
     assert "Did you mean 'straight'?" in result.output + str(result.stderr)
 
 
+@pytest.mark.thorough
 def test_a_look_at_a_log_in_motion(tmp_path):
     file = tmp_path / "plan.toml"
     file.write_text(written(rate='"50 Hz"', message_rate='"2 Hz"', with_outage="true"))

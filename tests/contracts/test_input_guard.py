@@ -42,6 +42,7 @@ def right(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return lambda column: clean(column, folder)
 
 
+@pytest.mark.thorough
 def test_the_table_is_complete() -> None:
     assert set(GUARD["columns"]) == set(COLUMNS)
     assert set(COLUMNS) | set(ALIKE) >= set(PROCEDURES)

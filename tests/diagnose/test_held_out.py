@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 from foucault.diagnose.norm import norm_with_cov
 from foucault.estimate.chi_square import chi_square_limits
@@ -49,6 +50,7 @@ def test_sd_of_a_norm_is_that_of_drawn_coefficients_and_readings():
     assert (low < square).all() and (square < high).all()
 
 
+@pytest.mark.thorough
 def test_rests_left_out_are_predicted_as_well_as_promised():
     rests = [r.tables["rests"] for r in results()]
     z = np.concatenate([t["held_out"] / t["held_out_sd"] for t in rests])

@@ -159,6 +159,7 @@ def test_a_good_session_has_no_warnings() -> None:
     assert codes(session()) == set()
 
 
+@pytest.mark.thorough
 def test_wrong_units_are_told_early() -> None:
     log = session()
     g = replace(log, accel=log.accel / 9.81)[:400]
@@ -175,6 +176,7 @@ def test_exchanged_axes_are_told_after_six_rests() -> None:
     assert codes(wrong[:six]) == set()
 
 
+@pytest.mark.thorough
 def test_gaps_and_saturation_are_told() -> None:
     log = session()
     keep = np.delete(np.arange(len(log)), slice(1000, 1020))
@@ -220,6 +222,7 @@ def test_rows_grow() -> None:
     assert len(rows) == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["imu0.log", "imu1.log"])
 def test_rests_of_a_real_instrument(name: str) -> None:
     data = Path(os.environ.get("FOUCAULT_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -87,6 +87,7 @@ def test_other_sources() -> None:
     assert predicted(plans.PUBLISHED, replace(rough, latitude_known=False), tilt).sd > tilted.sd
 
 
+@pytest.mark.thorough
 def test_the_field_solution_scatters_as_predicted() -> None:
     gyro = replace(NOISE.gyro, bias_instability=units.parse("0.03 deg/h", "angular rate"))
     conditions = replace(BASE, noise=ImuNoise(NOISE.accel, gyro))

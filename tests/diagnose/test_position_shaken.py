@@ -18,6 +18,7 @@ MEMS = {"gyro_noise": 0.1 * DEG, "accel_noise": 0.01, "accel_bias": (0.3, -0.2, 
 SHAKEN = plan_of(BOTH, RATES, time=15.0, turns=2.25)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("table", TABLES, ids="-".join)
 @pytest.mark.parametrize("mg", [3, 20])
 def test_a_spin_that_shakes_the_accelerometers_is_not_cut(table, mg):

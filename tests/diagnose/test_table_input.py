@@ -117,6 +117,7 @@ def test_gravity_read_as_specific_force_is_named(logged):
     assert problem.value.code == "table.gravity"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("logged", [True, False], ids=["angles", "no angles"])
 def test_an_instrument_mounted_turned_is_named_where_it_matters(logged):
     log = Session(RESTS, **MEMS).log(("angles",) if logged else ())

@@ -366,6 +366,7 @@ def test_readings_that_are_seconds_late_or_early(speed, delay):
     assert sd < 0.15 * abs(1e3 * delay)  # 15 deg/h of the Earth over a jump of 102 deg/h, at most
 
 
+@pytest.mark.thorough
 def test_readings_ten_seconds_late_are_no_result(tmp_path):
     made, session = tumble(simulate='delay = "10 s"')
     result = calibrate(made, session.simulation.log)
@@ -440,6 +441,7 @@ def test_too_few_readings(tmp_path):
 # -- start -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("start", "angle"),
     [
@@ -565,6 +567,7 @@ def test_published_filters_say_what_they_are():
             'the published filter. Take filter = "gauss-newton"', PUBLISHED_LOG, free)  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("passes", [1, 2])
 def test_a_run_that_was_stopped_early(passes, tmp_path):
     made = campaign_of(PUBLISHED + f"\npasses = {passes}")

@@ -102,6 +102,7 @@ def _measured_error(x, updates, k):
     return C_nl.T @ v, C_nl.T @ d
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", LAYOUT.names)
 def test_one_coefficient_comes_back(name):
     """Noise-free: an injected error is found, as large as it is and with its sign."""

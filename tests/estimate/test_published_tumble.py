@@ -166,6 +166,7 @@ def test_the_prior_of_the_start_is_carried(first, filters):
     assert not filtered.cov[3:].any() and filtered.status is Status.CONVERGED
 
 
+@pytest.mark.thorough
 def test_a_misalignment_filter_is_right_for_small_angles_alone():
     """Perfect instruments of which the filter does not know: the start alone is to tell.
 

@@ -90,6 +90,7 @@ def drawn(motion, sensors, sd, rng, samples):
     return truth, Increments.of(time, gyro / RATE, accel / RATE)
 
 
+@pytest.mark.thorough
 def test_consistent(session):
     """NEES of 12 sessions inside two-sided limits at 1 %; a covariance too small is not."""
     plan, start, rows = session

@@ -131,6 +131,7 @@ def scattered(declared):
     return out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("declared", [False, True])
 def test_scatter_beyond_the_noise_is_estimated(declared):
     fits = scattered(declared)

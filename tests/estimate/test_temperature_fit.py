@@ -91,6 +91,7 @@ def test_the_scatter_found_is_a_minimum() -> None:
     assert declared[0] == 4.0
 
 
+@pytest.mark.thorough
 def test_large_scatter_is_found_without_bias() -> None:
     """With scatter far above the covariances, REML is the mean square over its dof."""
     rng, n, found = np.random.default_rng(4), 100, []

@@ -209,6 +209,7 @@ def test_joint_estimate_is_never_worse_than_the_norms_on_the_same_readings(sigma
         assert ratio.mean() < 0.95  # and better where the table is good
 
 
+@pytest.mark.thorough
 def test_joint_estimate_finds_the_errors_of_the_table_within_their_sd():
     n, sigma = 40, 20 * ARCSEC
     s = simulated(

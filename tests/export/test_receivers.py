@@ -218,6 +218,7 @@ def test_lever_arms_and_delay_are_taken_away(
                                           tmp_path / "other").read_text()  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("axes", list(AXES))
 def test_counts_from_sample_to_sample(
     axes: str, apart: Result, readings: Readings, steps: np.ndarray, tmp_path: Path

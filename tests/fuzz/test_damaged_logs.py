@@ -81,6 +81,7 @@ CELLS = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.thorough
 @given(
     rows=st.lists(st.lists(CELLS, min_size=6, max_size=8), max_size=8),
     delimiter=st.sampled_from([",", ";", "\t", "|", " ", "  ", ", "]),
@@ -133,6 +134,7 @@ def test_any_description(keys: dict[str, object], file: str, tmp_path: Path) -> 
         believable(log)
 
 
+@pytest.mark.thorough
 @given(
     rows=st.lists(
         st.tuples(*[st.floats(-1e12, 1e12, allow_subnormal=True)] * 6), min_size=3, max_size=30

@@ -165,6 +165,7 @@ def test_readings_that_do_not_count_change_nothing():
     np.testing.assert_allclose(blind[1][-1, 42:], angles_of(free[-1]), atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_means_over_the_interval():
     """Readings that are means, predicted as means: no difference from those at the end."""
     n, x_n = 60, 8

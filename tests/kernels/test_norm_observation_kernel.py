@@ -179,6 +179,7 @@ def test_readings_that_lie_on_no_ellipsoid(form):
         )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("grade_name", "both"), [("mems", False), ("navigation", True)])
 def test_the_covariance_is_right_in_five_thousand_draws(grade_name, both):
     n = 5000

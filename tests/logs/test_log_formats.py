@@ -114,6 +114,7 @@ def test_comma_text_with_comments_between(tmp_path, matrix):
     check(described(tmp_path, "log.csv"), matrix)
 
 
+@pytest.mark.thorough
 def test_long_text_is_cut_at_lines_only(tmp_path, matrix):
     many = np.tile(matrix, (300, 1))
     np.savetxt(tmp_path / "log.txt", many, fmt="%.17g")

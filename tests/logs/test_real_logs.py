@@ -18,6 +18,7 @@ def median_norm(values):
     return np.median(np.linalg.norm(values, axis=1))
 
 
+@pytest.mark.thorough
 def test_xsens_in_two_files_of_counts(real):
     folder = real("xsens_hand_rotated")
     log = load(

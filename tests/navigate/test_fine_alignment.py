@@ -61,6 +61,7 @@ def _turned(angle):
 RESTS = ((0.0, 120.0), (150.0, 270.0))
 
 
+@pytest.mark.thorough
 def test_two_positions_show_the_gyro_bias():
     """NEES of attitude and gyro biases of 60, at 1 %; azimuth far below the limit of one."""
     rng = np.random.default_rng(8)

@@ -42,6 +42,7 @@ def test_millimetres_over_a_quarter_of_an_hour_there_and_back(name: str) -> None
     assert away(home, -1, made.truth, 0) < 1e-4
 
 
+@pytest.mark.thorough
 def test_the_error_falls_with_the_interval() -> None:
     plan = drive(2)
     missed = []

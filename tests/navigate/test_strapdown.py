@@ -150,6 +150,7 @@ def test_schuler_period():
     np.testing.assert_allclose(2 * np.pi * np.sqrt(6371e3 / 9.81) / 60, 84.4, atol=0.05)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("latitude", [50 * DEG, 15 * DEG, -35 * DEG])
 def test_foucault_the_swing_turns_with_the_earth(latitude):
     run, _ = standing_run(latitude, 48 * HOUR, 1.0, velocity=(0.0, 0.1, 0.0))
@@ -183,6 +184,7 @@ def test_free_height_runs_away():
     np.testing.assert_allclose(rate, np.sqrt(2 * 9.832 / 6.3781e6), rtol=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("every", [1, 100, 3000])
 def test_aided_height_settles_however_rare_the_heights_are(every):
     increments, state = standing(AT, 12 * HEIGHT_LOOP, 0.01, accel_n=(0.0, 0.0, 0.01))

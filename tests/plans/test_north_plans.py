@@ -114,6 +114,7 @@ def test_the_file_of_stops(tmp_path: Path) -> None:
         plans.write_stops(plans.continuous(2), 60.0, 0.0, path)
 
 
+@pytest.mark.thorough
 def test_minutes_of_white_noise_follow_the_closed_form() -> None:
     task = replace(TASK, accuracy=np.radians(0.1), move=10.0)
     found = compare(task, ("published", "palindrome", "8 positions", "east-west pair"))

@@ -164,6 +164,7 @@ def test_slow_noise_is_beaten_by_more_stops_as_far_as_moves_allow():
         assert moving._bound(fewer) <= moving._bound(named_plan) * 1.001
 
 
+@pytest.mark.thorough
 def test_a_rough_heading_gains_the_root_of_two():
     one = space(rough_sd=np.radians(2.0), on_case=True)
     found = searched(one)
@@ -201,6 +202,7 @@ def drawn(found: bool):
     return turned(fixes.angles[:, 0] - headings), one.sd(plan, "level")[0]
 
 
+@pytest.mark.thorough
 def test_set_ups_err_as_was_predicted():
     for found in (True, False):
         error, sd = drawn(found)

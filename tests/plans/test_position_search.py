@@ -81,6 +81,7 @@ def test_a_session_is_the_sum_of_its_positions(trust, more):
         assert space.cost(plan) == pytest.approx(exact.mean(), abs=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("trust", MODULES)
 @pytest.mark.parametrize("criterion", ["sd", "det"])
 def test_slopes_are_those_of_the_cost(trust, criterion):
@@ -151,6 +152,7 @@ def test_geometric_means_are_a_little_better_than_of_the_icosahedron():
     assert len(space.cases) == 4
 
 
+@pytest.mark.thorough
 def test_the_same_seed_finds_the_same_plan_here_and_elsewhere():
     space = space_of()
     other = pickle.loads(pickle.dumps(space))
@@ -159,6 +161,7 @@ def test_the_same_seed_finds_the_same_plan_here_and_elsewhere():
     assert space.from_json(space.as_json(plan)) == plan
 
 
+@pytest.mark.thorough
 def test_weights_decide():
     """Positions for scale factors alone are other ones, and show less of the rest."""
     only = {"accel": 0.0, "gyro": 0.0, "accel.scale": 1.0}
@@ -201,6 +204,7 @@ def test_the_ellipsoid_knows_no_weights():
 # -- limits of the table ---------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_tilting_table():
     space = space_of("dodecahedron 20", middle_range=(-0.6, 1.66))
     assert "as near as the table allows" in space.reference_name
@@ -211,6 +215,7 @@ def test_a_tilting_table():
     assert all(limit.kept for limit in space.needs(plan))
 
 
+@pytest.mark.thorough
 def test_a_dividing_head():
     space = space_of("dodecahedron 20", angle_step=np.radians(45))
     plan = found(space, 600)

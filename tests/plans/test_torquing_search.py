@@ -181,6 +181,7 @@ def test_the_published_plan_keeps_the_rate_of_the_rig():
     assert slow.allowed.total == pytest.approx(10800.0)
 
 
+@pytest.mark.thorough
 def test_tilt_is_kept():
     """Azimuth is free: up moves in the cluster by no more than allowed."""
     kept = space(f'{FAST}\ntilt_limit = "50 deg"')
@@ -192,6 +193,7 @@ def test_tilt_is_kept():
         assert np.degrees(np.arccos(up @ up[0]).max()) < 50.5
 
 
+@pytest.mark.thorough
 def test_narrow_limits_are_gone_to_and_fro_between():
     narrow = space(f'{FAST}\nmiddle_limit = "40 deg"\ncable_limit = "40 deg"')
     assert narrow.allowed.most > 50

@@ -195,6 +195,7 @@ def test_messages_that_are_lost_or_come_twice() -> None:
     assert found.verdict.level is Level.PASS
 
 
+@pytest.mark.thorough
 def test_a_delay_outside_its_bracket() -> None:
     run = flown(0.19)
     found = find_delay(run.log, run.master, C_ms=ALONG, bracket=(-0.1, 0.1))
@@ -220,6 +221,7 @@ def test_clocks_that_are_far_apart() -> None:
         assert found.verdict.level is Level.PASS
 
 
+@pytest.mark.thorough
 def test_a_straight_run_shows_nothing() -> None:
     run = flown(profile=STRAIGHT)
     found = find_delay(run.log, run.master, C_ms=ALONG)
@@ -228,6 +230,7 @@ def test_a_straight_run_shows_nothing() -> None:
     assert not found.delay.seen
 
 
+@pytest.mark.thorough
 def test_a_steady_turn_does_not_show_when() -> None:
     """Both turn alike, at one rate: nothing says when."""
     time = np.arange(0, 60, 0.01)

@@ -285,6 +285,7 @@ def _with_outlier(rests=20):
     return simulation, replace(simulation.log, accel=accel)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [None, NOISE], ids=["measured", "declared"])
 def test_an_outlier_rest_is_found_and_counts_less(noise):
     simulation, log = _with_outlier()

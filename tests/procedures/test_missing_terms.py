@@ -84,6 +84,7 @@ def test_a_wrong_rate_of_the_table_is_suspected():
     assert "readings.common_rate" in codes
 
 
+@pytest.mark.thorough
 def test_jitter_of_the_rate_is_found_and_no_spin_is_blamed():
     model = draw_errors("navigation", 5)
     errors, sds = [], []

@@ -46,6 +46,7 @@ def parked():
                         noise=NOISE, instrument={"serial": "SN 4"}, **PLACE)  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_without_errors_nothing_is_off() -> None:
     run = logged([Rest(900.0)], noise=None, rate=100.0)
     test = navigate_log(run.log, settings=Settings(method="two_vector"), **PLACE)

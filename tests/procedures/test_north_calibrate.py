@@ -113,6 +113,7 @@ def test_errors_have_the_size_that_was_promised(case):
     assert levels.count(Level.PASS) >= 15
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("claimed", [0.6, 1.6])
 def test_noise_that_is_wrongly_declared_is_rejected(claimed):
     total, dof, levels = scatter("level", claimed=claimed)

@@ -79,6 +79,7 @@ def code_of(call):
 # -- solutions and unifications ----------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solution", ["likelihood", "linear"])
 @pytest.mark.parametrize("spins", [True, False])
 def test_errors_are_inside_their_covariance(solution, spins):
@@ -109,6 +110,7 @@ def test_likelihood_is_no_worse_than_the_linear_solution():
     assert ml.coefficients.sd[0] < 0.75 * linear.coefficients.sd[0]  # spins show up too
 
 
+@pytest.mark.thorough
 def test_published_recovery_shows_its_bias_and_the_exact_one_none():
     bias = 9.81 * np.array([8e-4, -1e-3, -3.2e-3])
     model = ImuModel(
@@ -145,6 +147,7 @@ def test_four_positions_believe_the_table_and_parallel_vectors_do_not():
             assert np.abs(z).max() < 4
 
 
+@pytest.mark.thorough
 def test_published_recovery_goes_with_either_unification():
     theirs = run(solution="published", four_positions=True, unification="four positions")
     ours = run(solution="published")
@@ -438,6 +441,7 @@ def test_declared_noise_of_a_tenth_fails():
 # -- a result is kept and shown -------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("module", MODULES)
 def test_saved_loaded_and_reported(module, tmp_path):
     options = {"solution": "published"} if module is norm_observation else {}
@@ -468,6 +472,7 @@ def test_progress_is_told():
     assert told[-1] == 1.0
 
 
+@pytest.mark.thorough
 def test_a_large_log_stays_on_disk_and_gives_the_same(tmp_path, monkeypatch):
     from foucault import campaign
     from foucault.campaign import running

@@ -100,6 +100,7 @@ def _all_errors(names, seed=3):
     return {n: SIZE[n.rpartition(".")[0]] * rng.uniform(-1, 1) for n in names}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sampled", ["rate", "increment"])
 @pytest.mark.parametrize("latitude", [-35.0, 0.0, 60.0, None])
 def test_all_errors_at_once(latitude, sampled):
@@ -139,6 +140,7 @@ def test_the_heading_is_anyones_guess_where_nothing_shows_it():
     assert seen.diagnostics["heading_sd"] > 1e4 * here.diagnostics["heading_sd"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sampled", ["rate", "increment"])
 @pytest.mark.parametrize("rate", [100.0, 400.0])
 def test_a_log_without_noise_passes_as_it_comes(sampled, rate):

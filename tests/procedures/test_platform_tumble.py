@@ -67,6 +67,7 @@ def test_one_error_alone_comes_back(name):
     np.testing.assert_array_less(np.abs(found + pull - truth), 0.1 * np.sqrt(np.diag(cov)))
 
 
+@pytest.mark.thorough
 def test_all_errors_and_the_attitude_come_back_as_well_as_promised():
     """NEES of 45 by the published plan; a covariance that is a fifth off is found out."""
     made = campaign_of(PUBLISHED)
@@ -148,6 +149,7 @@ def test_uncertain_gravity_is_one_error_of_all_scale_factors():
     np.testing.assert_array_equal(sure.values, unsure.values)
 
 
+@pytest.mark.thorough
 def test_a_prior_in_the_campaign_holds_what_it_names(tmp_path):
     session = tumble()[1]
     file = foucault.campaign.save_session(session, tmp_path)

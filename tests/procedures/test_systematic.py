@@ -125,6 +125,7 @@ def test_errors_are_as_large_as_promised():
     assert not low < sum(score) * 1.5 < high or not low < sum(score) / 1.5 < high
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["gyro.bias.x", "gyro.misalignment.zy", "accel.asymmetry.y"])
 def test_one_error_alone_comes_back(name):
     size = {"gyro.bias.x": 0.1 * DPH, "gyro.misalignment.zy": 60 * ARCSEC,
@@ -140,6 +141,7 @@ def test_one_error_alone_comes_back(name):
     np.testing.assert_array_less(np.abs(c.values + pull - truth), 0.2 * c.sd)
 
 
+@pytest.mark.thorough
 def test_extended_states_come_back():
     settings = Settings(lever_arms=True, delay=True, accel_quadratic=True)
     assert not settings.restarts and Settings().restarts
@@ -161,6 +163,7 @@ def test_extended_states_come_back():
         assert words in page.replace("<wbr>", "")
 
 
+@pytest.mark.thorough
 def test_lever_arms_do_no_harm_where_every_rest_starts_anew():
     """An IMU whose accelerometers are centimetres apart, without telling the filter."""
     made = simulated(session=systematic.Session(rest_time=30.0, arms=0.03), seed=6)
@@ -170,6 +173,7 @@ def test_lever_arms_do_no_harm_where_every_rest_starts_anew():
     assert nees(trial(made, Settings(decorrelate=False)), made.model, names) > 4 * high
 
 
+@pytest.mark.thorough
 def test_the_published_steps_find_the_same(bending):
     settings, made = bending
     steps = settings.model_copy(update={"steps": "published", "passes": 1})
@@ -227,6 +231,7 @@ def test_noise_is_measured_where_it_is_not_declared(nineteen):
     assert said["accel"] == pytest.approx(NOISE.accel.white, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_the_session_of_another_program():
     """Its author gave his sensors these errors, with the opposite sign in our model."""
     settings = Settings(accel_quadratic=True, lever_arms=True, delay=True, passes=5)

@@ -136,6 +136,7 @@ def test_odds_are_those_of_gaussian_measurements():
     assert found.square == pytest.approx(z @ z, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_the_gain_is_chi_square_where_nothing_bends():
     """Ten thousand draws of each model; the bound holds as often as it says."""
     rng = np.random.default_rng(3)
@@ -172,6 +173,7 @@ def test_every_model_once_and_both_senses_where_they_differ():
         ]  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_odds_are_what_filters_with_each_model_say(bending):
     """Innovations of a filter with each model, all with the same knowledge of all else."""
     settings, made = bending

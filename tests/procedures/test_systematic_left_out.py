@@ -75,6 +75,7 @@ def test_asymmetry_that_stands_for_a_quadratic_term_too(curved):
     assert said.cure.endswith("slanting, such as at 45 deg, and set accel_quadratic = true.")
 
 
+@pytest.mark.thorough
 def test_a_quadratic_term_that_stands_for_asymmetry_too(curved):
     other = Settings(accel_quadratic=True, accel_asymmetry=False)
     said = told(calibrated(curved, other))["systematic.stands_for"]
@@ -191,6 +192,7 @@ def test_gyros_that_bend_in_spins_are_to_be_chosen_of():
     assert said.cure.startswith('Set deflection = "choose". Checks that fail then too show another')
 
 
+@pytest.mark.thorough
 def test_lever_arms_are_not_taken_for_bending():
     settings = Settings(decorrelate=False)
     made = simulated(settings, session=systematic.Session(rest_time=30.0, arms=0.03))

@@ -63,6 +63,7 @@ def codes(found):
 # -- preflight -------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("more", ["", "\naccel_quadratic = true", "\nlever_arms = true"])
 def test_a_calibration_states_what_was_foretold(more):
     asked = planned(NINE + more)
@@ -118,6 +119,7 @@ def test_noise_that_is_not_said_is_typical():
 # -- the bound -------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_result_has_the_bound_beside_its_uncertainty():
     asked = planned(BENDING + "\npasses = 2")
     made = campaign.simulate(asked, seed=5)
@@ -227,6 +229,7 @@ def test_a_search_in_a_folder_for_the_shortest(tmp_path, monkeypatch):
     assert len(more.restarts) == 2 and more.duration <= found.duration
 
 
+@pytest.mark.thorough
 def test_a_search_that_can_only_be_longer_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(systematic_plan, "OTHERS", ())
     wanted = 'accuracy = { "gyro.bias" = "0.1 deg/h" }\nfirst = "19 positions"'

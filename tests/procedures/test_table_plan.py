@@ -76,6 +76,7 @@ def test_linear_solutions_are_foretold_too(solution):
     assert (found.sd / best.sd).max() > 0.8
 
 
+@pytest.mark.thorough
 def test_noise_that_will_be_measured_costs_a_little():
     """Beside its noise the bias at rest is free: the calibration will not know the noise either."""
     found = foreseen(turntable, noise=None, plan="dodecahedron 20")

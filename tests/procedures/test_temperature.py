@@ -380,6 +380,7 @@ def test_one_session_and_a_ramp_tell_biases_over_temperature() -> None:
     assert check(result, "heating and cooling").passed
 
 
+@pytest.mark.thorough
 def test_a_ramp_adds_to_sessions_that_tell_the_scale_factors() -> None:
     alone = calibrate(sessions(DEGREES), Settings(orders=ORDERS))
     both = calibrate(sessions(DEGREES), Settings(orders=ORDERS), [a_ramp()])

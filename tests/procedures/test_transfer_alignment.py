@@ -86,6 +86,7 @@ def test_one_flight_is_told_whole(flight, found):
     assert 1.0 < np.abs(delayed["velocity_east"]).max() < 2.0
 
 
+@pytest.mark.thorough
 def test_gravity_that_is_not_known_is_a_bias_that_is_not_known(flight, found):
     """1 mGal is 1 ug of the accelerometer that points up, whatever the filter thinks of it."""
     c, session = flight
@@ -158,6 +159,7 @@ def test_the_same_seed_gives_the_same_numbers(flight, found):
     np.testing.assert_array_equal(result.coefficients.values, found.coefficients.values)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["likelihood", "state"])
 def test_the_delay_is_found_by_other_methods(flight, found, method):
     c, session = flight
@@ -256,6 +258,7 @@ def test_a_heading_that_counts_the_other_way_is_named(flight):
     assert result.verdict.level is Level.UNUSABLE
 
 
+@pytest.mark.thorough
 def test_another_mounting_is_named(flight):
     c, session = flight
     result = trial(c, session.simulation.log, settings=settings(c, mounting_heading=np.pi / 2))
@@ -280,6 +283,7 @@ def test_clocks_that_drift():
     assert rate == pytest.approx(100.0, abs=40.0)
 
 
+@pytest.mark.thorough
 def test_a_delay_outside_its_bracket():
     c = described(message_delay='"260 ms"')
     session = made(c)
@@ -393,6 +397,7 @@ def test_settings_that_contradict_one_another():
 # -- beforehand ------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_what_is_foreseen_is_what_comes(flight, found):
     c, _ = flight
     seen = transfer_alignment.foresee(

@@ -152,6 +152,7 @@ def test_other_vehicles_name_them_too(profile: str) -> None:
         assert [f.code for f in noticed(both, spoil)] == [code]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("away", [1.0, -0.3])
 def test_clocks_that_differ(flight, away: float) -> None:
     result = said(flight, master(time=lambda t: t + away))

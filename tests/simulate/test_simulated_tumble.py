@@ -76,6 +76,7 @@ def test_the_published_plan_stays_away_from_the_singular_attitude():
     assert 5 < np.degrees(np.abs(angles_of(C_pn)[:, 1]).max()) < 7
 
 
+@pytest.mark.thorough
 def test_only_one_integrator_goes_through_the_singular_attitude():
     plan = sequence("-y", RATE, segment=1800.0)  # middle from 0 to 180 deg
     middle = nominal(plan, SITE.latitude).C_pn[900]

@@ -83,6 +83,7 @@ def attitudes(simulation) -> np.ndarray:
     return at.C_tk @ simulation.rig.mounting_matrix.T
 
 
+@pytest.mark.thorough
 def test_rates_are_those_of_the_attitudes():
     simulation = quiet_with_errors(400.0)
     C_tb = attitudes(simulation)
@@ -96,6 +97,7 @@ def test_rates_are_those_of_the_attitudes():
     assert size < 1e-4 and np.abs(gyro).max() > 0.5
 
 
+@pytest.mark.thorough
 def test_specific_force_is_gravity_and_the_path_of_the_lever_arm():
     # Without the Earth's rotation: a tenth of a ug here, and not in ground axes.
     simulation = quiet_with_errors(400.0, site=Site(SITE.gravity))
