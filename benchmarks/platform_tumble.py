@@ -21,12 +21,14 @@ site = Site(9.80665, np.radians(40.0))
 settings = Settings(arms=(("5 cm", "0 m", "0 m"), ("0 m", "5 cm", "0 m"), ("0 m", "0 m", "5 cm")))
 def make(seed):
     model = draw_printed(seed)
-    return simulate(Session(), settings=settings, model=model, noise=NOISE, site=site, seed=seed)
+    return simulate(
+        tumble.Session(), settings=settings, model=model, noise=tumble.NOISE, site=site, seed=seed
+    )
 made = make(1)
 prior = prior_of(settings, site, {})
 def problem(average, made=made):
     chosen = settings.model_copy(update={"average": average})
-    return tumble_of(made.log, site, chosen, NOISE)[0]
+    return tumble_of(made.log, site, chosen, tumble.NOISE)[0]
 truth = estimation.State(made.C_pn[0].T, made.model.packed(site.gravity))
 def best(function, rounds=30, clock=time.thread_time):
     out = 1e9
