@@ -19,7 +19,7 @@ SCRIPTS = [p for folder in ("benchmarks", "validation") for p in (ROOT / folder)
 
 
 def programs(script: Path) -> Iterator[tuple[str, str]]:
-    """Yield name and text of the programs in a script, but not of the parts that they are made of."""
+    """Yield name and text of the programs in a script, but not of the parts they are made of."""
     body = ast.parse(script.read_text(encoding="utf-8")).body
     made = [node.value for node in body if isinstance(node, ast.Assign)]
     parts = {n.id for value in made for n in ast.walk(value) if isinstance(n, ast.Name)}
@@ -37,8 +37,8 @@ def undefined(text: str) -> set[str]:
 
 
 def given(script: Path, name: str) -> bool:
-    """Whether a script puts something in the place of a name before it runs a program."""
-    source = script.read_text(encoding="utf-8")
+    """Whether a script, or the one that runs all, puts something in the place of a name."""
+    source = "".join(p.read_text(encoding="utf-8") for p in (script, ROOT / "benchmarks/run.py"))
     return re.search(rf'replace\("{name}"|\b{name}(, \w+)* = ', source) is not None
 
 
