@@ -26,7 +26,8 @@ import numpy as np
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.first_rest import first_as_declared
 from foucault.diagnose.positions.readings import find_readings
-from foucault.diagnose.rate_table import checks as rate_report
+from foucault.diagnose.rate_table import checks as rate_checks
+from foucault.diagnose.rate_table import report as rate_report
 from foucault.diagnose.rate_table.checks import RateEvidence
 from foucault.diagnose.rate_table.steps import Commanded, rate_steps, require_determined
 from foucault.errors import Finding, error
@@ -184,7 +185,7 @@ def _evidence(
     if unknown:
         steps = scaled_noise(steps, names, trust, prior)
     problem, estimate = fit(steps, names, trust, prior, loss)
-    before, added = rate_report.limits(estimate), 0.0
+    before, added = rate_checks.limits(estimate), 0.0
     if settings.repeatability and not unknown:
         wider = fit_scatter(steps, names, trust, prior, loss)
         if wider != trust:
@@ -199,7 +200,7 @@ def _evidence(
 def _result(
     readings: Readings, settings: Settings, site: Site, e: RateEvidence, found: list[Finding]
 ) -> Result:
-    checks = rate_report.checks(e)
+    checks = rate_checks.checks(e)
     estimate = e.estimate
     bent = settings.asymmetry or settings.cubic
     return Result(
@@ -210,14 +211,14 @@ def _result(
         gauge=GAUGE,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*_told(readings), *found, *rate_report.hints(e)),
+        findings=(*_told(readings), *found, *rate_checks.hints(e)),
         status=estimate.status,
         site=site.as_dict(),
         validity={"gyro": [float(e.steps.gyro.min()), float(e.steps.gyro.max())]},
         diagnostics={
             "iterations": estimate.iterations,
             "noise": {"source": _source(e), "gyro_white": _white(e.steps)},
-            "chi_square": {"steps": [*rate_report.limits(estimate), estimate.dof]},
+            "chi_square": {"steps": [*rate_checks.limits(estimate), estimate.dof]},
             "chi_square_of_noise_alone": {"steps": [*e.before, estimate.dof]},
             "rate_table": rate_report.standard_figures(e),
             "rate_scatter": e.added,
