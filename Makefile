@@ -19,7 +19,7 @@ help:
 demo: .venv/installed-run
 	$(BIN)/foucault demo -o demo
 
-# The types take as long as a quarter of the tests, and one processor.
+# The types take a minute of one processor.
 test: .venv/installed-dev
 	@$(MAKE) --no-print-directory -j2 lint tests
 
