@@ -241,7 +241,7 @@ class Row:
     peer_seconds: float | None = None
 
     def markdown(self) -> str:
-        target = f"{self.target:g} s" if self.target else ""
+        target = f"{self.target:.3g} s" if self.target else ""
         met = "" if self.target is None else ("yes" if self.ours <= self.target else "**no**")
         ratio = f"{self.peer_seconds / self.ours:.1f}" if self.peer_seconds else ""
         peer = f"{self.peer}: {self.peer_seconds:.3g} s" if self.peer_seconds else ""
@@ -321,8 +321,8 @@ def table_rows() -> list[Row]:
         print(f"left out: no ferraris_session under {DATA}", file=sys.stderr)
     else:
         ours, peer = measure(ferraris)
-        out.append(Row("Ferraris' method as published, with checks and result, CPU", ours, None,
-                       "imucal", peer))  # fmt: skip
+        out.append(Row("Ferraris' method as published, with covariance, checks and result, CPU",
+                       ours, None, "imucal, without them", peer))  # fmt: skip
     return out
 
 
@@ -456,6 +456,12 @@ def main() -> None:
         "",
         "Reading ten million rows, with peak memory: `python benchmarks/read_ten_million.py`; all "
         "three Allan deviations and 1e8 samples: `python benchmarks/allan.py`.",
+        "",
+        "What misses its target, and why: of the averaged pass over a tumble, integrating 27,000 "
+        "steps of attitude takes 2.5 ms. The history of 250,000 navigated samples, 24 MB, stands "
+        "in memory that is used again; that of a million, 96 MB, gets fresh pages from the system "
+        "each time, which costs as much as navigating. The batch of norm observation took 8.8 us "
+        "on a host where its peer took 3.1 ms.",
     ]
     text = "\n".join(lines) + "\n"
     (Path(__file__).parent / "README.md").write_text(text)

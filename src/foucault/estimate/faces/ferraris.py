@@ -105,11 +105,8 @@ def published(
 
 def _faces(rests: FaceReadings, x: FloatArray, sign: int) -> FloatArray:
     """Mean reading with each axis up (or down), as the columns of a matrix."""
-    out = np.empty((3, 3))
-    for axis in range(3):
-        here = (rests.axis == axis) & (rests.sign == sign)
-        out[:, axis] = np.average(x[here], axis=0, weights=rests.time[here])
-    return out
+    weights = rests.time * ((rests.axis == np.arange(3)[:, None]) & (rests.sign == sign))
+    return np.asarray((weights / weights.sum(axis=1, keepdims=True) @ x).T)
 
 
 def scale_and_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
