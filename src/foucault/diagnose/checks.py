@@ -44,15 +44,15 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
         if not names:
             continue
         values = [coefficients.value(n) for n in names]
-        value = float(max(values, key=abs))
-        fine = abs(value) < 0.3
+        percent = 100 * float(max(values, key=abs))
+        fine = abs(percent) < 30
         sentence = (
-            f"The largest {words} scale factor error is {100 * value:.2g} %."
+            f"The largest {words} scale factor error is {percent:.2g} %."
             if fine
-            else f"A {words} scale factor error of {100 * value:.0f} % is a wrong unit or count "
+            else f"A {words} scale factor error of {percent:.0f} % is a wrong unit or count "
             f"scale, not an instrument: check [log.{triad}]."
         )
-        out.append(Check(f"{triad} scale", value, -0.3, 0.3, fine, sentence, Level.UNUSABLE))
+        out.append(Check(f"{triad} scale", percent, -30.0, 30.0, fine, sentence, Level.UNUSABLE))
     return out
 
 

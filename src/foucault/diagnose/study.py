@@ -155,7 +155,7 @@ class Study:
             f"{100 * value:.1f} % of the truths lie inside the {percent} % intervals "
             f"(expected {100 * low:.1f} to {100 * high:.1f} %)."
         )
-        return Check(f"coverage of {percent} %", value, low, high, fine, words)
+        return Check(f"coverage of {percent} %", 100 * value, 100 * low, 100 * high, fine, words)
 
     def _failures(self) -> Check:
         total = sum(self.status.values())

@@ -244,7 +244,7 @@ def _whole(e: FaceEvidence) -> Check:
         )
         words += "A single turn cannot tell. " if alone[k] else ""
         words += "Turn against a stop, and twice about each axis, or declare `angle_sd`."
-    return Check("whole turns", value, -limit, limit, fine, words)
+    return Check("whole turns", 100 * value, -100 * limit, 100 * limit, fine, words)
 
 
 def _placement(e: FaceEvidence) -> Check:

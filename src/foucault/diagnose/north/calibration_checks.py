@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.errors import ADVICE, Finding, Status, error, finding
+from foucault.diagnose.checks import status_check
+from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north.calibration import Rig
 from foucault.estimate.north.reduction import Pairs
 from foucault.estimate.snooping import snoop
 from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
-from foucault.result import Check, Estimate, Level, Problem
+from foucault.result import Check, Estimate, Problem
 from foucault.units import STANDARD_GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
@@ -243,7 +244,7 @@ def checks(
     source : str
         Where the noise came from.
     """
-    out = [_converged(estimate), _redundancy(pairs, estimate)]
+    out = [status_check(estimate.status, estimate.weakest), _redundancy(pairs, estimate)]
     out += [*_fitting(problem, estimate, source), *_level(estimate, rig)]
     if source != "from the residuals":
         tests = chi_square(estimate, pairs)
@@ -271,12 +272,6 @@ def _level(estimate: Estimate, rig: Rig) -> list[Check]:
     words = f"The axis of the table is {np.sqrt(value / 2):.2f} times level_sd from the vertical"
     words += "." if value <= high else ": it is less level than was said."
     return [Check("level", value, None, high, value <= high, words)]
-
-
-def _converged(estimate: Estimate) -> Check:
-    fine = estimate.status is Status.CONVERGED
-    words = ADVICE[estimate.status]
-    return Check("converged", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
 
 
 def _redundancy(pairs: Pairs, estimate: Estimate) -> Check:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.checks import plausible_scales, prior_check, status_check
 from foucault.diagnose.rate_table.steps import name_of
-from foucault.errors import ADVICE, Finding, Status, finding
+from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.rate_table.likelihood import (
@@ -17,7 +18,7 @@ from foucault.estimate.rate_table.likelihood import (
 )
 from foucault.models.imu import ImuModel
 from foucault.models.rate_steps import Steps
-from foucault.result import Check, Estimate, Level, Problem
+from foucault.result import Check, Estimate, Problem
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
@@ -101,22 +102,19 @@ def checks(e: RateEvidence) -> tuple[Check, ...]:
     e : RateEvidence
         Data, estimate and diagnostics.
     """
-    out = [_converged(e), _redundancy(e), *_plausible(e)]
+    vector = e.estimate.coefficients
+    out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
+    out += [*plausible_scales(vector), *_bent(e)]
     if not e.unknown and e.estimate.dof > 0:
         out.append(_explained(e))
     if e.trust.bias_sd:
         out.append(_drift(e))
-    if np.isfinite(e.estimate.coefficients.prior_sd).any():
-        out.append(_prior(e))
+    if np.isfinite(vector.prior_sd).any():
+        prior = e.problem.prior
+        assert prior is not None
+        known = np.isfinite(prior.prior_sd)
+        out.append(prior_check(vector, ((vector.values - prior.values) / prior.prior_sd)[known]))
     return tuple(out)
-
-
-def _converged(e: RateEvidence) -> Check:
-    fine = e.estimate.status is Status.CONVERGED
-    words = ADVICE[e.estimate.status]
-    if e.estimate.weakest:
-        words += " Not seen: " + "; ".join(e.estimate.weakest) + "."
-    return Check("converged", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
 
 
 def _redundancy(e: RateEvidence) -> Check:
@@ -127,24 +125,18 @@ def _redundancy(e: RateEvidence) -> Check:
     return Check("redundancy", n, ENOUGH, None, fine, words)
 
 
-def _plausible(e: RateEvidence) -> list[Check]:
-    values = np.diag(e.model.gyro_matrix) - 1.0
-    value = float(values[np.abs(values).argmax()])
-    fine = abs(value) < 0.3
-    words = f"The largest gyro scale factor error is {100 * value:.2g} %" + (
-        "." if fine else ": that is a wrong unit or count scale; check [log.gyro]."
-    )
-    out = [Check("gyro scale", value, -0.3, 0.3, fine, words, Level.UNUSABLE)]
+def _bent(e: RateEvidence) -> list[Check]:
+    """Judge how much the scale factors change with the rate, where that is estimated."""
+    if e.model.straight:
+        return []
     top = float(np.abs(e.steps.rate).max())
     change = np.maximum(np.abs(e.model.gyro_asymmetry), np.abs(e.model.gyro_cubic) * top**2)
-    if not e.model.straight:
-        worst = float(change.max())
-        fine = worst < LARGE_TERM
-        words = f"The scale factors change by {worst * 1e6:.3g} ppm over the rates measured" + (
-            "." if fine else ": that is saturation or a wrong rate of the table, not a gyro."
-        )
-        out.append(Check("scale factor terms", 1e6 * worst, None, 1e6 * LARGE_TERM, fine, words))
-    return out
+    worst = float(change.max())
+    fine = worst < LARGE_TERM
+    words = f"The scale factors change by {worst * 1e6:.3g} ppm over the rates measured" + (
+        "." if fine else ": that is saturation or a wrong rate of the table, not a gyro."
+    )
+    return [Check("scale factor terms", 1e6 * worst, None, 1e6 * LARGE_TERM, fine, words)]
 
 
 def _explained(e: RateEvidence) -> Check:
@@ -199,22 +191,6 @@ def _moved(trust: Trust) -> str:
         straight = "(sd) along a straight line, and is that of the middle of the session"
         return f"{_per_hour(trust)} deg/h {straight}"
     return f"{_per_hour(trust)} deg/h (sd) over {plain(trust.bias_time / 60, 2)} min"
-
-
-def _prior(e: RateEvidence) -> Check:
-    """Compare the estimate with what was said to be known beforehand."""
-    vector, prior = e.estimate.coefficients, e.problem.prior
-    assert prior is not None
-    known = np.flatnonzero(np.isfinite(prior.prior_sd))
-    miss = np.abs(vector.values[known] - prior.values[known]) / prior.prior_sd[known]
-    limit = float(np.sqrt(chi_square_limits(1, tests=len(known))[1]))
-    worst = int(np.argmax(miss))
-    fine = bool(miss[worst] <= limit)
-    name = vector.names[known[worst]]
-    words = f"{name} is {miss[worst]:.1f} standard deviations from what was known before" + (
-        "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
-    )
-    return Check("prior", float(miss[worst]), None, limit, fine, words)
 
 
 def hints(e: RateEvidence) -> list[Finding]:
