@@ -62,6 +62,31 @@ def test_json_with_a_tolerance_and_a_broken_instrument(bench: Path, tmp_path: Pa
     assert "SN006: Its readings are not in the positions" in shown.output
 
 
+@pytest.mark.thorough
+def test_its_page_is_made_again_from_the_folder_alone(bench: Path, tmp_path: Path) -> None:
+    means, out = tmp_path / "means.parquet", tmp_path / "out"
+    table = pq.read_table(means)
+    keep = pc.invert(pc.and_(pc.equal(table["serial"], "SN006"), pc.equal(table["position"], 2)))
+    pq.write_table(pa.table(table.filter(keep)), means)
+    limits = tmp_path / "limits.toml"
+    limits.write_text('"accel.bias" = "5 mg"\n"gyro.scale.x" = { limit = "1 %", sd = "1 ppm" }\n')
+    run("fleet", bench, "-o", out, "--tolerance", limits)
+    before = (out / "report.html").read_text()
+    assert "1 broken" in before and "undecided" in before
+    for given in (out / "report.html", bench, means, limits):
+        given.unlink()
+    assert run("report", out).exit_code == 0
+    assert (out / "report.html").read_text() == before
+    # A report of one instrument, made later, is linked.
+    assert run("report", out / "instruments" / "SN003").exit_code == 0
+    assert run("report", out).exit_code == 0
+    assert 'href="instruments/SN003/report.html"' in (out / "report.html").read_text()
+    (out / "fleet.parquet").write_bytes(b"")
+    again = run("report", out)
+    assert again.exit_code == 1 and "fleet.parquet" in again.output
+    assert (out / "report.html").is_file()
+
+
 def test_a_wrong_tolerance_ends_before_the_work(bench: Path, tmp_path: Path) -> None:
     limits = tmp_path / "limits.toml"
     limits.write_text('"accel.bais" = "5 mg"\n')

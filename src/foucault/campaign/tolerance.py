@@ -154,6 +154,11 @@ class Tolerance:
         }
         return {"file": self.file, "limits": rows, "guard_band_sd": GUARD}
 
+    @classmethod
+    def from_json(cls, said: Mapping[str, Any]) -> Tolerance:
+        """Return the tolerance that `as_json` said [SI]."""
+        return cls(tuple(Entry(name, **row) for name, row in said["limits"].items()), said["file"])
+
 
 def decided(
     values: FloatArray, sd: FloatArray, limit: FloatArray, largest_sd: FloatArray | float = np.inf

@@ -51,8 +51,10 @@ def fleet(
     from foucault import campaign as campaigns
     from foucault.campaign import fleet as fleets
     from foucault.campaign import tolerance as tolerances
+    from foucault.campaign.fleet import folder as fleet_folder
     from foucault.report import fleet as page
     from foucault.report import write
+    from foucault.run_folder import REPORT_FILE
 
     screen: Screen = ctx.obj
     limits = None if tolerance is None else tolerances.load(tolerance)
@@ -63,10 +65,10 @@ def fleet(
             workers=workers or os.cpu_count() or 1, progress=tell,
         )  # fmt: skip
         tell(0.97, "writing the page")
-        about = fleets.about(output)
-        written = page.write(table, about, output / fleets.PAGE_FILE)
+        about = fleet_folder.about(output)
+        written = page.write(table, about, output / REPORT_FILE)
     _show(screen, table, about)
-    screen.say(f"Report: {written}", f"Table: {output / fleets.TABLE_FILE}")
+    screen.say(f"Report: {written}", f"Table: {output / fleet_folder.TABLE_FILE}")
     screen.data({"folder": str(output), "report": str(written)} | about)
     raise typer.Exit(_code(table))
 

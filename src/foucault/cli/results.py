@@ -83,7 +83,7 @@ def report(
     folder: Annotated[
         Path,
         typer.Argument(
-            help="A run folder, or one of `north`, `navigate`, `optimise`, `compare` or "
+            help="A run folder, or one of `fleet`, `north`, `navigate`, `optimise`, `compare` or "
             "`montecarlo`."
         ),
     ],
@@ -92,9 +92,10 @@ def report(
     from foucault import report as reports
     from foucault.campaign import found, optimisation, study
     from foucault.campaign.comparison import folder as comparison_folder
+    from foucault.campaign.fleet import folder as fleet_folder
     from foucault.campaign.navigation import folder as navigation_folder
     from foucault.campaign.north import folder as north_folder
-    from foucault.report import compare, navigation, north
+    from foucault.report import compare, fleet, navigation, north
     from foucault.report import optimisation as search
     from foucault.report import study as study_page
     from foucault.run_folder import REPORT_FILE
@@ -108,6 +109,8 @@ def report(
         file = search.write(found.load(folder), folder / REPORT_FILE)
     elif (folder / comparison_folder.COMPARE_FILE).is_file():
         file = compare.write(comparison_folder.load(folder), folder / REPORT_FILE)
+    elif (folder / fleet_folder.FLEET_FILE).is_file():
+        file = fleet.write(*fleet_folder.load(folder), folder / REPORT_FILE)
     elif (folder / study.STUDY_FILE).is_file():
         file = study_page.write(*study.load(folder), folder / REPORT_FILE)
     else:

@@ -1,13 +1,5 @@
 """The same campaign over many instruments: read, calibrate, decide, and one folder for all.
 
-::
-
-    fleet.json                          what was asked, versions, counts, broken instruments
-    fleet.parquet                       a row per instrument
-    report.html                         the summary page, written by `report.fleet`
-    campaign.toml                       the campaign with every default filled in
-    instruments/SERIAL/result.json ...  a run folder per instrument
-
 `log.file` is a pattern ("logs/*.csv"; the name of a file is the serial number), or one file with a
 column `log.serial`. An instrument that cannot be read or calibrated is listed with its reason and
 does not stop the others.
@@ -17,8 +9,6 @@ from __future__ import annotations
 
 import glob
 import hashlib
-import io
-import json
 import re
 import time as clock
 from collections.abc import Callable, Iterable, Iterator
@@ -30,14 +20,14 @@ import numpy as np
 
 from foucault import logs, monte_carlo, procedures, run_folder
 from foucault.campaign import earlier
+from foucault.campaign.fleet.folder import INSTRUMENTS, save
 from foucault.campaign.fleet.table import FleetTable, Row
 from foucault.campaign.reading import Campaign
 from foucault.campaign.study import names_of
 from foucault.campaign.tolerance import Tolerance
-from foucault.campaign.writing import resolved
 from foucault.diagnose.table import report as table_report
 from foucault.errors import Finding, FoucaultError, error
-from foucault.files import atomic, unwritable
+from foucault.files import unwritable
 from foucault.logs.serials import by_serial
 from foucault.models.readings import Readings
 from foucault.procedures import Progress, on_table, silent
@@ -48,11 +38,6 @@ from foucault.tables import Log
 
 Report = Callable[[Path], Path]
 Entry = tuple[str, "Log | FoucaultError"]
-
-SCHEMA = "foucault.fleet/1"
-FLEET_FILE, TABLE_FILE, PAGE_FILE, INSTRUMENTS = (
-    "fleet.json", "fleet.parquet", "report.html", "instruments",
-)  # fmt: skip
 
 LONGEST = 80
 """Longest name of a folder that is made of a serial number [1]."""
@@ -161,7 +146,8 @@ def run(
     table = FleetTable.of(names, rows)
     _refuse_nothing(table)
     table = table.decided(tolerance)
-    _write(work, table, tolerance, clock.monotonic() - started)
+    _remove_stale(work, table)
+    save(table, campaign, folder, batch=batch, seconds=clock.monotonic() - started)
     return table
 
 
@@ -289,51 +275,7 @@ def _saved(work: _Work, serial: str, result: Result) -> Row:
     return Row.of(serial, result, where, page)
 
 
-# -- the folder ----------------------------------------------------------------------------
-
-
-def _write(work: _Work, table: FleetTable, tolerance: Tolerance | None, seconds: float) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    folder, campaign = work.folder, work.campaign
-    _remove_stale(work, table)
-    text = resolved(campaign, folder)
-    columns = table.columns()
-    known = pa.schema([pa.field(k, pa.array(v).type, metadata={"unit": u})
-                       for k, (v, u) in columns.items()])  # fmt: skip
-    buffer = io.BytesIO()
-    arrays = [pa.array(v) for v, _ in columns.values()]
-    pq.write_table(pa.Table.from_arrays(arrays, schema=known), buffer)
-    document = table.document() | {
-        "schema": SCHEMA,
-        "procedure": campaign.procedure,
-        "solved_in_batch": int(table.good.sum()) if work.batch else 0,
-        "campaign": {"file": "campaign.toml", "sha256": hashlib.sha256(text.encode()).hexdigest()},
-        "tolerance": None if tolerance is None else tolerance.as_json(),
-        "provenance": _provenance(seconds),
-    }
-    for name, data in (
-        ("campaign.toml", text.encode()),
-        (TABLE_FILE, buffer.getvalue()),
-        (FLEET_FILE, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()),
-    ):
-        with atomic(folder / name) as temporary:
-            temporary.write_bytes(data)
-
-
 def _remove_stale(work: _Work, table: FleetTable) -> None:
     """Remove the result of an earlier run where this one has none; nothing else is touched."""
     for serial in table.problems:
-        folder = work.folder / work.folders[serial]
-        run_folder.clear(folder)
-
-
-def _provenance(seconds: float) -> dict[str, Any]:
-    return {k: v for k, v in provenance({}, seconds).items() if k != "input"}
-
-
-def about(folder: str | Path) -> dict[str, Any]:
-    """Return what fleet.json in a folder says."""
-    said: dict[str, Any] = json.loads((Path(folder) / FLEET_FILE).read_text(encoding="utf-8"))
-    return said
+        run_folder.clear(work.folder / work.folders[serial])
