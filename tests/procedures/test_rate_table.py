@@ -72,6 +72,18 @@ def test_simulated_means_without_noise_return_what_was_drawn():
     assert made.model.gyro_cubic.all()
 
 
+def test_what_is_unknown_of_a_table_hides_nothing_however_little_noise_there_is():
+    settings = Settings(**QUIET, table_rate_sd=5e-6, fixture_sd="1 arcmin")
+    made = simulate(
+        MEANS, settings=settings, model=draw_errors("mems", 4), noise=ImuNoise(), site=SITE, seed=4
+    )
+    found = calibrate(made.log, site=SITE, noise=ImuNoise(), settings=settings)
+    errors = found.coefficients.values - made.model.coefficients(NAMES).values
+    assert found.status is Status.CONVERGED
+    assert found.coefficients["gyro.scale"].sd.max() < 5e-6  # the Earth's rate has no such error
+    assert np.abs(errors / found.coefficients.sd).max() < 4.0
+
+
 def test_samples_without_noise_return_what_was_drawn():
     session = Session(rates=("40 deg/s", "-40 deg/s", "100 deg/s", "-100 deg/s"), step_time=10.0)
     made = simulate(session, model=draw_errors("mems", 5), noise=ImuNoise(), site=SITE, seed=5)

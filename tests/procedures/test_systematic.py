@@ -141,6 +141,14 @@ def test_one_error_alone_comes_back(name):
     np.testing.assert_array_less(np.abs(c.values + pull - truth), 0.2 * c.sd)
 
 
+def test_without_noise_there_is_no_bound():
+    made = simulated(noise=ImuNoise())
+    given = {"settings": Settings(passes=1), "noise": ImuNoise()}
+    result = systematic.calibrate(made.log, site=SITE, **given)
+    assert result.verdict.level is Level.PASS
+    assert "bound" not in result.diagnostics and "sd / bound" not in html(result)
+
+
 @pytest.mark.thorough
 def test_extended_states_come_back():
     settings = Settings(lever_arms=True, delay=True, accel_quadratic=True)

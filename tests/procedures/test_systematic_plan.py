@@ -136,7 +136,7 @@ def test_the_bound_needs_no_prior_and_knows_what_is_not_seen():
     settings = Settings(sequence=())
     sequence = quarter_turns("two", "ENU", "+x", rest=60.0)
     found = foreseen(sequence, settings, rate=20.0, site=SITE, noise=NOISE, prior={})
-    limit = bound(found.problem, found.solution, settings)
+    limit = bound(found.problem, found.solution, settings)["bound"]
     names = systematic.public(found.solution, settings).names
     unseen = [n for n, v in zip(names, limit, strict=True) if v is None]
     assert "accel.scale.x" in unseen and len(unseen) < len(names)

@@ -18,7 +18,7 @@ from foucault.estimate import gauss_newton
 from foucault.models.earth import Site
 from foucault.models.rate_steps import Steps, mean_force_of_steps
 from foucault.models.readings import Readings
-from foucault.result import Linearised, Problem
+from foucault.result import Problem
 from foucault.tables import AXES
 from foucault.units import plain
 
@@ -260,11 +260,14 @@ def require_determined(steps: Steps, names: tuple[str, ...], problem: Problem) -
     problem : Problem
         The same as a least-squares problem.
     """
-    at = _with_prior(problem, problem.linearise(problem.start, np.ones(problem.n_blocks)))
-    root = gauss_newton.eliminate(at, len(names))
-    size = np.linalg.norm(root, axis=0)
-    _, s, directions = np.linalg.svd(root / np.where(size > 0, size, 1.0))
-    weak = directions[s < s[0] / BLURRED]
+    at = problem.linearise(problem.start, np.ones(problem.n_blocks))
+    at = gauss_newton.with_prior(problem, problem.start, at)
+    # What is unknown of table and place is known so far that it can hide no coefficient.
+    columns = at.jacobian[:, : len(names)]
+    size = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(size > 0, size, 1.0)
+    squares, directions = np.linalg.eigh(unit.T @ unit)
+    weak = directions.T[squares < squares[-1] / BLURRED**2]
     if not len(weak):
         return
     seen_in = np.linalg.norm(weak, axis=0)
@@ -279,20 +282,6 @@ def require_determined(steps: Steps, names: tuple[str, ...], problem: Problem) -
         "rate_table.undetermined", steps=len(steps), names=listed,
         reason=f": {reason}" if reason else "",
     )  # fmt: skip
-
-
-def _with_prior(problem: Problem, at: Linearised) -> Linearised:
-    """Add what is known of the coefficients beforehand."""
-    if problem.prior is None:
-        return at
-    known = np.flatnonzero(np.isfinite(problem.prior.prior_sd))
-    rows = np.zeros((len(known), at.jacobian.shape[1]))
-    rows[np.arange(len(known)), known] = 1.0 / problem.prior.prior_sd[known]
-    return Linearised(
-        np.concatenate([at.residuals, np.zeros(len(known))]),
-        np.concatenate([at.jacobian, rows]),
-        np.concatenate([at.blocks, np.full(len(known), -1)]),
-    )
 
 
 def _lacking(steps: Steps) -> list[str]:

@@ -188,7 +188,7 @@ def _calibrate(
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
         tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}
-        diagnostics |= {"navigation": tilts, "bound": bound(problem, solution, settings)}
+        diagnostics |= {"navigation": tilts} | bound(problem, solution, settings)
     return Result(
         procedure="systematic",
         coefficients=with_references(found, site),

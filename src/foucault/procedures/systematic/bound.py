@@ -148,8 +148,11 @@ def instrument_of(settings: Settings, prior: Prior) -> ImuModel:
 # -- at best -------------------------------------------------------------------------------------
 
 
-def bound(problem: SystematicProblem, solution: Solution, settings: Settings) -> list[float | None]:
-    """Return the Cramer-Rao bound of the sensor noise alone, None where nothing is seen [SI].
+def bound(problem: SystematicProblem, solution: Solution, settings: Settings) -> dict[str, Any]:
+    """Return the Cramer-Rao bound of the sensor noise alone [SI], for result.json.
+
+    It is None where nothing is seen. Without noise it would be zero, and the filter that finds it
+    singular: there is none.
 
     Parameters
     ----------
@@ -161,7 +164,9 @@ def bound(problem: SystematicProblem, solution: Solution, settings: Settings) ->
         What was chosen.
     """
     p = problem
-    known = SURE * max(p.noise.accel.white, 1e-9) * np.sqrt(p.at_rest.interval)
+    if not (p.noise.accel.white > 0 and p.noise.gyro.white > 0):
+        return {}
+    known = SURE * p.noise.accel.white * np.sqrt(p.at_rest.interval)
     sure = replace(p.at_rest, velocity_sd=known, decorrelate=False)
     begun = p.start.C_nb if settings.steps == "published" else solution.run.trajectory.C_nb[0]
     found = solve(
@@ -171,7 +176,7 @@ def bound(problem: SystematicProblem, solution: Solution, settings: Settings) ->
     alone = without_prior(replace(found.estimate, prior_sd=p.prior.prior_sd))
     vector = public(replace(solution, states=_stretched(solution.states, alone)), settings)
     seen = vector.sd < BLIND * vector.prior_sd
-    return [float(v) if s else None for v, s in zip(vector.sd, seen, strict=True)]
+    return {"bound": [float(v) if s else None for v, s in zip(vector.sd, seen, strict=True)]}
 
 
 def _stretched(states: CoefficientVector, alone: Information) -> CoefficientVector:
