@@ -102,6 +102,22 @@ def test_gravity_that_is_not_known_is_a_bias_that_is_not_known(flight, found):
     np.testing.assert_array_equal(known.coefficients.sd, sd)
 
 
+@pytest.mark.thorough
+def test_a_preflight_knows_gravity_as_the_calibration_does(flight, found):
+    c, unknown = flight[0], flight[0].site.gravity_sd
+    told = {}
+    for sd in (0.0, unknown):
+        site = replace(c.site, gravity_sd=sd)
+        foreseen = transfer_alignment.foresee(
+            c.settings, session=c.session, site=site, noise=c.noise
+        )
+        told[sd] = foreseen.coefficients["accel.bias.z"].sd
+        # To fly on does not tell what gravity is.
+        assert ("accel.bias.z" in dict(foreseen.more[0].best)) == (sd == 0.0)
+    assert told[unknown] == pytest.approx(np.hypot(told[0.0], unknown), rel=0.05)
+    assert told[unknown] == pytest.approx(found.coefficients["accel.bias.z"].sd, rel=0.05)
+
+
 def test_the_flight_is_told_by_what_was_flown(found):
     """The S-turn, the climb between turns, the accelerations and the straight end of the plan."""
     flown = found.tables["stretches"]

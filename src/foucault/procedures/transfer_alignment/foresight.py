@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
@@ -17,7 +18,7 @@ from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.transfer.checks import HARDLY
 from foucault.diagnose.transfer.findings import WANTED
 from foucault.errors import Finding, finding
-from foucault.estimate.linear_filter import kalman
+from foucault.estimate.linear_filter import LinearRun, kalman
 from foucault.estimate.transfer.outage import after_outage
 from foucault.estimate.transfer.system import Free, free_run
 from foucault.models.earth import Site
@@ -32,6 +33,8 @@ from foucault.procedures.transfer_alignment.problem import (
 )
 from foucault.procedures.transfer_alignment.session import Session, moved, simulate_motion
 from foucault.procedures.transfer_alignment.settings import ASIDE, NOISE, Settings
+
+FloatArray = npt.NDArray[np.float64]
 
 RATE = 50.0
 """Samples in a second that a covariance takes [Hz]."""
@@ -112,10 +115,11 @@ def foresee(
     """
     plan = moved(replace(session.motion, outage=()), site)
     known = (settings, session, site, noise, prior or {})
-    now = shown(plan, *known)
+    now = shown(plan, *known, gravity=True)
     more = []
     for name, segments in manoeuvres(_speed_at_end(plan)).items():
-        then = shown(replace(plan, calibration=(*plan.calibration, *segments)), *known)
+        longer = replace(plan, calibration=(*plan.calibration, *segments))
+        then = shown(longer, *known, gravity=True)
         more.append(Extra.of(name, then.time - now.time, now.vector.names,
                              then.vector.sd / now.vector.sd))  # fmt: skip
     return _judged(now, tuple(more), [] if noise else [assumed_noise()])
@@ -165,6 +169,7 @@ def free_of(
 def shown(
     plan: TransferProfile, settings: Settings, session: Session, site: Site,
     noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]], *, rate: float = RATE,
+    gravity: bool = False,
 ) -> Shown:  # fmt: skip
     """Return the covariance that a motion leaves.
 
@@ -184,17 +189,30 @@ def shown(
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     rate : float, shape ()
         Samples of the slave in a second [Hz].
+    gravity : bool
+        Whether what is not known of local gravity counts; no motion makes it less.
     """
     p, free = free_of(plan, settings, session, site, noise, prior, rate=rate)
-    cov = kalman(free.system).cov
-    at = [free.layout.index(name) for name in p.vector.names]
-    vector = replace(p.vector, values=np.zeros(len(at)), cov=cov[np.ix_(at, at)])
+    run = kalman(free.system)
+    cov, at = run.cov, [free.layout.index(name) for name in p.vector.names]
+    of_gravity = _of_gravity(p, run)[at] if gravity else np.zeros(len(at))
+    own = cov[np.ix_(at, at)] + np.outer(of_gravity, of_gravity)
+    vector = replace(p.vector, values=np.zeros(len(at)), cov=own)
     ahead = np.array([after_outage(free, settings.sensors, settings.outage, turn=turn)
                       for turn in AHEAD])  # fmt: skip
     # Where it is is what the master says: of the position at the hand-over nothing is counted.
+    # Nor is gravity: what it is taken for wrongly, the bias makes good as long as it is.
     ahead[:, :, 6:9] = 0.0
     squares = np.einsum("tij,jk,tik->t", ahead, cov, ahead)
     return Shown(plan.name, plan.hand_over, vector, float(np.sqrt(squares.mean())))
+
+
+def _of_gravity(p: TransferProblem, run: LinearRun) -> FloatArray:
+    """Return what one standard deviation of local gravity makes of the states, shape (n,)."""
+    heavier = replace(p.slave, gravity_offset=p.slave.gravity_offset + p.site.gravity_sd)
+    s = p.settings
+    other = free_run(heavier, p.master, s.mount, s.matched, p.prior, p.prior, p.sd)
+    return np.asarray(kalman(other.system).states[-1] - run.states[-1])
 
 
 def _judged(now: Shown, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:
