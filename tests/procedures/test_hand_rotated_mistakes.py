@@ -102,6 +102,20 @@ def test_the_earth_tells_gravity_from_specific_force():
     assert bad.verdict.level is Level.UNUSABLE
     (check,) = [c for c in bad.checks if c.name == "vertical Earth rate"]
     assert "Its sign is reversed: the accelerometers read gravity" in check.sentence
+    assert "session.g_sensitivity" not in codes(bad)  # it would explain it, and hide it
+
+
+def test_a_g_sensitivity_does_not_hide_that_gravity_is_read():
+    settings = Settings(g_sensitivity=True)
+    good, bad = (calibrate(x, site=SITE, settings=settings) for x in (made().log, reads_gravity()))
+    (check,) = [c for c in good.checks if c.name == "vertical Earth rate"]
+    assert check.passed and check.value > 4
+    assert bad.verdict.level is Level.DOUBTFUL
+    (check,) = [c for c in bad.checks if c.name == "vertical Earth rate"]
+    assert not check.passed and "It may well be that: the accelerometers read" in check.sentence
+    # One of its own that is as large is no reversed sign.
+    strong = calibrate(made(14, STRONG).log, site=SITE, settings=settings)
+    assert next(c for c in strong.checks if c.name == "vertical Earth rate").passed
 
 
 @pytest.mark.parametrize(

@@ -328,8 +328,9 @@ def _likelihood(
         likelihood.components(estimate, data, clipped=True), coverage(up_b), up_b, held_out,
         rest_levels(rests),
     )  # fmt: skip
-    vertical = vertical_check(data, estimate.state)
+    vertical = vertical_check(data, estimate)
     checks = judge.checks(evidence) + ((vertical,) if vertical else ())
+    turned_round = vertical is not None and not vertical.passed
     return Result(
         procedure="hand_rotated",
         coefficients=with_references(estimate.coefficients, data.site),
@@ -338,7 +339,7 @@ def _likelihood(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=tuple(session_report.hints(evidence, prediction)),
+        findings=tuple(session_report.hints(evidence, prediction, turned_round)),
         status=estimate.status,
         diagnostics=_diagnostics(evidence, prediction),
         tables=session_report.tables(evidence, prediction, rest_table(data.log, rests)),

@@ -25,7 +25,7 @@ from foucault.tables import AXES
 FloatArray = npt.NDArray[np.float64]
 
 
-def hints(e: Evidence, prediction: Prediction) -> list[Finding]:
+def hints(e: Evidence, prediction: Prediction, turned_round: bool = False) -> list[Finding]:
     """Return findings about the session: scatter, outliers, a wrong g, a missing term.
 
     Parameters
@@ -34,9 +34,12 @@ def hints(e: Evidence, prediction: Prediction) -> list[Finding]:
         Data, estimate and diagnostics.
     prediction : Prediction
         Residuals at the solution [SI].
+    turned_round : bool
+        Whether the Earth's rate has the wrong sign: g-sensitivity would only hide it.
     """
     found = [*_resolution(e), *_scatter(e), *_outliers(e), *_common_scale(e)]
-    return found + ([] if _resolution(e) else _g_sensitivity(e, prediction))
+    hidden = turned_round or bool(_resolution(e))
+    return found + ([] if hidden else _g_sensitivity(e, prediction))
 
 
 COARSE = 3.0
