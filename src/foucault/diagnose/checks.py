@@ -1,4 +1,4 @@
-"""Checks that every method makes: it was solved, its scale factors can be, its priors fit."""
+"""Checks that every method makes: it was solved, its numbers can be, its priors fit."""
 
 from __future__ import annotations
 
@@ -8,9 +8,23 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.errors import ADVICE, Status
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.models.earth import EARTH_RATE, Site
 from foucault.result import Check, Level
+from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
+
+VISIBLE = 4.0
+"""The Earth's rate and its opposite are told apart when they lie this far apart [sd]."""
+
+NEAR = 3.0
+"""A g-sensitivity within this of what a reversed sign makes may well be that [sd]."""
+
+REVERSED = (
+    'the accelerometers read gravity instead of specific force (reads = "gravity"), both triads '
+    "are mirrored alike, or the latitude has the wrong sign"
+)
+"""What turns the vertical Earth rate around."""
 
 
 def status_check(status: Status, weakest: tuple[str, ...]) -> Check:
@@ -76,3 +90,47 @@ def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check
         "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
     )
     return Check("prior", float(miss[worst]), None, limit, fine, words)
+
+
+def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:
+    """Doubt a g-sensitivity that is what a reversed sign of the Earth's rate would make.
+
+    One that is alike about all axes adds ``k f`` to the rates, which at rest is upward as the
+    vertical Earth rate is: estimated, it takes up a reversed sign as ``k g = -2 w_ie sin L``, and
+    leaves nothing in the residuals.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, with covariance [SI].
+    site : Site
+        Gravity and latitude.
+
+    Returns
+    -------
+    Check or None
+        None where g-sensitivity or latitude is not known, or too little to tell.
+    """
+    names = [f"gyro.g_sensitivity.{a}{a}" for a in AXES]
+    if site.latitude is None or not set(names) <= set(coefficients.names):
+        return None
+    at = [coefficients.layout.index(name) for name in names]
+    if coefficients.cov is None or not coefficients.free[at].all():
+        return None
+    unit = np.degrees(1.0) * 3600 * site.gravity
+    each, cov = unit * coefficients.values[at], unit**2 * coefficients.cov[np.ix_(at, at)]
+    value, sd = float(each.mean()), float(np.sqrt(cov.mean()))
+    made = float(-2 * np.degrees(EARTH_RATE) * 3600 * np.sin(site.latitude))
+    if not abs(made) >= VISIBLE * sd:
+        return None
+    away = abs(value - made) / sd
+    alike = np.ptp(each) < abs(made) + VISIBLE * float(np.sqrt(np.diag(cov).max()))
+    fine = bool(away > NEAR or not alike)
+    words = (
+        f"The g-sensitivity is {value:+.1f} +- {sd:.1f} deg/h per g, mean of all axes; a reversed "
+        f"sign of the Earth's rate would make it {made:+.1f} about each"
+    )
+    words += (
+        "." if fine else f". It may well be that: {REVERSED}. Set g_sensitivity = false to see."
+    )
+    return Check("vertical Earth rate", away, NEAR if alike else None, None, fine, words)

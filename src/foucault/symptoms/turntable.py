@@ -264,7 +264,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Gyro readings at rest that depend on orientation more than the Earth's rotation explains",
      "The rates at rest change with orientation by up to {size} deg/h per g. Not estimated, this "
      "shifts gyro scale factors by up to {shift} ppm.",
-     "Set g_sensitivity = true in [procedure], or spin both ways (both_senses = true)."),
+     "Check the sign of the latitude. Then set g_sensitivity = true in [procedure], or spin both "
+     "ways (both_senses = true)."),
     ("readings.quadratic", "warning",
      "Residuals that quadratic terms of the accelerometers explain",
      "Quadratic terms would explain {share} % of the squared residuals of the accelerometers.",

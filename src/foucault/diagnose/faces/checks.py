@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.checks import plausible_scales, prior_check, status_check
+from foucault.diagnose.checks import (
+    plausible_scales,
+    prior_check,
+    reversed_earth_check,
+    status_check,
+)
 from foucault.diagnose.faces.rests import Faces
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
@@ -106,6 +111,8 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     if e.scene.turns is not None:
         out += [_turns(e), _whole(e)]
     out.append(_placement(e))
+    sign = reversed_earth_check(vector, e.scene.site)
+    out += [sign] if sign is not None else []
     known = np.isfinite(vector.prior_sd)
     if known.any():
         out.append(prior_check(vector, e.estimate.residuals[-int(known.sum()) :]))

@@ -6,25 +6,17 @@ rate around. With the attitudes known up to heading, the mean rates at rest are 
 gyro bias, the two horizontal components and the vertical one; the last is estimated freely and
 compared with ``w_ie sin L``.
 
-A g-sensitivity that is alike about all axes adds ``k f``, which is upward too: where it is
-estimated it takes up what a reversed sign does, ``k g = -2 w_ie sin L``, and the rate seen is the
-one assumed. Then it is this size that is looked for.
+Where g-sensitivity is estimated it takes up what a reversed sign does, and it is looked for there:
+see `diagnose.checks.reversed_earth_check`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import REVERSED, VISIBLE, reversed_earth_check
 from foucault.models.rests_and_turns import Attitudes, Session
 from foucault.result import Check, Estimate, Level
-from foucault.tables import AXES
-
-VISIBLE = 4.0
-"""The two signs are told apart when they lie this many standard deviations apart [1]."""
-
-NEAR = 3.0
-"""A g-sensitivity within this of what a reversed sign makes may well be that [sd]."""
 
 
 def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, float] | None:
@@ -68,49 +60,20 @@ def vertical_check(session: Session, estimate: Estimate) -> Check | None:
     estimate : Estimate
         The solution.
     """
-    want = float(session.earth[2])
-    if session.gyro_mean is None or session.site.latitude is None:
-        return None
     if "gyro.g_sensitivity.xx" in estimate.coefficients.layout:
-        return _alike(estimate.coefficients, session.site.gravity, want)
+        return reversed_earth_check(estimate.coefficients, session.site)
     found = vertical_earth_rate(session, estimate.state)
-    if found is None:
+    if found is None or session.site.latitude is None:
         return None
+    want = float(session.earth[2])
     value, sd = found
     if abs(want) < VISIBLE * sd / 2:
         return None
     fine = abs(value - want) <= abs(value + want)
-    words = f"The vertical Earth rate is seen as {value * _UNIT:+.1f} +- {sd * _UNIT:.1f} deg/h"
-    words += f", expected {want * _UNIT:+.1f}" + (
-        "." if fine else f". Its sign is reversed: {_REVERSED}."
+    unit = np.degrees(1.0) * 3600
+    words = f"The vertical Earth rate is seen as {value * unit:+.1f} +- {sd * unit:.1f} deg/h"
+    words += f", expected {want * unit:+.1f}" + (
+        "." if fine else f". Its sign is reversed: {REVERSED}."
     )
-    off, limit = (value - want) * _UNIT, abs(want) * _UNIT
+    off, limit = (value - want) * unit, abs(want) * unit
     return Check("vertical Earth rate", off, -limit, limit, fine, words, Level.UNUSABLE)
-
-
-_UNIT = np.degrees(1.0) * 3600
-
-_REVERSED = (
-    'the accelerometers read gravity instead of specific force (reads = "gravity"), both triads '
-    "are mirrored alike, or the latitude has the wrong sign"
-)
-
-
-def _alike(found: CoefficientVector, gravity: float, want: float) -> Check | None:
-    """Doubt a g-sensitivity that is what a reversed sign of the Earth's rate would make."""
-    at = [found.layout.index(f"gyro.g_sensitivity.{a}{a}") for a in AXES]
-    assert found.cov is not None
-    value = gravity * float(found.values[at].mean())
-    sd = gravity * float(np.sqrt(found.cov[np.ix_(at, at)].mean()))
-    if not abs(want) >= VISIBLE * sd / 2:
-        return None
-    away = abs(value + 2 * want) / sd
-    fine = away > NEAR
-    words = (
-        f"The g-sensitivity is {value * _UNIT:+.1f} +- {sd * _UNIT:.1f} deg/h per g alike about "
-    )
-    words += f"all axes; a reversed sign of the Earth's rate would make it {-2 * want * _UNIT:+.1f}"
-    words += (
-        "." if fine else f". It may well be that: {_REVERSED}. Set g_sensitivity = false to see."
-    )
-    return Check("vertical Earth rate", away, NEAR, None, fine, words)

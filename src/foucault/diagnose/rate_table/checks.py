@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.checks import plausible_scales, prior_check, status_check
+from foucault.diagnose.checks import (
+    plausible_scales,
+    prior_check,
+    reversed_earth_check,
+    status_check,
+)
 from foucault.diagnose.rate_table.steps import name_of
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
@@ -16,6 +21,7 @@ from foucault.estimate.rate_table.likelihood import (
     Trust,
     true_rate,
 )
+from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.rate_steps import Steps
 from foucault.result import Check, Estimate, Problem
@@ -49,6 +55,8 @@ class RateEvidence:
         What was solved.
     estimate : Estimate
         Its solution.
+    site : Site
+        Gravity and latitude; None for a latitude that does not count.
     declared : bool
         Whether the noise was declared.
     unknown : bool
@@ -64,6 +72,7 @@ class RateEvidence:
     trust: Trust
     problem: Problem
     estimate: Estimate
+    site: Site
     declared: bool
     unknown: bool
     before: tuple[float, float, float]
@@ -109,6 +118,8 @@ def checks(e: RateEvidence) -> tuple[Check, ...]:
         out.append(_explained(e))
     if e.trust.bias_sd:
         out.append(_drift(e))
+    sign = reversed_earth_check(vector, e.site)
+    out += [sign] if sign is not None else []
     if np.isfinite(vector.prior_sd).any():
         prior = e.problem.prior
         assert prior is not None

@@ -8,7 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import plausible_scales, prior_check, status_check
+from foucault.diagnose.checks import (
+    plausible_scales,
+    prior_check,
+    reversed_earth_check,
+    status_check,
+)
 from foucault.diagnose.coverage import Coverage
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit
@@ -78,6 +83,8 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
     ]
     out += [_explained(e, kind) for kind in KINDS if kind in e.fit.before]
     out += _scatter(e) + _g_sensitivity(e)
+    sign = reversed_earth_check(estimate.coefficients, e.site)
+    out += [sign] if sign is not None else []
     out += [_outliers(e), _controlled(e)]
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)

@@ -193,7 +193,7 @@ def _evidence(
             trust = wider
             problem, estimate = fit(steps, names, trust, prior, loss)
     return RateEvidence(
-        steps, names, trust, problem, estimate, readings.declared, unknown, before, added
+        steps, names, trust, problem, estimate, site, readings.declared, unknown, before, added
     )
 
 
