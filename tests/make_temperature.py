@@ -65,8 +65,9 @@ def sessions(
         values = values + own * rng.normal(size=len(vector))
         validity = {"temperature": [T - 0.4, T + 0.3], "temperature_mean": T,
                     "accel": [-12.0, 12.0], "gyro": [-4.0, 4.0]}  # fmt: skip
+        log = {"file": f"run{k}.csv", "sha256": f"{seed:032x}{k:032x}"}
         result = replace(template, coefficients=replace(vector, values=values), validity=validity,
-                         tables={})  # fmt: skip
+                         tables={}, provenance=template.provenance | {"inputs": [log]})  # fmt: skip
         out.append(Session.of(f"run{k}", result))
     return out
 

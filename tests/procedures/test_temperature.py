@@ -423,6 +423,51 @@ def test_mistakes_with_ramps() -> None:
 # -- mistakes ---------------------------------------------------------------------------------
 
 
+def test_rounding_tells_nothing_of_a_sensor_or_a_range() -> None:
+    """The mean of equal numbers may be off by a bit."""
+    made = sessions((0, 25, 50))
+    T = np.nextafter(298.15, 300.0)
+    for k, at in ((0, 273.15), (2, 323.15)):
+        validity = {"temperature": [at, at], "temperature_mean": np.nextafter(at, T)}
+        made[k] = Session.of(f"run{k}", replace(made[k].result, validity=validity))
+        assert made[k].dead
+    result = calibrate(made)
+    assert "temperature.dead" in codes(result)
+    assert "temperature.beyond_knots" not in codes(result)
+
+
+def test_temperatures_to_spare_are_more_than_terms() -> None:
+    result = calibrate(sessions((0, 50)), Settings(orders={"": 0}, scatter={"": 0.0}))
+    assert check(result, "temperatures").value == 1.0
+    assert "2 temperatures for 1 terms, with 1 to spare" in check(result, "temperatures").sentence
+    alone = sessions((0, 50))
+    vector = alone[1].result.coefficients
+    some = vector.chosen(n for n in vector.names if n != "gyro.bias.x")
+    alone[1] = changed(alone[1], coefficients=some)
+    result = calibrate(alone, Settings(orders={"": 0}, scatter={"": 0.0}))
+    assert not check(result, "temperatures").passed
+    assert "gyro.bias: 1 temperatures for 1 terms" in check(result, "temperatures").sentence
+
+
+def test_a_power_that_is_lowered_is_told() -> None:
+    result = calibrate(sessions((0, 50)), Settings(orders={"": 2}, scatter={"": 0.0}))
+    (note,) = (f for f in result.findings if f.code == "temperature.lower_order")
+    assert note.message.startswith("A power of 2 was asked for; accel.bias, ")
+    enough = calibrate(sessions((0, 25, 50)), Settings(orders={"": 2}, scatter={"": 0.0}))
+    assert "temperature.lower_order" not in codes(enough)
+
+
+def test_a_log_does_not_count_twice() -> None:
+    made = sessions((0, 25, 50))
+    copy = replace(made[2], result=replace(made[2].result, provenance=made[0].result.provenance))
+    problem = refused(lambda: calibrate([*made[:2], copy]))
+    assert problem.code == "temperature.same_log"
+    assert "'run0' and 'run2' come from the same log" in problem.message
+    prior = {"prior": {"inputs": made[0].result.provenance["inputs"]}}
+    late = changed(made[2], provenance=made[2].result.provenance | prior)
+    assert refused(lambda: calibrate([*made[:2], late])).code == "temperature.same_log"
+
+
 def changed(session: Session, **changes: Any) -> Session:
     return replace(session, result=replace(session.result, **changes))
 

@@ -129,6 +129,8 @@ def _sessions(results: Sequence[Path], at: Sequence[str]) -> list[Session]:
         found = [n for n in names if name.strip() in (n, Path(n).name)]
         if not equals or len(found) != 1:
             raise error("temperature.at", given=text, allowed=", ".join(names))
+        if found[0] in declared:
+            raise error("temperature.at_twice", name=found[0])
         declared[found[0]] = parse_at("--at", value.strip(), "temperature")
     return [
         Session.of(name, load_result(path, with_tables=False), declared.get(name))

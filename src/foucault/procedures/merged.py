@@ -178,7 +178,7 @@ def _fits(one: Hashed, other: Hashed) -> None:
     for late, early, sha in ((other, a, sha_a), (one, b, sha_b)):
         if sha and sha in _texts(late[2].provenance.get("prior") or {}):
             raise error("merge.took_prior", late=late[0], early=early)
-    if (sha_a and sha_a == sha_b) or _logs(first) & _logs(second):
+    if (sha_a and sha_a == sha_b) or logs_of(first) & logs_of(second):
         raise error("merge.same_log", one=a, other=b)
 
 
@@ -193,7 +193,7 @@ def _before(result: Result) -> list[dict[str, Any]]:
     return [dict(one) for one in (result.provenance.get("prior") or {}).get("inputs") or ()]
 
 
-def _logs(result: Result) -> set[str]:
+def logs_of(result: Result) -> set[str]:
     """Return the fingerprints of every log in a result, those of its prior too."""
     prints = [one.get("sha256") for one in (*_inputs(result), *_before(result))]
     return {part for text in prints if text for part in str(text).split(" + ")}

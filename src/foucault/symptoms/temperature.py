@@ -24,8 +24,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("temperature.implausible", "error",
      "A temperature that no instrument has",
      "{name} says {given} degC, which is {kelvin} K.",
-     "Check the unit in [log.temperature]: kelvin said to be degC and degrees Celsius said to be K "
-     "look like this."),
+     "Check the unit in [log.temperature], or that of --at: kelvin said to be degC and degrees "
+     "Celsius said to be K look like this."),
     ("temperature.not_imu", "error",
      "A result whose coefficients cannot be functions of temperature",
      "{name} is a result of {procedure}, not of the errors of an IMU.",
@@ -58,6 +58,15 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Results in unlike axes, or of logs read unlike",
      "The {what} of {one} is '{first}', that of {other} is '{second}'.",
      "Give results of one procedure, of logs read with the same description."),
+    ("temperature.same_log", "error",
+     "A log that counts twice among those at several temperatures",
+     "'{one}' and '{other}' come from the same log, alone, merged or as a prior: it would count "
+     "twice, and at two temperatures where it has one.",
+     "Leave one of them out."),
+    ("temperature.at_twice", "error",
+     "Two temperatures for one result",
+     "--at says two temperatures of {name}.",
+     "Leave one of them out; a result has one temperature."),
     ("temperature.family", "error",
      "A family of coefficients that no result has",
      "No result has coefficients '{given}'.{hint}",
@@ -107,6 +116,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The temperature of {names} is the same in every sample.",
      "A sensor that works moves by some hundredths of a kelvin: look whether it is frozen, or say "
      "the temperature with --at."),
+    ("temperature.lower_order", "note",
+     "A lower power than was asked for",
+     "A power of {given} was asked for; {families} are known at too few temperatures for it, and "
+     "have the highest that these can tell.",
+     "Calibrate at more temperatures where the higher power is wanted."),
     ("temperature.prior", "warning",
      "A prior that counts once for every session",
      "In some session these coefficients are known hardly better than beforehand: {names}.",

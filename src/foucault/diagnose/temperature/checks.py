@@ -14,6 +14,7 @@ from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.temperature.fit import Evidence, solve
 from foucault.estimate.temperature.order import Choice, Spaces, against, refit
+from foucault.models import size_effect
 from foucault.result import Check
 from foucault.units import ZERO_CELSIUS
 
@@ -178,9 +179,12 @@ def _freedom(seen: Seen) -> Check | None:
     if seen.ramps:
         return None
     terms = [len(seen.spaces.nested[f][n]) for f, n in enumerate(seen.choice.orders)]
-    spare = [int(c) - t if t > 1 else int(c) for c, t in zip(seen.counts, terms, strict=True)]
-    f = int(np.argmin(spare))
-    enough = spare[f] > 0
+    spare = np.array(seen.counts) - terms
+    # Lever arms and delay have no temperature: one will do.
+    fixed = [any(n == f or n.startswith(f"{f}.") for n in size_effect.LAYOUT.names)
+             for f in seen.families]  # fmt: skip
+    f = int(np.argmin(np.where(fixed, spare.max() + 1, spare)))
+    enough = fixed[f] or bool(spare[f] > 0)
     what = f"{seen.families[f]}: {seen.counts[f]} temperatures for {terms[f]} terms"
     return Check(
         "temperatures", float(spare[f]), 1.0, None, enough,

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from foucault.diagnose.temperature import report as tables
 from foucault.errors import Finding, Status, error, finding
 from foucault.models.imu import INVERSES
 from foucault.models.temperature import TemperatureModel
+from foucault.procedures.merged import logs_of
 from foucault.procedures.temperature import gravity
 from foucault.procedures.temperature.evidence import Ramp, Session
 from foucault.procedures.temperature.task import (
@@ -82,6 +84,7 @@ def calibrate(
     begun = time.perf_counter()
     settings = settings or Settings()
     _one_instrument(sessions)
+    _independent(sessions)
     alone, common = gravity.taken_out(sessions)
     task = task_of(alone, settings, ramps)
     choice = solved(task, settings)
@@ -102,7 +105,7 @@ def calibrate(
         gauge=first.gauge,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*_findings(sessions, task, model), *diagnose.findings(seen)),
+        findings=(*_findings(sessions, task, model, settings), *diagnose.findings(seen)),
         status=Status.CONVERGED,
         instrument=dict(first.instrument),
         site=dict(first.site),
@@ -140,6 +143,14 @@ def _one_instrument(sessions: Sequence[Session]) -> None:
                         first=scales[0], second=scales[1])  # fmt: skip
 
 
+def _independent(sessions: Sequence[Session]) -> None:
+    """Refuse sessions that count a log twice: by itself, merged, or in a prior."""
+    logs = [logs_of(s.result) for s in sessions]
+    for i, j in combinations(range(len(sessions)), 2):
+        if logs[i] & logs[j]:
+            raise error("temperature.same_log", one=sessions[i].name, other=sessions[j].name)
+
+
 def _description(result: Result) -> Mapping[str, Any] | None:
     said = (result.provenance.get("input") or {}).get("description")
     return said if isinstance(said, Mapping) else None
@@ -162,9 +173,14 @@ def _size(equation: str) -> int:
 
 
 def _findings(
-    sessions: Sequence[Session], task: Task, model: TemperatureModel
+    sessions: Sequence[Session], task: Task, model: TemperatureModel, settings: Settings
 ) -> tuple[Finding, ...]:
     out = []
+    asked = settings.orders.get("", 0)
+    lower = [name for name, spaces in zip(task.families, task.spaces.nested, strict=True)
+             if len(spaces) <= asked and name not in settings.orders]  # fmt: skip
+    if lower and not settings.knots:
+        out.append(finding("temperature.lower_order", given=asked, families=", ".join(lower)))
     doubtful = [s.name for s in sessions if s.result.verdict.level is Level.DOUBTFUL]
     if doubtful:
         out.append(finding("temperature.doubtful", names=", ".join(doubtful)))

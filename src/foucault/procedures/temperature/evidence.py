@@ -86,13 +86,15 @@ class Session:
         """
         _suits(name, result)
         if declared is not None:
+            plausible(declared, name)
             return cls(name, result, declared, declared, declared)
         span = result.validity.get("temperature")
         if not span or None in span:
             raise error("temperature.unknown", name=name)
         low, high = float(span[0]), float(span[1])
         mean = result.validity.get("temperature_mean")
-        middle = 0.5 * (low + high) if mean is None else float(mean)
+        # A mean of equal numbers may be off by a bit.
+        middle = 0.5 * (low + high) if mean is None else min(max(float(mean), low), high)
         for value in (low, high):
             plausible(value, name)
         return cls(name, result, middle, low, high)
@@ -106,7 +108,7 @@ class Session:
     def dead(self) -> bool:
         """Whether the sensor of temperature never moved in the whole session."""
         measured = self.result.validity.get("temperature_mean") is not None
-        return measured and self.low == self.high == self.result.validity["temperature_mean"]
+        return measured and self.low == self.high
 
 
 @dataclass(frozen=True)
