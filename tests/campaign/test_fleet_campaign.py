@@ -294,9 +294,13 @@ def test_a_pattern_of_files(tmp_path):
     text = "\n".join(line for line in text.splitlines() if not line.startswith('serial = "serial'))
     many = campaign.parse(text, tmp_path / "campaign.toml")
     (tmp_path / "logs" / "SN004.parquet").write_bytes(b"not a log")
+    copy = (tmp_path / "logs" / "SN002.parquet").read_bytes()
+    (tmp_path / "logs" / "SN005.parquet").write_bytes(copy)
     table = fleet.run(many, tmp_path / "two")
-    assert [r.serial for r in table.rows] == ["SN001", "SN002", "SN003", "SN004"]
-    assert list(table.problems) == ["SN004"]
+    assert [r.serial for r in table.rows] == ["SN001", "SN002", "SN003", "SN004", "SN005"]
+    assert list(table.problems) == ["SN004", "SN005"]
+    assert table.problems["SN005"].code == "fleet.same_log"
+    assert "byte for byte that of instrument 'SN002'" in table.problems["SN005"].message
     np.testing.assert_array_equal(table.values[:3], whole.values)
     (tmp_path / "logs" / "SN001.csv").write_text("")
     again = campaign.parse(text.replace("*.parquet", "*"), tmp_path / "campaign.toml")

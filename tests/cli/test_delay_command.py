@@ -86,6 +86,14 @@ def test_a_campaign_says_where_it_is_and_its_clock_counts_from_1970(
 
 
 @pytest.mark.thorough
+def test_a_log_has_no_offset_from_itself(flight: tuple[Path, TransferSimulation]) -> None:
+    folder, _ = flight
+    (folder / "copy.csv").write_bytes((folder / "imu.csv").read_bytes())
+    for other in ("imu.csv", "copy.csv"):
+        refused = run("delay", folder / "imu.csv", folder / other, "--json")
+        assert refused.exit_code == 1 and "delay.same_log" in refused.output
+
+
 def test_a_second_imu(flight: tuple[Path, TransferSimulation]) -> None:
     folder, made = flight
     half = Log(made.log.time[::2] + 12.5, made.log.gyro[::2], made.log.accel[::2], "rate")

@@ -181,3 +181,12 @@ def test_read_reports_what_the_checks_find(read_text):
         accel={"unit": "g", "saturation": 9.0},
     )
     assert codes(log.findings) == ["log.gap", *["log.saturated"] * 2, "log.accel_unit"]
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "told"), [(298.15, None), (571.3, " is 298."), (25.0, " is -248.")]
+)
+def test_kelvin_said_to_be_degrees_celsius(kelvin, told):
+    found = checks.temperature_scale(np.full(20, kelvin))
+    assert [f.code for f in found] == ([] if told is None else ["log.temperature_unit"])
+    assert all(told in f.message and "[log.temperature]" in f.cure for f in found)

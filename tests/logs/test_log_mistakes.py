@@ -359,6 +359,23 @@ def test_a_header_that_swallows_a_sample_is_noticed(read_text):
 
 
 @pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_the_decimal_comma_of_a_date(read_text, zone):
+    """ISO 8601 allows it, and where numbers have a comma loggers write it."""
+    rows = [
+        f"2026-05-04T10:00:00,{10 * i:03d}{zone};" + row.partition(",")[2].replace(",", ";")
+        for i, row in enumerate(lines())
+    ]
+    commas = [row.replace(".", ",") for row in rows]
+    head, iso = HEAD.replace(",", ";"), {"time": {"column": "t", "unit": "iso"}}
+    want = read_text("\n".join([HEAD, *lines()]), **WORDS)
+    for text, decimal in ((rows, "."), (commas, ",")):
+        log = read_text("\n".join([head, *text]), **{**WORDS, **iso}, decimal=decimal)
+        start = 1777888800 - (7200 if zone == "+02:00" else 0)
+        assert log.time == pytest.approx(start + 0.01 * np.arange(20), abs=1e-6)
+        np.testing.assert_array_equal(log.gyro, want.gyro)
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
 def test_dates_are_times(read_text, zone):
     rows = [
         f"2026-05-04T10:00:00.{10 * i:03d}{zone},{row.partition(',')[2]}"

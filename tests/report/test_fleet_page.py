@@ -68,6 +68,16 @@ def text_of(page, title):
     return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", part)))
 
 
+def test_what_is_unusable_is_no_part_of_the_distributions():
+    table = make_table(12, broken=0)
+    rows = list(table.rows)
+    absurd = dict.fromkeys(LINEAR_LOWER, 1e20)
+    rows[4] = dataclasses.replace(rows[4], values=absurd, verdict="unusable")
+    spoiled = FleetTable.of(LINEAR_LOWER, rows)
+    assert all(d.count == 11 and d.highest < 1.0 for d in spoiled.distributions())
+    assert all(d.count == 12 for d in table.distributions())
+
+
 def test_counts_and_sections():
     page = page_of.html(make_table().decided(LIMITS), ABOUT)
     assert '<p class="word">59 of 61 pass</p>' in page

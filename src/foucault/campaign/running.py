@@ -26,7 +26,7 @@ from foucault.models.layouts import model_of
 from foucault.models.noise import grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
-from foucault.result import Result
+from foucault.result import Level, Result
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import IndexedLog, Log
 
@@ -97,11 +97,20 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
             instrument=campaign.instrument,
             progress=progress,
         )
-        return earlier.with_given(result, prior)
+        return earlier.with_given(_stuck_first(result), prior)
 
     if campaign.earlier is None:
         return run(campaign.prior)
     return earlier.calibrated(campaign, campaign.earlier, run)
+
+
+def _stuck_first(result: Result) -> Result:
+    """Where a result is not good and an axis did not move, say that first: it explains the rest."""
+    stuck = [f.message for f in result.findings if f.code == "log.stuck"]
+    verdict = result.verdict
+    if not stuck or verdict.level is Level.PASS:
+        return result
+    return replace(result, verdict=replace(verdict, reasons=(*stuck, *verdict.reasons)))
 
 
 # -- simulation ----------------------------------------------------------------------------

@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
+from foucault.models.temperature import KELVIN_IN_CELSIUS
 from foucault.tables import FloatArray
-from foucault.units import STANDARD_GRAVITY, factor, plain, span
+from foucault.units import STANDARD_GRAVITY, ZERO_CELSIUS, factor, plain, span
 
 GAP = 1.5
 """An interval longer than this many nominal intervals is a gap [1]."""
@@ -326,3 +327,17 @@ def moment(time: float) -> str:
 def _row_list(rows: npt.NDArray[np.int64]) -> str:
     shown = ", ".join(str(row) for row in rows[:5])
     return f"{'row' if len(rows) == 1 else 'rows'} {shown}{', ...' if len(rows) > 5 else ''}"
+
+
+def temperature_scale(temperature: FloatArray) -> tuple[Finding, ...]:
+    """Tell temperatures that no instrument has: kelvin said to be degC, or the other way round.
+
+    Parameters
+    ----------
+    temperature : ndarray, shape (n,)
+        As the log has it [K].
+    """
+    middle = float(np.nanmedian(temperature)) - ZERO_CELSIUS
+    if not abs(middle) > KELVIN_IN_CELSIUS:
+        return ()
+    return (finding("log.temperature_unit", given=f"{middle:.1f}"),)

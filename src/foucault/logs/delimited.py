@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
 
 BLOCK_BYTES = 4 << 20
+_COMMA_IN_TIME = re.compile(rb"(:\d\d),(?=\d)")
+"""ISO 8601 allows it before a part of a second; Arrow does not."""
+
 _BLANK_LINE = re.compile(rb"(?m)^[ \t]+(?=\r?$)")
 
 
@@ -166,6 +169,8 @@ def _data_blocks(
             chunk = b"\n".join([b" ".join(line.split()) for line in chunk.split(b"\n")])
         elif chunk[:1].isspace() or b"\n " in chunk or b"\n\t" in chunk:
             chunk = _BLANK_LINE.sub(b"", chunk)
+        if dialect.stamps and dialect.delimiter != ",":
+            chunk = _COMMA_IN_TIME.sub(rb"\1.", chunk)
         if progress:
             progress(min(1.0, position(stream) / size))
         if not chunk.isspace():

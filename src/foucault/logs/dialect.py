@@ -21,7 +21,9 @@ SPACE = " "
 EMPTY = ("", "NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN", "-nan")
 """Cells that mean "no value"."""
 
-STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?(Z|[-+]\d\d:?(?:\d\d)?)?")
+STAMP = re.compile(
+    r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:[.,]\d{1,9})?)?(Z|[-+]\d\d:?(?:\d\d)?)?"
+)
 """A date and time of day as ISO 8601 writes it; the group is the time zone."""
 
 LOOK_AHEAD = 200

@@ -340,4 +340,6 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
         found += checks.time_scale(log.interval, used.time.unit, used.time.one())
     if log.gyro is not None and used.gyro is not None:
         found += checks.gyro_scale(log.gyro, used.gyro.unit, used.gyro.kind)
+    if log.temperature is not None:
+        found += checks.temperature_scale(log.temperature)
     return found

@@ -259,6 +259,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The median specific force is {norm} m/s^2, {ratio} times gravity, with unit = \"{unit}\" and "
      "kind = \"{kind}\".",
      "Check unit, scale, zero and columns in [log.accel]."),
+    ("log.temperature_unit", "warning", "A temperature no instrument has (kelvin read as degC)",
+     "The median temperature is {given} degC.",
+     "Check the unit in [log.temperature]: kelvin said to be degC, and degrees Celsius said to be "
+     "K, look like this."),
     ("log.gyro_unit", "warning", "Angular rates no gyro can measure (deg/s read as rad/s)",
      "The gyro reaches {peak} rad/s ({degrees} deg/s), with unit = \"{unit}\" and kind = "
      "\"{kind}\"; no gyro measures that.",

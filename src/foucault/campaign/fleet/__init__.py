@@ -215,13 +215,19 @@ def _of_files(campaign: Campaign, pattern: str, progress: Progress) -> Iterator[
 
 
 def _read_each(campaign: Campaign, serials: dict[str, Path], progress: Progress) -> Iterator[Entry]:
+    read: dict[str, str] = {}
     for number, (serial, path) in enumerate(serials.items()):
         progress(0.5 * number / len(serials), f"instrument {number + 1} of {len(serials)}")
         own = campaign.log.model_copy(update={"file": str(path.relative_to(campaign.folder))})
         try:
-            yield serial, logs.read(own, campaign.folder)
+            log = logs.read(own, campaign.folder)
+            first = read.setdefault(log.source["sha256"], serial)
+            if first != serial:
+                raise error("fleet.same_log", other=first)
         except FoucaultError as problem:
             yield serial, problem
+        else:
+            yield serial, log
 
 
 def _reduced(work: _Work, serial: str, log: Log | FoucaultError) -> _Reduced | Row:

@@ -183,8 +183,9 @@ class FleetTable:
         return sorted(found, key=lambda pair: pair[1] != DECISIONS[FAIL])
 
     def distributions(self) -> list[Distribution]:
-        """Return how each coefficient is distributed."""
-        return diagnose.distributions(self.names, self.values, self.sd)
+        """Return how each coefficient is distributed over the instruments that can be used."""
+        usable = np.array([row.verdict != Level.UNUSABLE for row in self.rows], bool)
+        return diagnose.distributions(self.names, self.values[usable], self.sd[usable])
 
     def outlying(self) -> list[Outlying]:
         """Return what stands out of the fleet, the farthest first."""
