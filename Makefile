@@ -13,7 +13,7 @@ help:
 	@echo "make lint   style, types and layers"
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"
-	@echo "make validation   hours: the tables of docs/validation, written again"
+	@echo "make validation   more than an hour: the tables of docs/validation, written again"
 	@echo "make release   sdist and wheel in dist/, tried in an empty environment"
 
 demo: .venv/installed-run

@@ -27,7 +27,7 @@ class LiveRest:
     Attributes
     ----------
     start, end : float
-        Times of its first and last sample [s].
+        Times of its first and last sample, from the first of the log [s].
     up : str
         Direction of up in words.
     """
@@ -137,7 +137,7 @@ def checklist(
         still_for=found.run + found.samples * found.interval if still else 0.0,
         hold=max(0.0, asked - found.run) if still else asked,
         rests=tuple(
-            LiveRest(float(time[a]), float(time[b - 1]), words)
+            LiveRest(float(time[a] - time[0]), float(time[b - 1] - time[0]), words)
             for a, b, words in zip(first, last, sphere.words, strict=True)
         ),
         orientations=sphere.orientations,

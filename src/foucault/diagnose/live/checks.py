@@ -88,9 +88,10 @@ class Watchman:
         told = []
         if turns.any():
             _, rate = turning(self._found.means("gyro", first, last))
+            time = log.time - log.time[0]
             told += [
-                finding("rest.moving", start=f"{log.time[first[i]]:.1f}",
-                        end=f"{log.time[last[i] - 1]:.1f}", rate=f"{np.degrees(rate[i]):.2f}")
+                finding("rest.moving", start=f"{time[first[i]]:.1f}",
+                        end=f"{time[last[i] - 1]:.1f}", rate=f"{np.degrees(rate[i]):.2f}")
                 for i in np.flatnonzero(turns)
             ]  # fmt: skip
         first, last = first[~turns], last[~turns]
