@@ -44,4 +44,5 @@ def test_where_nothing_can_be_said_nothing_is():
     assert check([-REVERSED] * 3, latitude=None) is None
     assert check([-REVERSED] * 3, latitude=0.1) is None
     assert check([-REVERSED] * 3, sd=10.0) is None
+    assert check([-REVERSED] * 3, sd=0.0) is None
     assert check([-REVERSED] * 3, names=NAMES[:5]) is None

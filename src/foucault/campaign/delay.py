@@ -64,7 +64,7 @@ def run(
         other = _second(Path(master), lambda part, words: progress(0.4 + part, words))
     if other is None:
         raise error("delay.no_second", file=slave.name)
-    if isinstance(other, Log) and log.source["sha256"] == other.source["sha256"]:
+    if isinstance(other, Log) and log.source.get("sha256", 0) == other.source.get("sha256"):
         raise error("delay.same_log", file=slave.name)
     latitude = source.site.get("latitude")
     if isinstance(other, MasterTable) and not other.has_place and latitude is not None:

@@ -121,7 +121,7 @@ def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check |
     each, cov = unit * coefficients.values[at], unit**2 * coefficients.cov[np.ix_(at, at)]
     value, sd = float(each.mean()), float(np.sqrt(cov.mean()))
     made = float(-2 * np.degrees(EARTH_RATE) * 3600 * np.sin(site.latitude))
-    if not abs(made) >= VISIBLE * sd:
+    if not 0 < VISIBLE * sd <= abs(made):
         return None
     away = abs(value - made) / sd
     alike = np.ptp(each) < abs(made) + VISIBLE * float(np.sqrt(np.diag(cov).max()))

@@ -227,6 +227,3 @@ def hints(e: RateEvidence) -> list[Finding]:
         sd = np.degrees(e.trust.vertical_sd) * 3600
         out.append(finding("rate_table.no_latitude", sd=f"{sd:.1f}"))
     return out
-
-
-# -- what the report shows -----------------------------------------------------------------------
