@@ -26,7 +26,8 @@ def test_as_its_twin(form):
 def test_nothing_spreads_backwards():
     dtheta = np.zeros((10, 3))
     dtheta[5, 0] = np.nan
-    C_0b, _ = from_start(dtheta, np.ones((10, 3)), np.full(10, 1 / 24), np.full(10, -1 / 24))
+    bends = bend_weights(np.ones(10), np.ones(10, bool))
+    C_0b, _ = from_start(dtheta, np.ones((10, 3)), *bends)
     assert np.isfinite(C_0b[:4]).all() and np.isnan(C_0b[5:, 1:]).any()
 
 

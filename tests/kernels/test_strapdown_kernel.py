@@ -147,10 +147,10 @@ def test_what_is_not_a_number_stays_so(form, rows):
 
 def test_quaternions_stay_of_length_one():
     n = 200_000
-    rng = np.random.default_rng(4)
+    rng, dt = np.random.default_rng(4), np.full(n, 0.01)
     out = module.strapdown(
-        0.1 * rng.standard_normal((n, 3)), 0.1 * rng.standard_normal((n, 3)), np.full(n, 0.01),
-        np.full(n, 1 / 24), np.full(n, -1 / 24), 0, n - 1, packed(motion()[5]), 0.0, module.HELD,
+        0.1 * rng.standard_normal((n, 3)), 0.1 * rng.standard_normal((n, 3)), dt,
+        *bend_weights(dt, np.ones(n, bool)), 0, n - 1, packed(motion()[5]), 0.0, module.HELD,
         np.zeros(0), GAINS,
     )  # fmt: skip
     for part in (slice(0, 4), slice(7, 11)):

@@ -212,10 +212,10 @@ def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical
     """Navigate over the rows first + 1 .. last, or from first back to last.
 
     Parameters: dtheta, dvel (n, 3) increments [rad], [m/s] over dt (n,) [s]; left, right (n,):
-    what the rows before and after count for in b and c of the module's text;
-    x0 (12,) the state at the end of row first; g_offset [m/s^2]; vertical FREE, HELD or AIDED;
-    heights (n,) at the ends of the rows [m], NaN where unknown, (0,) unless AIDED; gains (3,) of
-    the height loop [1/s, 1/s^2, 1/s^3].
+    what the rows before and after count for in b and c of the module's text, 0 where there is no
+    such row: nothing else keeps a read inside the arrays; x0 (12,) the state at the end of row
+    first; g_offset [m/s^2]; vertical FREE, HELD or AIDED; heights (n,) at the ends of the rows [m],
+    NaN where unknown, (0,) unless AIDED; gains (3,) of the height loop [1/s, 1/s^2, 1/s^3].
 
     Returns the states, shape (abs(last - first) + 1, 12). A step back is the exact inverse of the
     step forward, found by repeating the latter.
