@@ -419,7 +419,7 @@ def test_what_is_foreseen_is_what_comes(flight, found):
     seen = transfer_alignment.foresee(
         c.settings, session=c.session, site=c.site, noise=c.noise, prior=c.prior
     )
-    np.testing.assert_allclose(seen.sd, found.diagnostics["bound"], rtol=0.05)
+    np.testing.assert_allclose(seen.sd, found.coefficients.sd, rtol=0.05)
     assert seen.complete
     turns = {extra.what: extra for extra in seen.more}
     assert turns["an S-turn of 40 deg"].ratio < turns["straight on"].ratio < 1
