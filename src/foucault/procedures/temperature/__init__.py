@@ -177,8 +177,10 @@ def _findings(
 ) -> tuple[Finding, ...]:
     out = []
     asked = settings.orders.get("", 0)
-    lower = [name for name, spaces in zip(task.families, task.spaces.nested, strict=True)
-             if len(spaces) <= asked and name not in settings.orders]  # fmt: skip
+    # Lever arms and delay are constant at any number of temperatures: that is no lack of them.
+    known = zip(task.families, task.spaces.nested, task.temperatures, strict=True)
+    lower = [name for name, spaces, count in known
+             if max(len(spaces), count) <= asked and name not in settings.orders]  # fmt: skip
     if lower and not settings.knots:
         out.append(finding("temperature.lower_order", given=asked, families=", ".join(lower)))
     doubtful = [s.name for s in sessions if s.result.verdict.level is Level.DOUBTFUL]
