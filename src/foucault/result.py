@@ -112,6 +112,9 @@ class Estimate:
         Robust weight of every observation.
     weakest : tuple of str
         Combinations of coefficients that the data cannot tell apart, in words.
+    alone : CoefficientVector or None
+        What the observations say without the prior, with covariance; None where they do not
+        determine all coefficients, or where nobody asked [SI].
     """
 
     coefficients: CoefficientVector
@@ -127,6 +130,7 @@ class Estimate:
     state_cov: FloatArray
     weights: FloatArray
     weakest: tuple[str, ...] = ()
+    alone: CoefficientVector | None = None
 
 
 class Level(StrEnum):

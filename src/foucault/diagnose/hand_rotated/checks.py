@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.checks import plausible_scales, prior_check, status_check
+from foucault.diagnose.checks import judge_prior, plausible_scales, status_check
 from foucault.diagnose.coverage import Coverage
 from foucault.errors import Status
 from foucault.estimate import norm_observation
@@ -82,15 +82,12 @@ def checks(e: Evidence) -> tuple[Check, ...]:
         Data, estimate and diagnostics.
     """
     ended = status_checks(e.estimate.status, len(e.up_b), e.estimate.weakest)
-    out = [*ended, _half_space(e), _condition(e), *plausible_scales(e.estimate.coefficients)]
+    out = [*ended, *judge_prior(e.estimate)]
+    out += [_half_space(e), _condition(e), *plausible_scales(e.estimate.coefficients)]
     out += [_explained(e, name, what) for name, what in _KINDS.items() if name in e.before]
     out += _unstill(e)
     out += _even(e)
     out.append(_still(e))
-    if np.isfinite(e.estimate.coefficients.prior_sd).any():
-        known = int(np.isfinite(e.estimate.coefficients.prior_sd).sum())
-        rows = e.estimate.residuals[-known:]  # the prior's rows come last
-        out.append(prior_check(e.estimate.coefficients, rows))
     if np.isfinite(e.held_out[0]).any():
         out.append(_held_out(e))
     return tuple(out)

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.checks import (
+    judge_prior,
     plausible_scales,
-    prior_check,
     reversed_earth_check,
     status_check,
 )
@@ -113,6 +113,7 @@ def checks(e: RateEvidence) -> tuple[Check, ...]:
     """
     vector = e.estimate.coefficients
     out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
+    out += judge_prior(e.estimate)
     out += [*plausible_scales(vector), *_bent(e)]
     if not e.unknown and e.estimate.dof > 0:
         out.append(_explained(e))
@@ -120,11 +121,6 @@ def checks(e: RateEvidence) -> tuple[Check, ...]:
         out.append(_drift(e))
     sign = reversed_earth_check(vector, e.site)
     out += [sign] if sign is not None else []
-    if np.isfinite(vector.prior_sd).any():
-        prior = e.problem.prior
-        assert prior is not None
-        known = np.isfinite(prior.prior_sd)
-        out.append(prior_check(vector, ((vector.values - prior.values) / prior.prior_sd)[known]))
     return tuple(out)
 
 
