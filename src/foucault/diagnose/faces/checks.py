@@ -159,8 +159,8 @@ def _explained(e: FaceEvidence, kind: str) -> Check:
     # Uncertainties that are too large, from noise measured at rest, are only careful. Declared
     # noise that is contradicted is not.
     wrong = e.declared and _contradicted(e, kind)
-    fine = value <= high and (value >= low or added or not e.declared) and not wrong
-    return Check(name, value, low, high, fine, words)
+    least = low if e.declared and not added else None
+    return Check(name, value, least, high, value <= high and not wrong, words)
 
 
 _KINDS = {
