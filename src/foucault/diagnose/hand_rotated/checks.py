@@ -23,10 +23,14 @@ FloatArray = npt.NDArray[np.float64]
 ENOUGH_RESTS = 12
 """Fewer rests leave too little redundancy to notice that one is wrong [1]."""
 
-CONDITION = (20.0, 500.0)
+CONDITION = (20.0, 400.0)
 """Condition number of the norm equations: doubtful and unusable beyond [1]. Even coverage has
 1.6, a half-space 18 (uncertainties up to 8 times larger), rests within 45 degrees of one axis
-550 (160 times)."""
+470 (160 times)."""
+
+EVEN = np.sqrt(np.repeat([1 / 5, 4 / 15, 4 / 3], 3))
+"""Root mean square of each column of the norm equations over all directions [1]. Divided by their
+own, a column that hardly any rest shows would look as full as the others."""
 
 SHAKEN, SHAKEN_SHARE = 3.0, 0.2
 """A rest is shaken beyond this level [1]; more than this share of the rests is too much [1]."""
@@ -143,7 +147,7 @@ def _half_space(e: Evidence) -> Check:
 
 def _condition(e: Evidence) -> Check:
     rows = norm_observation.design(e.up_b, 1.0)
-    value = float(np.linalg.cond(rows / np.linalg.norm(rows, axis=0)))
+    value = float(np.linalg.cond(rows / EVEN))
     doubtful, unusable = CONDITION
     fine = value <= doubtful
     level = Level.UNUSABLE if value > unusable else Level.DOUBTFUL
