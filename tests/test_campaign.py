@@ -306,6 +306,16 @@ def test_a_log_instead_of_a_campaign(tmp_path: Path) -> None:
     assert 'file = "log.csv"' in caught.value.cure
 
 
+@pytest.mark.parametrize("file", ["campaign.toml", "log.csv"])
+@pytest.mark.parametrize("text", ["", "\n  \n# nothing yet\n"])
+def test_an_empty_file(file: str, text: str, tmp_path: Path) -> None:
+    (tmp_path / file).write_text(text)
+    with pytest.raises(FoucaultError) as caught:
+        campaign.load(tmp_path / file)
+    assert caught.value.code == "campaign.empty"
+    assert f"{file}' has nothing in it" in caught.value.message
+
+
 def test_what_only_reads_a_log_needs_no_procedure() -> None:
     text = MINIMAL.replace("[procedure]", "").replace('name = "hand_rotated"', "")
     assert campaign.parse(text, calibrates=False).site.height == 60.0

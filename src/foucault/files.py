@@ -63,6 +63,30 @@ def unwritable(path: str | Path, problem: OSError) -> FoucaultError:
     return error("output.unwritable", path=path, reason=reason)
 
 
+def free_memory() -> float:
+    """Return the memory that this process may still take, inf where the system says nothing [B].
+
+    What the machine has free, or the control group (a container), or what the limit of the process
+    leaves of its address space.
+    """
+    free = math.inf
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        free = 1024.0 * next(int(x.split()[1]) for x in lines if x.startswith("MemAvailable"))
+    with suppress(OSError, ValueError):
+        group = Path("/sys/fs/cgroup")
+        most, used = ((group / f"memory.{n}").read_text() for n in ("max", "current"))
+        free = min(free, float(int(most) - int(used)))
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        most_of_all, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if most_of_all != resource.RLIM_INFINITY:
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            free = min(free, float(most_of_all - pages * resource.getpagesize()))
+    return max(free, 0.0)
+
+
 def sha256(path: str | Path) -> str:
     """Compute the SHA-256 of a file, in hexadecimal, without holding it in memory.
 

@@ -1,6 +1,8 @@
 """A log that nobody described is read where the titles of its columns say enough."""
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from foucault.errors import FoucaultError
@@ -119,3 +121,25 @@ def test_a_name_that_two_columns_could_mean_is_not_guessed(tmp_path):
     ) as caught:
         read(LogDescription.model_validate(words), tmp_path)
     assert caught.value.code == "log.unknown_column"
+
+
+@pytest.mark.parametrize("wanted", ["{}", "{} ", " {}", "-{} "])
+def test_spaces_around_a_title_do_not_hide_it(wanted, tmp_path):
+    titles = ["time ", " gyro_x  ", "gyro  y ", "gyro_z", "ax (m/s^2) ", "accel_y", "accel_z\u00a0"]
+    names = [" ".join(t.split()) for t in titles]
+    rows = np.arange(28.0).reshape(4, 7)
+    table = pa.table(dict(zip(titles, rows.T, strict=True)))
+    pq.write_table(table, tmp_path / "log.parquet")
+    (tmp_path / "log.csv").write_text(
+        ",".join(f'"{t}"' for t in titles) + "\n" + "\n".join(",".join(map(str, r)) for r in rows)
+    )
+    some = [wanted.format(n) for n in names]
+    for file in ("log.parquet", "log.csv"):
+        described = LogDescription.model_validate({
+            "file": file, "time": {"column": names[0] + " ", "unit": "s"},
+            "gyro": {"columns": some[1:4], "unit": "rad/s"},
+            "accel": {"columns": some[4:], "unit": "m/s^2"},
+        })  # fmt: skip
+        log = read(described, tmp_path)
+        sign = -1.0 if wanted.startswith("-") else 1.0
+        np.testing.assert_allclose(np.column_stack([log.gyro, log.accel]), sign * rows[:, 1:])

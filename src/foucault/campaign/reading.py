@@ -136,6 +136,8 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         if path.suffix.lower() != ".toml":
             raise error("campaign.other_file", path=path, name=path.name) from None
         raise error("campaign.syntax", path=path, reason=problem) from None
+    if not raw:
+        raise error("campaign.empty", path=path)
     if not calibrates:  # what a log is like does not hang on which procedure it is read for
         raw.setdefault("procedure", {"name": "hand_rotated"})
     raw, before = earlier.split(raw)

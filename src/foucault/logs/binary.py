@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.errors import error
-from foucault.logs.encoding import open_bytes
+from foucault.logs.encoding import open_bytes, position
 from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable
 from foucault.tables import FloatArray
 
@@ -29,20 +29,19 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
     skip = record.skip
 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
-        size, done = max(1, path.stat().st_size), 0
+        size = max(1, path.stat().st_size)
         with open_bytes(path) as stream:
             for start in range(0, skip, PIECE):
                 if not stream.read(min(PIECE, skip - start)):
                     break
             while data := stream.read(BLOCK_ROWS * dtype.itemsize):
                 whole = len(data) // dtype.itemsize
-                done += len(data)
                 if len(data) % dtype.itemsize:
                     left = len(data) - whole * dtype.itemsize
                     raise error("log.record_cut", file=path.name, left=left, record=dtype.itemsize)
                 rows = np.frombuffer(data, dtype)
-                yield np.column_stack([rows[names[c]] for c in columns]).astype(np.float64)
                 if progress:
-                    progress(min(1.0, done / size))
+                    progress(min(1.0, position(stream) / size))
+                yield np.column_stack([rows[names[c]] for c in columns]).astype(np.float64)
 
     return RawTable(names, False, blocks)

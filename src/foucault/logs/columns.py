@@ -48,16 +48,20 @@ def find(
     sign : float
         -1.0 where the sign is to be turned, else 1.0.
     """
-    if isinstance(wanted, str) and wanted not in raw.names and wanted.startswith("-"):
-        number, _ = find(raw, wanted[1:], path, block, table)
-        return number, -1.0
-    text = str(wanted)
-    # `t` names "t (s)" too, where no other column is called so.
-    alike = [i for i, name in enumerate(raw.names) if _bare(name) == text]
-    if isinstance(wanted, str) and wanted not in raw.names and raw.named and len(alike) == 1:
-        return alike[0], 1.0
     if isinstance(wanted, str) and wanted in raw.names:
         return raw.names.index(wanted), 1.0
+    text = _spaced(str(wanted))
+    if isinstance(wanted, str) and raw.named:
+        # Spaces at the ends are not seen; and `t` names "t (s)" too. Where only one is called so.
+        for known in (_spaced, _bare):
+            alike = [i for i, name in enumerate(raw.names) if known(name) == text]
+            if len(alike) == 1:
+                return alike[0], 1.0
+            if alike:
+                break
+    if isinstance(wanted, str) and text.startswith("-"):
+        number, _ = find(raw, text[1:], path, block, table)
+        return number, -1.0
     if text.isdigit() and int(text) < len(raw.names):
         return int(text), 1.0
     if raw.named:
@@ -106,7 +110,12 @@ def guess(raw: RawTable, block: str, path: Path) -> list[int]:
 
 def _bare(name: str) -> str:
     """Return a column's `name` without a unit in brackets."""
-    return re.sub(r"\s*[(\[][^)\]]*[)\]]\s*$", "", name)
+    return re.sub(r"\s*[(\[][^)\]]*[)\]]\s*$", "", _spaced(name))
+
+
+def _spaced(name: str) -> str:
+    """Return a title without spaces at its ends, and one of each within."""
+    return " ".join(name.split())
 
 
 def _plain(name: str) -> str:

@@ -20,6 +20,7 @@ from foucault.errors import FoucaultError, error
 from foucault.files import decoded
 from foucault.logs.dialect import (
     EMPTY,
+    LOOK_AHEAD,
     SPACE,
     STAMP,
     Dialect,
@@ -28,7 +29,7 @@ from foucault.logs.dialect import (
     text_lines,
     uncomment,
 )
-from foucault.logs.encoding import open_text, position
+from foucault.logs.encoding import LONGEST, endless, lines, open_text, position
 from foucault.logs.raw import Progress, RawTable, unreadable
 from foucault.tables import FloatArray
 
@@ -51,8 +52,8 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
         return _blocks(path, dialect, columns, progress)
 
     def words(column: int) -> Iterator[list[str]]:
-        with open_text(path) as stream, _told(path, dialect, ()):
-            yield from _words(stream, dialect, column, path.stat().st_size)
+        with open_text(path) as stream, _told(path, dialect, ()) as good:
+            yield from _words(stream, dialect, column, path.stat().st_size, good)
 
     known = dialect.marker, dialect.stamps, dialect.findings
     return RawTable(dialect.names, dialect.named, blocks, *known, words)
@@ -61,19 +62,21 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
 def _blocks(
     path: Path, dialect: Dialect, columns: Sequence[int], progress: Progress | None
 ) -> Iterator[FloatArray]:
-    with open_text(path) as stream, _told(path, dialect, columns):
-        yield from parse(stream, dialect, columns, path.stat().st_size, progress)
+    with open_text(path) as stream, _told(path, dialect, columns) as good:
+        yield from parse(stream, dialect, columns, path.stat().st_size, progress, good)
 
 
 @contextmanager
-def _told(path: Path, dialect: Dialect, columns: Sequence[int]) -> Iterator[None]:
-    """Say which line cannot be read, where pyarrow says that one cannot."""
+def _told(path: Path, dialect: Dialect, columns: Sequence[int]) -> Iterator[list[int]]:
+    """Say which line cannot be read, where pyarrow says that one cannot; count those that could."""
     import pyarrow as pa
 
+    good = [dialect.skip]
     try:
-        yield
+        yield good
     except pa.ArrowInvalid as problem:
-        raise _first_fault(path, dialect, columns) or unreadable(path, "text", problem) from problem
+        wrong = _first_fault(path, dialect, columns, good[0])
+        raise wrong or unreadable(path, "text", problem) from problem
 
 
 def parse(
@@ -82,6 +85,7 @@ def parse(
     columns: Sequence[int],
     size: int,
     progress: Progress | None = None,
+    good: list[int] | None = None,
 ) -> Iterator[FloatArray]:
     """Yield the rows of a text; pyarrow raises ArrowInvalid where it cannot read on.
 
@@ -97,16 +101,20 @@ def parse(
         Length of the text [bytes].
     progress : callable or None
         Called with the fraction read, from 0 to 1.
+    good : list of int or None
+        Its first is raised by the number of lines that could be read [1].
     """
     types = {c: _arrow_type(dialect, c) for c in columns}
-    for batch in _batches(stream, dialect, types, size, progress):
+    for batch in _batches(stream, dialect, types, size, progress, good or [0]):
         yield np.column_stack([_floats(batch.column(f"c{c}")) for c in columns])
 
 
-def _words(stream: IO[bytes], dialect: Dialect, column: int, size: int) -> Iterator[list[str]]:
+def _words(
+    stream: IO[bytes], dialect: Dialect, column: int, size: int, good: list[int]
+) -> Iterator[list[str]]:
     import pyarrow as pa
 
-    for batch in _batches(stream, dialect, {column: pa.binary()}, size, None):
+    for batch in _batches(stream, dialect, {column: pa.binary()}, size, None, good):
         yield [decoded(word or b"") for word in batch.column(0).to_pylist()]
 
 
@@ -116,6 +124,7 @@ def _batches(
     types: dict[int, Any],
     size: int,
     progress: Progress | None,
+    good: list[int],
 ) -> Iterator[Any]:
     import pyarrow as pa
     from pyarrow import csv
@@ -130,11 +139,17 @@ def _batches(
         strings_can_be_null=True,
         decimal_point=dialect.decimal,
     )
-    # Blocks of our own, in memory of Arrow's: a thread of its reads ahead, and one that read a file
-    # written in Python would crash the interpreter where, after a fault, it outlives the file.
+    # Blocks in memory that is Arrow's: a thread of its reads ahead, and after a fault it outlives
+    # the call; a file or bytes of Python may then be gone, or the whole interpreter.
     for block in _data_blocks(stream, dialect, size, progress):
+        if block.isspace():
+            good[0] += block.count(b"\n")
+            continue
         reading = csv.ReadOptions(column_names=keys, block_size=len(block))
-        yield csv.read_csv(pa.BufferReader(block), reading, parsing, converting)
+        memory = pa.allocate_buffer(len(block))
+        np.frombuffer(memory, np.uint8)[:] = np.frombuffer(block, np.uint8)
+        yield csv.read_csv(pa.BufferReader(memory), reading, parsing, converting)
+        good[0] += block.count(b"\n")
 
 
 def _arrow_type(dialect: Dialect, column: int) -> Any:
@@ -157,12 +172,19 @@ def _data_blocks(
     stream: IO[bytes], dialect: Dialect, size: int, progress: Progress | None
 ) -> Iterator[bytes]:
     """Yield whole lines of data as bytes, without comments and repeated spaces."""
-    for _ in islice(stream, dialect.skip):
+    import pyarrow as pa
+
+    for _ in islice(lines(stream), dialect.skip):
         pass
     marks = [mark.encode() for mark in dialect.comment]
     comment = re.compile(rb"[ \t]*(?:" + b"|".join(map(re.escape, marks)) + rb")[^\n]*")
     while chunk := stream.read(BLOCK_BYTES):
-        chunk += stream.readline()
+        if b"\0" not in chunk and not chunk.endswith(b"\n"):
+            rest = stream.readline(LONGEST)
+            endless(rest, "one line")
+            chunk += rest
+        if b"\0" in chunk:
+            raise pa.ArrowInvalid("it holds zero bytes")
         if any(mark in chunk for mark in marks):
             chunk = comment.sub(b"", chunk)
         if dialect.delimiter == SPACE:
@@ -173,21 +195,28 @@ def _data_blocks(
             chunk = _COMMA_IN_TIME.sub(rb"\1.", chunk)
         if progress:
             progress(min(1.0, position(stream) / size))
-        if not chunk.isspace():
-            yield chunk
+        yield chunk
 
 
-def _first_fault(path: Path, dialect: Dialect, columns: Sequence[int]) -> FoucaultError | None:
-    """Find the first line that cannot be read, and say what is wrong with it."""
+def _first_fault(
+    path: Path, dialect: Dialect, columns: Sequence[int], good: int
+) -> FoucaultError | None:
+    """Find the first line after `good` ones that cannot be read, and say what is wrong with it."""
     with open_text(path) as stream:
-        lines = enumerate(text_lines(stream), start=1)
-        for number, line in islice(lines, dialect.skip, None):
+        for _ in islice(lines(stream), good):
+            pass
+        rest = enumerate(text_lines(stream), start=good + 1)
+        for number, line in rest:
             if not uncomment(line, dialect.comment).strip():
                 continue
             wrong = fault(path.name, dialect, columns, number, line)
             if wrong is None:
                 continue
-            more = any(uncomment(text, dialect.comment).strip() for _, text in lines)
+            if wrong.code == "log.zero_bytes":
+                return wrong
+            more = any(
+                uncomment(text, dialect.comment).strip() for _, text in islice(rest, LOOK_AHEAD)
+            )
             have, want = len(dialect.cells(line)), len(dialect.names)
             if not more and (have < want or not line.endswith("\n")):
                 return error("log.truncated", file=path.name, line=number, have=have, want=want)
@@ -213,6 +242,8 @@ def fault(
     line : str
         The line.
     """
+    if "\0" in line:
+        return error("log.zero_bytes", file=name, line=number, before=number - 1)
     cells, want = dialect.cells(line), len(dialect.names)
     if len(cells) != want:
         return error("log.ragged", file=name, line=number, have=len(cells), want=want)

@@ -10,6 +10,7 @@ from typing import IO, TYPE_CHECKING
 
 from foucault.errors import Finding, error, finding
 from foucault.files import decoded
+from foucault.logs.encoding import lines
 from foucault.logs.layout import SPACES
 from foucault.logs.own import MARKER
 
@@ -25,6 +26,9 @@ STAMP = re.compile(
     r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:[.,]\d{1,9})?)?(Z|[-+]\d\d:?(?:\d\d)?)?"
 )
 """A date and time of day as ISO 8601 writes it; the group is the time zone."""
+
+LONGEST_HEAD = 4 << 20
+"""Titles and remarks before the samples are no longer than this [characters]."""
 
 LOOK_AHEAD = 200
 """Lines looked at to find where the samples begin [1]."""
@@ -69,11 +73,14 @@ def dialect_of(stream: IO[bytes], description: FileLayout, name: str) -> Dialect
     comment = description.comment
     marker, remark, heads, skip = "", "", list[str](), 0
     seen: list[str] = []
-    lines = text_lines(stream)
-    for line in lines:
+    rest, size = text_lines(stream), 0
+    for line in rest:
         if "\0" in line:
             raise error("log.encoding", file=name)
         seen.append(line)
+        size += len(line)
+        if size > LONGEST_HEAD:
+            raise ValueError(f"its first {LONGEST_HEAD >> 20} MB hold no sample")
         text = line.strip()
         remark = text if _is_comment(text, comment) else remark
         marker = text if MARKER in remark and not marker else marker
@@ -89,7 +96,7 @@ def dialect_of(stream: IO[bytes], description: FileLayout, name: str) -> Dialect
     names = _names(heads, remark, delimiter, count, comment)
     head = next((h for h in heads if not _any_number(split(h, delimiter))), None)
     if description.header == "auto":
-        _no_preamble(list(chain(seen, islice(lines, LOOK_AHEAD))), skip, description, name)
+        _no_preamble(list(chain(seen, islice(rest, LOOK_AHEAD))), skip, description, name)
     if names is None and head and delimiter != SPACE and description.header == "auto":
         have = len(split(head, delimiter))
         raise error("log.header_count", file=name, names=have, line=skip + 1, cells=count,
@@ -210,5 +217,5 @@ def _any_number(cells: list[str]) -> bool:
 
 def text_lines(stream: IO[bytes]) -> Iterator[str]:
     """Yield the lines of a text."""
-    for line in stream:
+    for line in lines(stream):
         yield decoded(line)

@@ -8,9 +8,19 @@ from __future__ import annotations
 
 import codecs
 import gzip
+from collections.abc import Iterator
 from io import BufferedReader, IncrementalNewlineDecoder, RawIOBase
 from pathlib import Path
 from typing import IO, Any, cast
+
+LONGEST = 4 << 20
+"""A line of text is no longer than this [bytes]."""
+
+SMALL = 64 << 20
+"""What unpacks to no more than this is unpacked, whatever its size was [bytes]."""
+
+PACKED = 200
+"""Nothing that was measured packs smaller than by this factor [1]."""
 
 _START = 4096  # bytes from which the encoding is told
 _PIECE = 1 << 16
@@ -61,7 +71,74 @@ def open_bytes(path: Path) -> IO[bytes]:
     if magic != b"\x1f\x8b":
         return stream
     stream.close()
-    return cast(IO[bytes], gzip.open(path, "rb"))
+    return cast(IO[bytes], _Unpacked(path, "rb"))
+
+
+def lines(stream: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines of a text, in pieces where one with zero bytes in it never ends.
+
+    Parameters
+    ----------
+    stream : file
+        The text, from its first line.
+    """
+    number = 0
+    while line := stream.readline(LONGEST):
+        number += 1
+        endless(line, f"line {number}")
+        yield line
+
+
+def endless(line: bytes, what: str) -> None:
+    """Refuse a line that is longer than any is, but for one of zero bytes, told elsewhere.
+
+    Parameters
+    ----------
+    line : bytes
+        No more than `LONGEST` of it.
+    what : str
+        The line, for the text.
+    """
+    if len(line) >= LONGEST and not line.endswith(b"\n") and b"\0" not in line:
+        raise ValueError(f"{what} is longer than {LONGEST >> 20} MB: it is no text")
+
+
+def not_a_bomb(unpacked: float, packed: float) -> None:
+    """Refuse what unpacks to far more than any readings do.
+
+    Parameters
+    ----------
+    unpacked : float
+        Its length as it is used [bytes].
+    packed : float
+        Its length in the file [bytes].
+    """
+    if unpacked > max(SMALL, PACKED * packed):
+        raise ValueError(
+            f"{packed / 1e6:.3g} MB of it unpack to more than {unpacked / 1e6:.3g} MB; readings do "
+            f"not pack by a factor of {PACKED}"
+        )
+
+
+class _Unpacked(gzip.GzipFile):
+    """A packed file that is read no further once it unpacks to what cannot be readings."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        left = float("inf") if size is None or size < 0 else size
+        pieces: list[bytes] = []
+        while left > 0 and (piece := super().read(int(min(left, _PIECE << 4)))):
+            pieces.append(piece)
+            left -= len(piece)
+            self._watch()
+        return b"".join(pieces)
+
+    def readline(self, size: int | None = -1) -> bytes:
+        line = super().readline(LONGEST if size is None or size < 0 else size)
+        self._watch()
+        return line
+
+    def _watch(self) -> None:
+        not_a_bomb(self.tell(), position(self))
 
 
 def position(stream: Any) -> int:

@@ -14,7 +14,7 @@ from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks, columns
 from foucault.logs.indexed_checks import implausible
-from foucault.logs.raw import Progress, RawTable, open_raw
+from foucault.logs.raw import Progress, RawTable, kept, open_raw
 from foucault.models.rotation import turned
 from foucault.tables import FloatArray, IndexedLog, IntArray
 
@@ -80,7 +80,7 @@ def _columns(used: IndexedDescription, raw: RawTable, path: Path) -> Data:
     """Read all columns of numbers, converted to SI; accel has two dimensions."""
     picks = list(_picks(used, raw, path))
     numbers = [number for _, some, _, _ in picks for number in some]
-    pieces = list(raw.blocks(numbers))
+    pieces = list(kept(raw, path).blocks(numbers))
     rows = np.concatenate(pieces) if pieces else np.empty((0, len(numbers)))
     if not len(rows):
         raise error("log.empty", file=path.name)

@@ -31,8 +31,17 @@ def scaled_unit(text: str, kind: str) -> float:
     float
         SI value of one [SI unit of the kind].
     """
-    return parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
+    one = parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
+    if not SMALLEST_UNIT <= abs(one) <= 1 / SMALLEST_UNIT:
+        raise error("log.unit_size", unit=text, size=f"{one:.3g}")
+    return one
 
+
+SLOWEST, FASTEST = 1e-6, 1e7
+"""Sample rates are between these [Hz]."""
+
+SMALLEST_UNIT = 1e-18
+"""Units are no smaller than this of the SI unit, and no larger than its inverse [1]."""
 
 SPACES = ("space", "spaces", "whitespace")
 """Words for any number of spaces and tabs between two cells."""
@@ -277,5 +286,5 @@ class FileLayout(Block):
         """Refuse a sample rate beside a time column (`timed`), or one that is not positive."""
         if self.rate is not None and timed:
             raise error("log.time_and_rate")
-        if self.rate is not None and not self.rate > 0:
+        if self.rate is not None and not SLOWEST <= self.rate <= FASTEST:
             raise error("log.rate", rate=f"{self.rate:g}")

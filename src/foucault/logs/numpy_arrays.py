@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import error, suggestion
+from foucault.logs.encoding import not_a_bomb
 from foucault.logs.own import ARRAY_KEY
-from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable
+from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -29,16 +30,16 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
     """Open a .npy or .npz file; pickled objects are refused."""
     with path.open("rb") as stream:
         if stream.read(2) == b"PK":
-            arrays = _unpacked(stream, path.stat().st_size)
+            arrays = _unpacked(stream, path)
             marker = str(arrays.pop(ARRAY_KEY, ""))
             return from_arrays(path, arrays, description.variable, progress, marker)
     loaded = np.load(path, allow_pickle=False, mmap_mode="r")
     return from_arrays(path, {"": loaded}, None, progress)
 
 
-def _unpacked(stream: IO[bytes], size: int) -> dict[str, Array]:
-    """Return the arrays of a .npz file of `size` bytes, none larger than it can hold packed."""
-    arrays = {}
+def _unpacked(stream: IO[bytes], path: Path) -> dict[str, Array]:
+    """Return the arrays of a .npz file, none larger than it can hold packed."""
+    arrays, size, whole = {}, path.stat().st_size, 0.0
     with zipfile.ZipFile(stream) as parts:
         for info in parts.infolist():
             with parts.open(info) as part:
@@ -49,6 +50,9 @@ def _unpacked(stream: IO[bytes], size: int) -> dict[str, Array]:
                 claimed = math.prod(shape) * dtype.itemsize
             if claimed > min(info.file_size, PACKED * size):
                 raise ValueError(f"'{info.filename}' claims more numbers than it holds")
+            whole += claimed
+            not_a_bomb(whole, size)
+            must_fit(path, claimed)
             with parts.open(info) as part:
                 name = info.filename.removesuffix(".npy")
                 arrays[name] = np.lib.format.read_array(part, allow_pickle=False)
@@ -100,9 +104,9 @@ def from_arrays(
     def blocks(wanted: Sequence[int]) -> Iterator[FloatArray]:
         for start in range(0, rows, BLOCK_ROWS):
             part = [series[c][start : start + BLOCK_ROWS] for c in wanted]
-            yield np.column_stack(part).astype(np.float64)
             if progress:
                 progress(min(1.0, (start + BLOCK_ROWS) / rows))
+            yield np.column_stack(part).astype(np.float64)
 
     return RawTable(tuple(columns), not all(map(str.isdigit, columns)), blocks, marker)
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault.errors import error
+from foucault.logs.encoding import not_a_bomb
 from foucault.logs.own import METADATA_KEY
-from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable
+from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -34,11 +35,14 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
         # Otherwise whole columns of a row group, or of the file, would be fetched ahead.
         with parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
             total = max(1, file.metadata.num_rows)
+            claimed = 8.0 * total * len(names)
+            not_a_bomb(claimed, path.stat().st_size)
+            must_fit(path, claimed)
             for batch in file.iter_batches(BLOCK_ROWS, columns=names):
-                yield np.column_stack([_floats(batch.column(f.name)) for f in wanted])
                 done += batch.num_rows
                 if progress:
                     progress(done / total)
+                yield np.column_stack([_floats(batch.column(f.name)) for f in wanted])
 
     def words(column: int) -> Iterator[list[str]]:
         name = schema.field(column).name

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 from foucault.errors import Finding, FoucaultError, error
+from foucault.files import free_memory
 from foucault.logs.encoding import is_text, open_text
 from foucault.logs.own import describe, sampled_of
 from foucault.tables import FloatArray
@@ -29,6 +30,9 @@ Progress = Callable[[float], None]
 
 PIECE = 1 << 20
 """A file is asked for no more at once, whatever it says of its length [bytes]."""
+
+COPIES = 2
+"""A log is in memory so many times while it is read, at least [1]."""
 
 BLOCK_ROWS = 1 << 18
 """Rows per block where the format leaves the choice to us."""
@@ -61,6 +65,8 @@ class RawTable:
         unit may be open.
     sampled : {"rate", "increment"} or None
         What the readings are, where the file or its format says it.
+    done : callable
+        Fraction of the file that the blocks handed out so far come from [1].
     """
 
     names: tuple[str, ...]
@@ -72,6 +78,7 @@ class RawTable:
     words: Callable[[int], Iterator[list[str]]] | None = None
     declared: Mapping[str, Any] | None = None
     sampled: Literal["rate", "increment"] | None = None
+    done: Callable[[], float] = lambda: 0.0
 
     @property
     def described(self) -> bool:
@@ -139,16 +146,24 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
         Its columns, not yet read.
     """
     _must_exist(path)
-    name = "gzip"
+    name, done = "gzip", [0.0]
+
+    def watched(fraction: float) -> None:
+        done[0] = fraction
+        if progress:
+            progress(fraction)
+
     try:
         name = _format(path, description)
         module = import_module(f"foucault.logs.{_MODULES[name]}")
-        table: RawTable = module.open_raw(path, description, progress)
+        table: RawTable = module.open_raw(path, description, watched)
     except FoucaultError:
         raise
+    except MemoryError as problem:
+        raise too_large(path, path.stat().st_size, free_memory()) from problem
     except Exception as problem:  # each library raises its own types for a damaged file
         raise unreadable(path, name, problem) from problem
-    return replace(of_own(table), blocks=_guarded(table, path, name))
+    return replace(of_own(table), blocks=_guarded(table, path, name), done=lambda: done[0])
 
 
 def library(name: str, extra: str, path: Path) -> Any:
@@ -184,12 +199,59 @@ def _guarded(
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         try:
             yield from table.blocks(columns)
-        except (FoucaultError, MemoryError):
+        except FoucaultError:
             raise
+        except MemoryError as problem:
+            raise too_large(path, path.stat().st_size, free_memory()) from problem
         except Exception as problem:
             raise unreadable(path, name, problem) from problem
 
     return blocks
+
+
+def kept(raw: RawTable, path: Path) -> RawTable:
+    """Return a table whose rows will all be kept, refused as soon as they cannot be.
+
+    Parameters
+    ----------
+    raw : RawTable
+        Columns of a file.
+    path : Path
+        The file, for the text.
+    """
+
+    def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
+        held = 0
+        for rows in raw.blocks(columns):
+            held += rows.nbytes
+            must_fit(path, held / (raw.done() or 1.0), held)
+            yield rows
+
+    return replace(raw, blocks=blocks)
+
+
+def must_fit(path: Path, size: float, held: float = 0.0) -> None:
+    """Refuse a log that memory cannot hold.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the text.
+    size : float
+        All its numbers [bytes].
+    held : float
+        Those that are in memory already [bytes].
+    """
+    free = free_memory() + held
+    if COPIES * size > free:
+        raise too_large(path, COPIES * size, free)
+
+
+def too_large(path: Path, need: float, free: float) -> FoucaultError:
+    """Build the error for a log that memory cannot hold: what it needs, what is free [bytes]."""
+    return error(
+        "log.too_large", file=path.name, need=f"{need / 1e9:.3g}", free=f"{free / 1e9:.3g}"
+    )
 
 
 def unreadable(path: Path, name: str, problem: Exception) -> FoucaultError:

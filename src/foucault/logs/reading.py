@@ -13,7 +13,7 @@ from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
 from foucault.logs import axes, checks, columns
 from foucault.logs.declared import complete
-from foucault.logs.raw import Progress, RawTable, open_raw
+from foucault.logs.raw import Progress, RawTable, kept, open_raw
 from foucault.logs.table_rows import means_log, table_of, whole_numbers
 from foucault.tables import FloatArray, Log
 
@@ -134,7 +134,7 @@ def _columns(
 ) -> dict[str, FloatArray]:
     """Read the blocks of one file, converted to SI as they come in."""
     pieces: dict[str, list[FloatArray]] = {}
-    for part in converted(used, blocks, raw, path):
+    for part in converted(used, blocks, kept(raw, path), path):
         for block, values in part.items():
             pieces.setdefault(block, []).append(values)
     data = {}

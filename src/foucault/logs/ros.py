@@ -99,10 +99,12 @@ def _reader(path: Path, topic: str, row: Any, progress: Progress | None) -> Any:
                 rows.append(row(recorded, message))
                 if len(rows) == _ROWS:
                     done += len(rows)
-                    yield np.array(rows)[:, list(columns)]
-                    rows = []
                     if progress:
                         progress(min(1.0, done / total))
+                    yield np.array(rows)[:, list(columns)]
+                    rows = []
+            if progress:
+                progress(1.0)
             if rows:
                 yield np.array(rows)[:, list(columns)]
 

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from foucault.errors import error, finding
-from foucault.logs.encoding import open_text, position
+from foucault.logs.encoding import lines, open_text, position
 from foucault.logs.raw import Progress, RawTable
 from foucault.tables import FloatArray
 
@@ -60,8 +60,10 @@ class _Format:
 def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a log of sentences; lines of other sentences are passed over."""
     with open_text(path) as stream:
-        found = next(((n, f) for line in stream for n, f in _FORMATS.items() if f.tag.match(line)),
-                     None)  # fmt: skip
+        found = next(
+            ((n, f) for line in lines(stream) for n, f in _FORMATS.items() if f.tag.match(line)),
+            None,
+        )
     if found is None:
         raise error("log.no_topic", file=path.name, what="no sentence RAWIMU or $VNIMU",
                     have="other lines; of CORRIMUDATA gravity and errors are taken off, so that no "
@@ -72,15 +74,17 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
         size, rows = max(1, path.stat().st_size), list[list[float]]()
         dated = _Weeks(form.names)
         with open_text(path) as stream:
-            for number, line in enumerate(stream, start=1):
+            for number, line in enumerate(lines(stream), start=1):
                 if not form.tag.match(line):
                     continue
                 rows.append(_numbers(form, line, number, description, path.name))
                 if len(rows) == _ROWS:
-                    yield dated.counted(np.array(rows))[:, list(columns)]
-                    rows = []
                     if progress:
                         progress(min(1.0, position(stream) / size))
+                    yield dated.counted(np.array(rows))[:, list(columns)]
+                    rows = []
+        if progress:
+            progress(1.0)
         if rows:
             yield dated.counted(np.array(rows))[:, list(columns)]
 

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault.errors import Finding, error, finding
-from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, library
+from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, library, must_fit
 from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
     """Open a log of PX4; its columns are the fields of one message, in SI."""
     pyulog = library("pyulog", "px4", path)
     wanted = [*_MESSAGES, "sensor_accel"]
+    must_fit(path, path.stat().st_size)
     with path.open("rb") as stream, redirect_stdout(StringIO()):  # it prints what it meets
         log = pyulog.ULog(stream, message_name_filter_list=wanted)
     if log.file_corruption:
@@ -60,9 +61,9 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None) -> 
 
     def blocks(some: Sequence[int]) -> Iterator[FloatArray]:
         for start in range(0, rows, BLOCK_ROWS):
-            yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
             if progress:
                 progress(min(1.0, (start + BLOCK_ROWS) / rows))
+            yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
 
     return RawTable(
         names, True, blocks, findings=_told(log, topic, path), declared=_declared(columns),

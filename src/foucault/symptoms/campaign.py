@@ -37,6 +37,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "'{path}' is not a campaign file: a TOML file, which names the log and says what it holds.",
      "`foucault init hand_rotated -o campaign.toml` writes one to start from; write "
      'file = "{name}" in its [log].'),
+    ("campaign.empty", "error",
+     "A file with nothing in it",
+     "'{path}' has nothing in it, or only remarks: neither a campaign nor a log.",
+     "Perhaps writing or copying it was cut off: copy it again; `foucault init hand_rotated -o "
+     "campaign.toml` writes a campaign file to start from."),
     ("campaign.key", "error",
      "A misspelt or misplaced key in the campaign file",
      "{key} is not a key of a campaign file.{hint}{more}",

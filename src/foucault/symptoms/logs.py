@@ -33,6 +33,15 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.matlab_73", "error", "A MATLAB 7.3 (HDF5) file",
      "'{file}' is a MATLAB 7.3 file, which is not read.",
      "Save it in MATLAB with save(..., '-v7'), or as CSV."),
+    ("log.zero_bytes", "error", "A text with zero bytes after what was written",
+     "'{file}' holds zero bytes from line {line} on, which no text does: the logger made the file "
+     "longer than what it wrote, or lost its power.",
+     "Copy it again from the logger, or keep what comes before: "
+     "`head -n {before} {file} > cut.csv`."),
+    ("log.too_large", "error", "A log larger than memory",
+     "'{file}' needs about {need} GB of memory, and {free} GB are free.",
+     "Read a part of it, or every n-th sample's mean, written by the logger's own tool; or use a "
+     "machine with more memory."),
     ("log.empty", "error", "A log without samples",
      "'{file}' has no samples.",
      "Check that the logger was recording, and that header and delimiter in [log] fit the "
@@ -125,8 +134,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.no_time", "error", "Neither a time column nor a sample rate",
      "[log] says neither which column of '{file}' is time nor the sample rate.",
      'Write rate = "100 Hz" in [log], or add [log.time] with column = "t" and unit = "s".'),
-    ("log.rate", "error", "A sample rate that is not positive",
-     "[log] rate = {rate} Hz is not positive.",
+    ("log.rate", "error", "A sample rate that no log has",
+     "[log] rate = {rate} Hz is not between 1 uHz and 10 MHz.",
      'Write the sample rate, for example rate = "100 Hz".'),
     ("log.kind", "error", "A unit of increments for rates, or of rates for increments",
      "[log.{block}]: '{unit}' is a unit of {other}s, but kind is \"{kind}\".",
@@ -141,6 +150,9 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.scale_without_count", "error", "A count scale or zero for data that are not counts",
      "[log.{block}] has a scale or a zero, but its unit is '{unit}'.",
      'Write unit = "count", or leave scale and zero out.'),
+    ("log.unit_size", "error", "A unit of size zero, or beyond what numbers can hold",
+     "'{unit}' is {size} of the SI unit: no reading is measured in that.",
+     'Write the size of one count, such as "0.1 arcsec", or a unit alone, such as "rad/s".'),
     ("log.scale_zero", "error", "A count scale of zero",
      "[log.{block}] scale has a zero.",
      "Write the counts per unit from the maker's sheet; a negative scale turns the sign."),
