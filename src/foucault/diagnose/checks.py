@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import ADVICE, Status
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.drift import Drift
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.result import Check, Estimate, Level
 from foucault.tables import AXES
+from foucault.units import display_unit, factor, plain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -159,6 +161,33 @@ def prior_check(
         "[prior] out to see what the log alone says."
     )
     return Check("prior", value, None, limit, fine, words)
+
+
+def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
+    """Judge the drift that was found; nothing to judge where none would show.
+
+    Parameters
+    ----------
+    found : Drift or None
+        The drift, see `estimate.drift.find_drift`.
+    layout : Layout
+        The coefficients, for their units.
+    """
+    if found is None:
+        return []
+    coefficient = next(c for c in layout.coefficients if c.name.startswith(found.name))
+    unit = display_unit(coefficient.kind, abs(found.size))
+    scale = factor(unit, coefficient.kind)
+    size = f"{plain(found.size / scale, 2)} +- {plain(found.sd / scale, 2)} {unit}"
+    words = (
+        f"The residuals do not follow time: the clearest drift, of {found.name}, is {size}."
+        if not found.significant
+        else f"The residuals follow time as if {found.name} had drifted by {size} from the first "
+        "to the last observation: its value is that of the middle of the session, and what it "
+        "changed by is in no uncertainty. Let the instrument warm up, take it in shorter sessions, "
+        "or calibrate over temperature."
+    )
+    return [Check("drift", found.ratio, None, found.limit, not found.significant, words)]
 
 
 def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.checks import (
+    drift_check,
     judge_prior,
     plausible_scales,
     reversed_earth_check,
@@ -17,6 +18,7 @@ from foucault.diagnose.checks import (
 from foucault.diagnose.faces.rests import Faces
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.drift import Drift
 from foucault.estimate.faces.covariance import Belief, FaceNoise
 from foucault.estimate.faces.likelihood import Scene
 from foucault.estimate.faces.scatter import Scatter
@@ -70,6 +72,8 @@ class FaceEvidence:
         Tests of the single readings.
     angle_given : bool
         Whether it was declared how nearly the turns ended where they began.
+    drift : Drift or None
+        The drift of a coefficient that the residuals show most clearly.
     """
 
     scene: Scene
@@ -83,6 +87,7 @@ class FaceEvidence:
     cov: FloatArray
     snooping: Snooping
     angle_given: bool = False
+    drift: Drift | None = None
 
     def component(self, kind: str) -> tuple[float, float]:
         """Return sum of squares and redundancy of the "accel", "gyro" or "turns" residuals [1]."""
@@ -105,7 +110,7 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     vector = e.estimate.coefficients
     out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
     out += judge_prior(e.estimate)
-    out += plausible_scales(vector)
+    out += [*plausible_scales(vector), *drift_check(e.drift, vector.layout)]
     out.append(_explained(e, "accel"))
     if e.scene.rests.gyro is not None:
         out.append(_explained(e, "gyro"))

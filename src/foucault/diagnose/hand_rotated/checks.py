@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.checks import judge_prior, plausible_scales, status_check
+from foucault.diagnose.checks import drift_check, judge_prior, plausible_scales, status_check
 from foucault.diagnose.coverage import Coverage
 from foucault.errors import Status
 from foucault.estimate import norm_observation
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.drift import Drift
 from foucault.estimate.hand_rotated.likelihood import Component
 from foucault.models.rests_and_turns import Session
 from foucault.models.session_noise import SessionNoise
@@ -66,6 +67,8 @@ class Evidence:
         Error and predicted sd of the norm at rests left out [m/s^2], and white errors [1].
     rest_level : ndarray, shape (n,)
         How noisy each rest is; 1 is quiet [1].
+    drift : Drift or None
+        The drift of a coefficient that the residuals show most clearly.
     """
 
     session: Session
@@ -78,6 +81,7 @@ class Evidence:
     up_b: FloatArray
     held_out: tuple[FloatArray, FloatArray, FloatArray]
     rest_level: FloatArray
+    drift: Drift | None = None
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
@@ -91,6 +95,7 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     ended = status_checks(e.estimate.status, len(e.up_b), e.estimate.weakest)
     out = [*ended, *judge_prior(e.estimate)]
     out += [_half_space(e), _condition(e), *plausible_scales(e.estimate.coefficients)]
+    out += drift_check(e.drift, e.estimate.coefficients.layout)
     out += [_explained(e, name, what) for name, what in _KINDS.items() if name in e.before]
     out += _unstill(e)
     out += _even(e)

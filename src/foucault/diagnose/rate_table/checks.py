@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.checks import (
+    drift_check,
     judge_prior,
     plausible_scales,
     reversed_earth_check,
@@ -17,6 +18,7 @@ from foucault.diagnose.rate_table.steps import name_of
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.drift import Drift, find_drift
 from foucault.estimate.rate_table.likelihood import (
     Trust,
     true_rate,
@@ -115,6 +117,7 @@ def checks(e: RateEvidence) -> tuple[Check, ...]:
     out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
     out += judge_prior(e.estimate)
     out += [*plausible_scales(vector), *_bent(e)]
+    out += drift_check(_clearest_drift(e), vector.layout)
     if not e.unknown and e.estimate.dof > 0:
         out.append(_explained(e))
     if e.trust.bias_sd:
@@ -122,6 +125,12 @@ def checks(e: RateEvidence) -> tuple[Check, ...]:
     sign = reversed_earth_check(vector, e.site)
     out += [sign] if sign is not None else []
     return tuple(out)
+
+
+def _clearest_drift(e: RateEvidence) -> Drift | None:
+    at = e.problem.linearise(e.estimate.state, e.estimate.weights)
+    at = gauss_newton.with_prior(e.problem, e.estimate.state, at)
+    return find_drift(at, e.names, e.steps.middle)
 
 
 def _redundancy(e: RateEvidence) -> Check:

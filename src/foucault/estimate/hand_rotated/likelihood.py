@@ -31,6 +31,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.drift import Drift, by_time, find_drift
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.rests_and_turns import Attitudes, Prediction, Session, predict
 from foucault.models.rotation import exp
@@ -170,6 +171,54 @@ def build(
         return state.model.coefficients(names).values
 
     return Problem(layout, start, linearise, retract, values_of, n_blocks, prior)
+
+
+def clearest_drift(
+    problem: Problem, estimate: Estimate, session: Session, noise: SessionNoise, at: Prediction
+) -> Drift | None:
+    """Return the drift of a coefficient that the residuals show most clearly.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem that was solved.
+    estimate : Estimate
+        Its solution.
+    session : Session
+        What was observed.
+    noise : SessionNoise
+        Noise of the observations, with scatter.
+    at : Prediction
+        The prediction at the solution.
+    """
+    names, time, n = problem.layout.names, middle(session), len(session.accel_mean)
+    white = gauss_newton.with_prior(
+        problem, estimate.state, problem.linearise(estimate.state, estimate.weights)
+    )
+    share = np.sqrt(estimate.weights)[:, None, None] * by_time(time)[:, None, None]
+    rows = np.zeros((len(white.residuals), len(names)))
+    tied = correlated(session, noise, at)
+    rows[: 3 * len(time)] = whiten(
+        at.residuals, at.jacobian[:, :, : len(names)] * share, blocks(session, noise, at), tied
+    )[1]
+    kinds = np.minimum(np.arange(len(time)) // n, 2)
+    return find_drift(white, names, time, kinds=kinds, candidates=rows)
+
+
+def middle(session: Session) -> FloatArray:
+    """Return the middle of each observation: rests, rests again (their rates), turns [s].
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    """
+    t = session.log.time
+    rests = (t[session.first] + t[session.last - 1]) / 2
+    if session.gyro_mean is None:
+        return np.asarray(rests)
+    turns = (t[session.last[:-1] - 1] + t[session.first[1:]]) / 2
+    return np.concatenate([rests, rests, turns])
 
 
 def components(

@@ -22,7 +22,14 @@ from foucault.diagnose.time_base import with_clock
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.faces.covariance import FaceNoise, covariance_parts, noise_parts
-from foucault.estimate.faces.likelihood import Scene, State, build, closed_form, unbiased
+from foucault.estimate.faces.likelihood import (
+    Scene,
+    State,
+    build,
+    clearest_drift,
+    closed_form,
+    unbiased,
+)
 from foucault.estimate.faces.scatter import believe
 from foucault.estimate.snooping import snoop
 from foucault.models.earth import Site
@@ -164,6 +171,7 @@ def solve(
     evidence = FaceEvidence(
         scene, faces, unbiased(estimate), noise, declared, belief, given[0] is not None, found, cov,
         snoop(at, estimate.state_cov), given[2] is not None,
+        clearest_drift(scene, problem, estimate, cov),
     )  # fmt: skip
     return Solution(evidence, problem, parts)
 
