@@ -4,6 +4,14 @@ from __future__ import annotations
 
 # fmt: off
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("rest.outliers", "note",
+     "Samples at rest that lie far from all others",
+     "{count} of {samples} samples of the {triad} at rest ({share} %) lie farther from the others "
+     "than any would by chance; the farthest is {axis} at {time} s, {size} standard deviations "
+     "off. They make {part} % of the power of the noise.",
+     "Look at {axis} there: a transmission error, an electrical disturbance, a knock. In rests "
+     "they are counted, in turns nobody sees them, so the noise that is used includes what they "
+     "make; a log without them gives smaller uncertainties."),
     ("rest.moving", "warning",
      "A rest that turns slowly and steadily",
      "The quiet time {start}-{end} s turns at {rate} deg/s more than the others and is not "

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import prior_check, status_check
 from foucault.diagnose.information import largest_shares, terms
+from foucault.diagnose.noise_at_rest import NoiseAtRest
 from foucault.diagnose.systematic.legs import Legs
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
@@ -81,6 +82,8 @@ class Evidence:
         Velocities at the end of every rest.
     status : Status
         How the passes ended.
+    noise : NoiseAtRest
+        What the readings at rest show of the noise.
     """
 
     increments: Increments
@@ -91,6 +94,7 @@ class Evidence:
     usual: FloatArray
     legs: Legs
     status: Status
+    noise: NoiseAtRest
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
@@ -103,7 +107,7 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     """
     miss = (e.coefficients.values - e.mean) / e.coefficients.prior_sd
     return (
-        status_check(e.status, ()), _innovations(e), _rests(e), _velocities(e),
+        status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
         prior_check(e.coefficients, miss), _seen(e),
     )  # fmt: skip
 

@@ -42,7 +42,7 @@ from foucault.procedures.systematic.log import log_table as log_table
 from foucault.procedures.systematic.navigation import navigation_tests
 from foucault.procedures.systematic.plan import Wanted as Wanted
 from foucault.procedures.systematic.plan import space as space
-from foucault.procedures.systematic.problem import SystematicProblem, prior_of
+from foucault.procedures.systematic.problem import SystematicProblem, prior_of, steady
 from foucault.procedures.systematic.settings import LAYOUT as LAYOUT
 from foucault.procedures.systematic.settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.systematic.settings import SIMULATE as SIMULATE
@@ -170,8 +170,10 @@ def _calibrate(
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
     legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
-    e = judge.Evidence(p.increments, p.rests, run, solution.states, p.prior.values,
-                          prior_of(p.sensors, {}).prior_sd, legs, solution.status)  # fmt: skip
+    known = steady(p).prior
+    e = judge.Evidence(p.increments, p.rests, run, solution.states, known.values,
+                       prior_of(steady(p).sensors, {}).prior_sd, legs, solution.status,
+                       p.seen)  # fmt: skip
     checks = judge.checks(e)
     if choice is not None:
         checks = (*checks, deflection_verdict.check(choice))
@@ -184,7 +186,8 @@ def _calibrate(
         diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
         progress(0.7, "looking for what was left out")
-        findings += left_out(decision, given)
+        told, more = left_out(decision, given)
+        findings, checks = [*findings, *told], (*checks, *more)
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
         tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}

@@ -265,5 +265,6 @@ def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> Sys
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
-    sensors = settings.sensors
-    return replace(p, sensors=sensors, prior=prior_of(sensors, known_of(sensors.layout, given)))
+    sensors = settings.sensors.with_wander(p.noise)
+    known = known_of(sensors.layout, given)
+    return replace(p, sensors=sensors, prior=prior_of(sensors, known, p.noise))
