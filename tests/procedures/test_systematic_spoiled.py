@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from test_systematic import SITE, codes, failed, nees, simulated, trial
 
+from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.procedures import systematic
 from foucault.procedures.systematic.settings import Settings
 from foucault.result import Level
-from make_sequence import DPH, NOISE
+from make_sequence import DEG, DPH, NOISE
 
 UG = 9.80665e-6
 NAMES = systematic.names_of(Settings())
@@ -90,3 +92,85 @@ def test_an_asymmetry_that_is_left_out_does_not_pass():
     settings = Settings(accel_asymmetry=False)
     result = systematic.calibrate(made.log, site=SITE, noise=NOISE, settings=settings)
     assert "left out" in failed(result) and "systematic.curves" in codes(result)
+
+
+# -- the Earth as a clock --------------------------------------------------------------------------
+
+
+@pytest.mark.thorough
+def test_stamps_that_are_a_thousandth_wrong_are_seen_by_the_earth():
+    made = simulated(seed=4)
+    log = replace(made.log, time=1.001 * made.log.time)
+    result = trial(replace(made, log=log))
+    assert failed(result) == {"Earth's rate"} and codes(result) == ["systematic.earth_rate"]
+    told = next(c for c in result.checks if c.name == "Earth's rate").sentence
+    assert "the times of the log run 0." in told and "fast" in told
+    assert "Compare the times of the log with a clock" in result.findings[0].cure
+    assert "by the times and at the latitude that were given" in result.findings[0].message
+
+
+@pytest.mark.thorough
+def test_a_latitude_a_tenth_of_a_degree_off_is_seen():
+    made = simulated(seed=4)
+    result = trial(made, site=Site.at(SITE.latitude + 0.1 * DEG, SITE.height))
+    assert "Earth's rate" in failed(result)
+    told = next(c for c in result.checks if c.name == "Earth's rate").sentence
+    assert "the latitude is -0.1 deg" in told or "the latitude is -0.09" in told
+
+
+@pytest.mark.thorough
+def test_the_earth_of_a_clean_session_turns_as_it_should():
+    """Two degrees of freedom each, over 10 sessions."""
+    squares = []
+    for seed in range(10):
+        result = trial(simulated(seed=seed))
+        check = next(c for c in result.checks if c.name == "Earth's rate")
+        assert check.passed
+        squares.append(check.value)
+    low, high = chi_square_limits(20)
+    assert low < sum(squares) < high
+
+
+@pytest.mark.thorough
+def test_a_prior_that_the_log_contradicts_is_named_however_narrow_it_is():
+    made = simulated(seed=2)
+    truth = made.model.coefficients(("gyro.scale.x",)).values[0]
+    for sd in (1e-5, 1e-7, 1e-9):
+        result = trial(made, prior={"gyro.scale.x": (truth + 1e-4, sd)})
+        assert "prior" in failed(result)
+        told = next(c for c in result.checks if c.name == "prior").sentence
+        assert told.startswith("gyro.scale.x is ")
+    result = trial(made, prior={"gyro.scale.x": (truth + 1e-7, 1e-7)})
+    assert not failed(result)
+
+
+# -- readings that cannot be -----------------------------------------------------------------------
+
+FEW = systematic.Session(rest_time=30.0, rate=5.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        ({"gyro": 0.0}, "systematic.one_value", "gyro x, gyro y, gyro z read one value"),
+        ({"accel": 0.0}, "systematic.one_value", "accel x, accel y, accel z read one value"),
+        ({"gyro": np.diag([1.0, 0.0, 1.0])}, "systematic.one_value", "gyro y read one value"),
+        ({"gyro": 3600.0}, "systematic.rest_rate", "arcsec were declared as deg"),
+        ({"gyro": 3600.0 / DEG}, "systematic.rest_rate", "arcsec were declared as rad"),
+        ({"accel": np.diag([1.0, 1 / 9.80665, 1.0])}, "accel.one_axis", "accelerometer y are div"),
+        ({"accel": np.diag([9.80665, 1.0, 1.0])}, "accel.one_axis", "x are divided by 9.807"),
+    ],
+)
+def test_readings_that_cannot_be_are_named_for_what_they_are(change, code, words):
+    log = simulated(session=FEW).log
+    for name, factor in change.items():
+        log = replace(
+            log,
+            **{
+                name: getattr(log, name)
+                @ (np.eye(3) @ np.atleast_2d(factor) if np.ndim(factor) else factor * np.eye(3))
+            },
+        )
+    with pytest.raises(FoucaultError, match=words) as told:
+        systematic.trial(log, site=SITE, settings=Settings(), noise=NOISE)
+    assert told.value.code == code

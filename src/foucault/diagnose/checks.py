@@ -20,6 +20,9 @@ VISIBLE = 4.0
 NEAR = 3.0
 """A g-sensitivity within this of what a reversed sign makes may well be that [sd]."""
 
+LEAST_TOLD = 1e-8
+"""Data that take less than this part off the variance of a prior say nothing of it [1]."""
+
 REVERSED = (
     'the accelerometers read gravity instead of specific force (reads = "gravity"), both triads '
     "are mirrored alike, or the latitude has the wrong sign"
@@ -90,6 +93,25 @@ def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check
         "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
     )
     return Check("prior", float(miss[worst]), None, limit, fine, words)
+
+
+def from_prior(coefficients: CoefficientVector, mean: FloatArray) -> FloatArray:
+    """Return how far the data lie from the prior, in standard deviations of their difference, (k,).
+
+    An estimate x lies between what the data say and the mean m of the prior, and the surer the
+    prior, the nearer to m, however far off the data are. The difference x - m has the variance
+    ``sd_prior^2 - sd^2``, whatever the share of the prior is.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, with covariance, and the standard deviations of its prior [SI].
+    mean : ndarray, shape (k,)
+        Mean of the prior [SI].
+    """
+    known = coefficients.prior_sd
+    share = np.maximum(1.0 - (coefficients.sd / known) ** 2, LEAST_TOLD)
+    return np.asarray((coefficients.values - mean) / (known * np.sqrt(share)))
 
 
 def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:

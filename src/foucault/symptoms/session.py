@@ -33,6 +33,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The mean specific force at rest is {given} m/s^2, {ratio} times local gravity.",
      "Correct `unit`, `kind`, `scale` or `zero` of [log.accel]. A log in g declared as m/s^2 gives "
      "0.102, one in m/s^2 declared as g 9.81; counts that do not rest at 0 want a `zero`."),
+    ("accel.one_axis", "error",
+     "One accelerometer in another unit than the others",
+     "The rests read gravity only if the readings of accelerometer {axis} are divided by {factor}: "
+     "its column is in another unit than the others.",
+     "Give all columns of [log.accel] in one unit, or make the file anew."),
     ("accel.orientation", "error",
      "First rest not as declared: gravity read instead of specific force, or swapped axes",
      "The first rest was declared '{declared}', but the accelerometers say {measured}.",

@@ -16,13 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import prior_check, status_check
+from foucault.diagnose.checks import from_prior, prior_check, status_check
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.noise_at_rest import NoiseAtRest
 from foucault.diagnose.systematic.legs import Legs
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.ins_filter import FilterRun
+from foucault.estimate.systematic.earth import EarthSeen
 from foucault.models.deflection import DeflectionModel
 from foucault.navigate.increments import Increments
 from foucault.result import Check
@@ -30,8 +31,8 @@ from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 
-EACH = FALSE_ALARM / 5
-"""False-alarm rate of each of five tests, so that all together keep 1 % [1]."""
+EACH = FALSE_ALARM / 6
+"""False-alarm rate of each of six tests, so that all together keep 1 % [1]."""
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
@@ -84,6 +85,8 @@ class Evidence:
         How the passes ended.
     noise : NoiseAtRest
         What the readings at rest show of the noise.
+    earth : EarthSeen or None
+        What the session says of the Earth's rate.
     """
 
     increments: Increments
@@ -95,6 +98,7 @@ class Evidence:
     legs: Legs
     status: Status
     noise: NoiseAtRest
+    earth: EarthSeen | None = None
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
@@ -105,9 +109,10 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     e : Evidence
         Session, filter and coefficients.
     """
-    miss = (e.coefficients.values - e.mean) / e.coefficients.prior_sd
+    miss = from_prior(e.coefficients, e.mean)
     return (
         status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
+        *_earth(e),
         prior_check(e.coefficients, miss), _seen(e),
     )  # fmt: skip
 
@@ -179,6 +184,32 @@ def _velocities(e: Evidence) -> Check:
             f"{e.legs.end[worst]:.0f} s"
         )
     return Check("velocities", float(z.max()), None, limit, fine, words + ".")
+
+
+def _earth(e: Evidence) -> list[Check]:
+    """Test whether the Earth turns as it should, by the times and at the latitude of the log."""
+    if e.earth is None:
+        return []
+    limit = chi_square_limits(2, 2 * EACH)[1]
+    fine = e.earth.square <= limit
+    faster, sd, _ = e.earth.faster
+    words = f"By the times of the log the Earth turns {1 + faster:.5f} +- {sd:.1g} times its rate"
+    if not fine:
+        words += f": {'; or '.join(_of_earth(e.earth, limit))}"
+    return [Check("Earth's rate", e.earth.square, None, limit, fine, words + ".")]
+
+
+def _of_earth(earth: EarthSeen, limit: float) -> list[str]:
+    """Say what explains another rate of the Earth, the likelier first."""
+    (faster, sd, left), (north, north_sd, remains) = earth.faster, earth.farther_north
+    causes = [
+        (left, f"the times of the log run {100 * abs(faster):.2g} % (+- {100 * sd:.1g}) "
+               f"{'slow' if faster > 0 else 'fast'}"),
+        (remains, f"the latitude is {np.degrees(north):+.2g} deg (+- {np.degrees(north_sd):.1g}) "
+                  "off"),
+    ]  # fmt: skip
+    some = [words for rest, words in sorted(causes) if rest <= limit]
+    return some or ["neither times nor latitude explain it alone: the gyros may sense gravity"]
 
 
 def hardly(coefficients: CoefficientVector) -> list[str]:
@@ -272,14 +303,23 @@ def _summed(axes: Sequence[str]) -> str:
 
 
 def findings(e: Evidence) -> list[Finding]:
-    """Return what the user should know: coefficients that the sequence does not show.
+    """Return what the user should know: another Earth, and what the sequence does not show.
 
     Parameters
     ----------
     e : Evidence
         Session, filter and coefficients.
     """
-    return unseen_of(e.coefficients, e.usual)
+    return _earth_findings(e) + unseen_of(e.coefficients, e.usual)
+
+
+def _earth_findings(e: Evidence) -> list[Finding]:
+    if e.earth is None or _earth(e)[0].passed:
+        return []
+    faster, sd, _ = e.earth.faster
+    causes = "; or ".join(_of_earth(e.earth, _earth(e)[0].high or 0.0))
+    return [finding("systematic.earth_rate", rate=f"{1 + faster:.5f}", sd=f"{sd:.1g}",
+                    causes=causes)]  # fmt: skip
 
 
 def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Finding]:

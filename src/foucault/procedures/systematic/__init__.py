@@ -29,13 +29,16 @@ from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
 from foucault.errors import error
+from foucault.estimate.ins_filter import FilterRun
+from foucault.estimate.systematic.earth import EarthSeen, earth_seen
 from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
+from foucault.navigate.increments import Increments
 from foucault.procedures import Progress, silent
 from foucault.procedures.systematic.bound import bound
-from foucault.procedures.systematic.choice import decided
+from foucault.procedures.systematic.choice import Decided, decided, resumed
 from foucault.procedures.systematic.foresight import foresee as foresee
 from foucault.procedures.systematic.left_out import left_out
 from foucault.procedures.systematic.log import log_table as log_table
@@ -173,7 +176,7 @@ def _calibrate(
     known = steady(p).prior
     e = judge.Evidence(p.increments, p.rests, run, solution.states, known.values,
                        prior_of(steady(p).sensors, {}).prior_sd, legs, solution.status,
-                       p.seen)  # fmt: skip
+                       p.seen, _earth(decision))  # fmt: skip
     checks = judge.checks(e)
     if choice is not None:
         checks = (*checks, deflection_verdict.check(choice))
@@ -207,6 +210,19 @@ def _calibrate(
         diagnostics=diagnostics,
         tables=tables,
     )
+
+
+def _earth(decision: Decided) -> EarthSeen | None:
+    """Return what the session says of the Earth's rate, where its one filter can tell."""
+    p, found = decision.problem, decision.solution
+    if decision.settings.steps == "published" or not p.noise.gyro.white > 0:
+        return None
+    assert p.site.latitude is not None
+
+    def filtered(increments: Increments) -> FilterRun:
+        return resumed(replace(p, increments=increments), found, found.states.names).run
+
+    return earth_seen(filtered, p.increments, p.site.latitude)
 
 
 def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[str, Any]:

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.noise_at_rest import NoiseAtRest, noise_at_rest
 from foucault.diagnose.rests import measure_noise
-from foucault.diagnose.systematic.input import check_readings
-from foucault.diagnose.systematic.rests import FoundSequence, find_sequence
+from foucault.diagnose.systematic.input import check_readings, require_readings
+from foucault.diagnose.systematic.rests import FoundSequence, find_sequence, require_triads
 from foucault.diagnose.systematic.sequence import Matched, match_sequence, recognised
 from foucault.errors import Finding, error, finding
 from foucault.estimate.ins_filter import start_cov
@@ -137,6 +137,8 @@ def problem_of(
     """
     if site.latitude is None:
         raise error("systematic.site", what="a systematic calibration")
+    require_triads(log)
+    require_readings(log)
     found = find_sequence(log, shortest=settings.shortest)
     numbers = np.flatnonzero(found.still)
     if len(numbers) < 2:
