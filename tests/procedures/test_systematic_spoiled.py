@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -102,7 +103,7 @@ def test_stamps_that_are_a_thousandth_wrong_are_seen_by_the_earth():
     made = simulated(seed=4)
     log = replace(made.log, time=1.001 * made.log.time)
     result = trial(replace(made, log=log))
-    assert failed(result) == {"Earth's rate"} and codes(result) == ["systematic.earth_rate"]
+    assert failed(result) == {"Earth's rate"} and codes(result) == ["session.earth_rate"]
     told = next(c for c in result.checks if c.name == "Earth's rate").sentence
     assert "the times of the log run 0." in told and "fast" in told
     assert "Compare the times of the log with a clock" in result.findings[0].cure
@@ -115,7 +116,7 @@ def test_a_latitude_a_tenth_of_a_degree_off_is_seen():
     result = trial(made, site=Site.at(SITE.latitude + 0.1 * DEG, SITE.height))
     assert "Earth's rate" in failed(result)
     told = next(c for c in result.checks if c.name == "Earth's rate").sentence
-    assert "the latitude is -0.1 deg" in told or "the latitude is -0.09" in told
+    assert re.search(r"the latitude is -0\.(1|0[89]\d?|1[01]) deg", told)
 
 
 @pytest.mark.thorough
@@ -164,13 +165,8 @@ FEW = systematic.Session(rest_time=30.0, rate=5.0)
 def test_readings_that_cannot_be_are_named_for_what_they_are(change, code, words):
     log = simulated(session=FEW).log
     for name, factor in change.items():
-        log = replace(
-            log,
-            **{
-                name: getattr(log, name)
-                @ (np.eye(3) @ np.atleast_2d(factor) if np.ndim(factor) else factor * np.eye(3))
-            },
-        )
+        matrix = factor * np.eye(3) if np.isscalar(factor) else factor
+        log = replace(log, **{name: getattr(log, name) @ matrix})
     with pytest.raises(FoucaultError, match=words) as told:
         systematic.trial(log, site=SITE, settings=Settings(), noise=NOISE)
     assert told.value.code == code

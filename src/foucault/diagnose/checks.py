@@ -20,7 +20,7 @@ VISIBLE = 4.0
 NEAR = 3.0
 """A g-sensitivity within this of what a reversed sign makes may well be that [sd]."""
 
-LEAST_TOLD = 1e-8
+LEAST_TOLD = 1e-6
 """Data that take less than this part off the variance of a prior say nothing of it [1]."""
 
 REVERSED = (
@@ -73,7 +73,7 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
     return out
 
 
-def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check:
+def prior_check(coefficients: CoefficientVector, residuals: FloatArray, cause: str = "") -> Check:
     """Compare the estimate with what was said to be known beforehand.
 
     Parameters
@@ -82,6 +82,8 @@ def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check
         The estimate.
     residuals : ndarray, shape (k,)
         White residuals of the k priors, in order [1].
+    cause : str
+        What else has put them off, where that is known.
     """
     known = np.flatnonzero(np.isfinite(coefficients.prior_sd))
     miss = np.abs(residuals)
@@ -90,7 +92,11 @@ def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check
     fine = bool(miss[worst] <= limit)
     name = coefficients.names[known[worst]]
     words = f"{name} is {miss[worst]:.1f} standard deviations from what was known before" + (
-        "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
+        "."
+        if fine
+        else f": {cause}."
+        if cause
+        else ": the prior is wrong or too narrow, and it bends the other coefficients."
     )
     return Check("prior", float(miss[worst]), None, limit, fine, words)
 

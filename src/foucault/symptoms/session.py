@@ -4,6 +4,14 @@ from __future__ import annotations
 
 # fmt: off
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("session.earth_rate", "warning",
+     "Gyros by which the Earth turns at another rate",
+     "From attitude to attitude the gyros see the Earth turn at {rate} +- {sd} times its "
+     "rate by the times and at the latitude that were given, whatever their biases: {causes}. "
+     "Biases are wrong by as much of the Earth's rate; of gyros that give rates the scale factors "
+     "are wrong by what the times are, of accelerometers that give increments theirs.",
+     "Compare the times of the log with a clock (`rate` is N / T of a long log), give times of a "
+     "better source, and check `latitude`."),
     ("rest.outliers", "note",
      "Samples at rest that lie far from all others",
      "{count} of {samples} samples of the {triad} at rest ({share} %) lie farther from the others "

@@ -37,14 +37,6 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "and the equations are not linear over that.",
      "Subtract a rough gyro bias first and say so in [prior], or do this with gyros that find "
      "north."),
-    ("systematic.earth_rate", "warning",
-     "Gyros by which the Earth turns at another rate",
-     "From rest to rest the gyros see the Earth turn at {rate} +- {sd} times its rate by the times "
-     "and at the latitude that were given, whatever their biases: {causes}. Biases are wrong by as "
-     "much of the Earth's rate; of gyros that give rates the scale factors are wrong by what the "
-     "times are, of accelerometers that give increments theirs.",
-     "Compare the times of the log with a clock (`rate` is N / T of a long log), give times of a "
-     "better source, and check `latitude`."),
     ("systematic.recognised", "note",
      "A session that is one of the built-in sequences",
      "The turns of the log are those of the sequence '{name}'.",

@@ -17,13 +17,14 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import from_prior, prior_check, status_check
+from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.noise_at_rest import NoiseAtRest
 from foucault.diagnose.systematic.legs import Legs
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.earth_seen import EarthSeen
 from foucault.estimate.ins_filter import FilterRun
-from foucault.estimate.systematic.earth import EarthSeen
 from foucault.models.deflection import DeflectionModel
 from foucault.navigate.increments import Increments
 from foucault.result import Check
@@ -110,10 +111,11 @@ def checks(e: Evidence) -> tuple[Check, ...]:
         Session, filter and coefficients.
     """
     miss = from_prior(e.coefficients, e.mean)
+    earth = earth_checks(e.earth, 2 * EACH)
     return (
         status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
-        *_earth(e),
-        prior_check(e.coefficients, miss), _seen(e),
+        *earth,
+        prior_check(e.coefficients, miss, put_off(earth)), _seen(e),
     )  # fmt: skip
 
 
@@ -184,32 +186,6 @@ def _velocities(e: Evidence) -> Check:
             f"{e.legs.end[worst]:.0f} s"
         )
     return Check("velocities", float(z.max()), None, limit, fine, words + ".")
-
-
-def _earth(e: Evidence) -> list[Check]:
-    """Test whether the Earth turns as it should, by the times and at the latitude of the log."""
-    if e.earth is None:
-        return []
-    limit = chi_square_limits(2, 2 * EACH)[1]
-    fine = e.earth.square <= limit
-    faster, sd, _ = e.earth.faster
-    words = f"By the times of the log the Earth turns {1 + faster:.5f} +- {sd:.1g} times its rate"
-    if not fine:
-        words += f": {'; or '.join(_of_earth(e.earth, limit))}"
-    return [Check("Earth's rate", e.earth.square, None, limit, fine, words + ".")]
-
-
-def _of_earth(earth: EarthSeen, limit: float) -> list[str]:
-    """Say what explains another rate of the Earth, the likelier first."""
-    (faster, sd, left), (north, north_sd, remains) = earth.faster, earth.farther_north
-    causes = [
-        (left, f"the times of the log run {100 * abs(faster):.2g} % (+- {100 * sd:.1g}) "
-               f"{'slow' if faster > 0 else 'fast'}"),
-        (remains, f"the latitude is {np.degrees(north):+.2g} deg (+- {np.degrees(north_sd):.1g}) "
-                  "off"),
-    ]  # fmt: skip
-    some = [words for rest, words in sorted(causes) if rest <= limit]
-    return some or ["neither times nor latitude explain it alone: the gyros may sense gravity"]
 
 
 def hardly(coefficients: CoefficientVector) -> list[str]:
@@ -310,16 +286,7 @@ def findings(e: Evidence) -> list[Finding]:
     e : Evidence
         Session, filter and coefficients.
     """
-    return _earth_findings(e) + unseen_of(e.coefficients, e.usual)
-
-
-def _earth_findings(e: Evidence) -> list[Finding]:
-    if e.earth is None or _earth(e)[0].passed:
-        return []
-    faster, sd, _ = e.earth.faster
-    causes = "; or ".join(_of_earth(e.earth, _earth(e)[0].high or 0.0))
-    return [finding("systematic.earth_rate", rate=f"{1 + faster:.5f}", sd=f"{sd:.1g}",
-                    causes=causes)]  # fmt: skip
+    return earth_findings(e.earth, 2 * EACH) + unseen_of(e.coefficients, e.usual)
 
 
 def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Finding]:

@@ -29,8 +29,8 @@ from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
 from foucault.errors import error
+from foucault.estimate.earth_seen import EarthSeen, earth_seen
 from foucault.estimate.ins_filter import FilterRun
-from foucault.estimate.systematic.earth import EarthSeen, earth_seen
 from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.noise import ImuNoise

@@ -50,7 +50,18 @@ class EarthSeen:
     @property
     def square(self) -> float:
         """Squared normalised difference, two degrees of freedom [1]."""
-        return float(self.more @ np.linalg.solve(self.cov, self.more))
+        return self.left_by(np.zeros(2))
+
+    def left_by(self, more: FloatArray) -> float:
+        """Return the squared normalised difference from what a cause would make [1].
+
+        Parameters
+        ----------
+        more : ndarray, shape (2,)
+            By how much it makes the rate more along north and up [1].
+        """
+        left = self.more - more
+        return float(left @ np.linalg.solve(self.cov, left))
 
     def along(self, way: FloatArray) -> tuple[float, float, float]:
         """Return what explains the difference best along a way, its sd, and what is left then.
@@ -69,9 +80,7 @@ class EarthSeen:
         """
         weighed = np.linalg.solve(self.cov, way)
         value = float(weighed @ self.more / (weighed @ way))
-        left = self.more - value * way
-        sd = float(1 / np.sqrt(weighed @ way))
-        return value, sd, float(left @ np.linalg.solve(self.cov, left))
+        return value, float(1 / np.sqrt(weighed @ way)), self.left_by(value * way)
 
     @property
     def faster(self) -> tuple[float, float, float]:
