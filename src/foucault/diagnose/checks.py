@@ -120,6 +120,36 @@ def from_prior(coefficients: CoefficientVector, mean: FloatArray) -> FloatArray:
     return np.asarray((coefficients.values - mean) / (known * np.sqrt(share)))
 
 
+def alike_check(
+    coefficients: CoefficientVector, residuals: FloatArray, group: str, cause: str,
+    false_alarm: float,
+) -> Check:  # fmt: skip
+    """Test whether the three of a group are off alike from what was known: no instrument is.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate.
+    residuals : ndarray, shape (k,)
+        White residuals of the k priors, in order [1].
+    group : str
+        Name of the group, of scale factors.
+    cause : str
+        What puts all of them off.
+    false_alarm : float, shape ()
+        Probability that it fails by chance [1].
+    """
+    from scipy.special import ndtri
+
+    at = coefficients.layout.group(group)
+    z, limit = float(residuals[at].sum() / np.sqrt(len(at))), -float(ndtri(false_alarm / 2))
+    fine = abs(z) <= limit
+    ppm = 1e6 * float(coefficients.values[at].mean())
+    words = f"The mean of {group} is {ppm:+.4g} ppm, {abs(z):.1f} standard deviations from what "
+    words += "was known before" + ("." if fine else f": {cause} puts all of them off alike.")
+    return Check(f"{group} alike", z, -limit, limit, fine, words)
+
+
 def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:
     """Doubt a g-sensitivity that is what a reversed sign of the Earth's rate would make.
 

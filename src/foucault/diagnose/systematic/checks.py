@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import from_prior, prior_check, status_check
+from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
 from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.noise_at_rest import NoiseAtRest
@@ -32,11 +32,17 @@ from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 
-EACH = FALSE_ALARM / 6
-"""False-alarm rate of each of six tests, so that all together keep 1 % [1]."""
+EACH = FALSE_ALARM / 8
+"""False-alarm rate of each of eight tests, so that all together keep 1 % [1]."""
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
+
+ALIKE = {
+    "gyro": "a wrong clock or unit",
+    "accel": "a wrong clock (of increments), unit or gravity",
+}
+"""What puts the scale factors of a triad off alike."""
 
 LIKE = ("accel.asymmetry", "accel.quadratic")
 """What looks the same where every axis is up, down or level: ``g |f|`` and ``f^2`` are equal."""
@@ -115,7 +121,9 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     return (
         status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
         *earth,
-        prior_check(e.coefficients, miss, put_off(earth)), _seen(e),
+        prior_check(e.coefficients, miss, put_off(earth)),
+        *(alike_check(e.coefficients, miss, f"{t}.scale", c, EACH) for t, c in ALIKE.items()),
+        _seen(e),
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import from_prior, prior_check, status_check
+from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
 from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
 from foucault.errors import Finding, Status, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
@@ -35,8 +35,8 @@ STRETCHES = 12
 PARTS = 60
 """Slow errors are sought in the sums over so many parts of the log [1]."""
 
-EACH = FALSE_ALARM / 8
-"""False-alarm rate of each of eight tests, so that all together keep 1 % [1]."""
+EACH = FALSE_ALARM / 10
+"""False-alarm rate of each of ten tests, so that all together keep 1 % [1]."""
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
@@ -145,10 +145,17 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     known = CoefficientVector(CONSTANTS, e.fit.start.constants, e.fit.start_cov[3:45, 3:45],
                               prior_sd=e.prior.sd[3:45])  # fmt: skip
     miss = from_prior(known, e.prior.mean.constants)
-    out += [*earth, prior_check(known, miss, put_off(earth)), _start(e), _seen(e)]
+    out += [*earth, prior_check(known, miss, put_off(earth)), *_alike(known, miss)]
+    out += [_start(e), _seen(e)]
     if not e.slow:  # slow noise looks like all of these
         out += [_neighbours(e), _slow(e), _delay(e)]
     return tuple(out)
+
+
+def _alike(known: CoefficientVector, miss: FloatArray) -> list[Check]:
+    causes = {"gyro.torquer_scale": "a wrong clock, or unit of the command,",
+              "accel.scale": "a wrong gravity or unit"}  # fmt: skip
+    return [alike_check(known, miss, group, cause, EACH) for group, cause in causes.items()]
 
 
 def _square(e: Evidence, part: FloatArray, leverage: FloatArray, tests: int) -> list[float]:
