@@ -94,6 +94,7 @@ def prior_check(
     coefficients: CoefficientVector,
     residuals: FloatArray,
     alone: CoefficientVector | None = None,
+    cause: str = "",
 ) -> Check:
     """Compare what was said to be known beforehand with what the observations alone say.
 
@@ -105,6 +106,8 @@ def prior_check(
         White residuals of the k priors, in order [1].
     alone : CoefficientVector or None
         The estimate without the priors, where it is known [SI].
+    cause : str
+        What else has put them off, where that is known.
 
     Notes
     -----
@@ -157,6 +160,8 @@ def prior_check(
     words += (
         "."
         if fine
+        else f": {cause}."
+        if cause
         else ": the prior is wrong or too narrow, and it bends the other coefficients. Leave "
         "[prior] out to see what the log alone says."
     )
@@ -188,6 +193,55 @@ def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
         "or calibrate over temperature."
     )
     return [Check("drift", found.ratio, None, found.limit, not found.significant, words)]
+
+
+def from_prior(coefficients: CoefficientVector, mean: FloatArray) -> FloatArray:
+    """Return how far the data lie from the prior, in standard deviations of their difference, (k,).
+
+    An estimate x lies between what the data say and the mean m of the prior, and the surer the
+    prior, the nearer to m, however far off the data are. The difference x - m has the variance
+    ``sd_prior^2 - sd^2``, whatever the share of the prior is.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, with covariance, and the standard deviations of its prior [SI].
+    mean : ndarray, shape (k,)
+        Mean of the prior [SI].
+    """
+    known = coefficients.prior_sd
+    share = np.maximum(1.0 - (coefficients.sd / known) ** 2, SEEN)
+    return np.asarray((coefficients.values - mean) / (known * np.sqrt(share)))
+
+
+def alike_check(
+    coefficients: CoefficientVector, residuals: FloatArray, group: str, cause: str,
+    false_alarm: float,
+) -> Check:  # fmt: skip
+    """Test whether the three of a group are off alike from what was known: no instrument is.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate.
+    residuals : ndarray, shape (k,)
+        White residuals of the k priors, in order [1].
+    group : str
+        Name of the group, of scale factors.
+    cause : str
+        What puts all of them off.
+    false_alarm : float, shape ()
+        Probability that it fails by chance [1].
+    """
+    from scipy.special import ndtri
+
+    at = coefficients.layout.group(group)
+    z, limit = float(residuals[at].sum() / np.sqrt(len(at))), -float(ndtri(false_alarm / 2))
+    fine = abs(z) <= limit
+    ppm = 1e6 * float(coefficients.values[at].mean())
+    words = f"The mean of {group} is {ppm:+.4g} ppm, {abs(z):.1f} standard deviations from what "
+    words += "was known before" + ("." if fine else f": {cause} puts all of them off alike.")
+    return Check(f"{group} alike", z, -limit, limit, fine, words)
 
 
 def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:

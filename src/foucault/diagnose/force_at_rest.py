@@ -3,12 +3,51 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault.errors import FoucaultError, error
 from foucault.units import STANDARD_GRAVITY
 
+FloatArray = npt.NDArray[np.float64]
+
 GRAVITY_BAND = 1.25
 """The mean specific force is gravity within this factor, whatever the calibration [1]."""
+
+
+ALIKE = 1.05
+"""Magnitudes within this factor are one, whatever the calibration [1]."""
+
+
+def one_axis_off(mean: FloatArray, gravity: float) -> tuple[int, float] | None:
+    """Return the one accelerometer whose unit explains why some rests do not read gravity.
+
+    Where one column is in another unit, ``sum (s_i f_i)^2 = g^2`` holds in all rests with its
+    factor, and without it in those alone in which its axis is level.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (n, 3)
+        Mean specific force of each rest [m/s^2].
+    gravity : float, shape ()
+        Local gravity [m/s^2].
+
+    Returns
+    -------
+    (int, float) or None
+        Its axis, and what its readings are over what they should be [1]; None where all are alike
+        or no such factor explains it.
+    """
+    size = np.linalg.norm(mean, axis=1)
+    if len(mean) < 3 or size.max() < ALIKE * size.min():
+        return None
+    for axis in range(3):
+        for factor in (STANDARD_GRAVITY, 1 / STANDARD_GRAVITY):
+            right = mean.copy()
+            right[:, axis] /= factor
+            size = np.linalg.norm(right, axis=1)
+            if size.max() < ALIKE * size.min() and 1 / ALIKE < size.mean() / gravity < ALIKE:
+                return axis, factor
+    return None
 
 
 def wrong_force(

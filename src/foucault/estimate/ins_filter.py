@@ -294,7 +294,8 @@ def run(
     P0 : ndarray, shape (9 + p, 9 + p)
         Covariance at the start, see `start_cov` [SI].
     noise : ImuNoise
-        White noise of the triads, and random walk of their biases where those are states [SI].
+        White noise of the triads, random walk of their biases and what they wander by, where
+        those are states [SI].
     first : int, shape ()
         Row at whose end the run starts [1].
     estimate : ndarray, shape (p,), or None
@@ -380,6 +381,12 @@ def _process(
     for name, value in {**known, **wander}.items():
         q[9 + layout.group(name)] = value**2
     decay = np.zeros(len(sensors))
+    markov = {f"{t}.wander": n for t, n in (("gyro", noise.gyro), ("accel", noise.accel))}
+    for name, triad in markov.items():
+        if any(n.startswith(name) for n in layout.names):
+            at = layout.group(name)
+            decay[at] = 1.0 / triad.correlation_time
+            q[9 + at] = 2.0 * triad.bias_instability**2 / triad.correlation_time
     for name, value in correlation_time.items():
         if not value > 0:
             what = f"the correlation time of {name} is {value} s"

@@ -44,7 +44,9 @@ from foucault.errors import error
 from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, coefficient_slot
+from foucault.models.noise import ImuNoise
 from foucault.models.rotation import cross_matrix
+from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -150,6 +152,61 @@ class Sensors:
             joined(self.entry, FORCE_BY_RATE + 3 * force + direction),
             joined(self.weight, model.basis[which, out, direction, force]),
         )
+
+    def with_wander(self, noise: ImuNoise) -> Sensors:
+        """Return these coefficients and the part of the biases that wanders, where there is one.
+
+        ``gyro.wander`` and ``accel.wander`` are first-order Markov processes beside the constant
+        biases, which are then what the readings have in the long term.
+
+        Parameters
+        ----------
+        noise : ImuNoise
+            Noise of the triads [SI].
+        """
+        start, terms = self.gyros, int(np.sum(self.axis < 3))
+        c, parts = self.layout.coefficients, []
+        g, a = (range(3 * (t.bias_instability > 0)) for t in (noise.gyro, noise.accel))
+        for number, triad in ((g, "gyro"), (a, "accel")):
+            kind = {"gyro": "angular rate", "accel": "specific force"}[triad]
+            parts.append([
+                Coefficient(f"{triad}.wander.{AXES[i]}", f"m_{triad[0]}{AXES[i]}", kind,
+                            f"what the bias of {triad} {AXES[i]} wanders by")
+                for i in number
+            ])  # fmt: skip
+
+        def joined(mine: npt.NDArray[Any], gyro: Any, accel: Any) -> npt.NDArray[Any]:
+            return np.concatenate([mine[:terms], gyro, mine[terms:], accel]).astype(mine.dtype)
+
+        later = np.where(self.axis < 3, 0, len(g))
+        one = [ONE] * len(g), [ONE] * len(a)
+        return Sensors(
+            Layout((*c[:start], *parts[0], *c[start:], *parts[1])),
+            joined(self.coefficient + later, [start + i for i in g],
+                   [len(self) + len(g) + i for i in a]),
+            joined(self.axis, list(g), [3 + i for i in a]),
+            joined(self.entry, *one),
+            joined(self.weight, np.ones(len(g)), np.ones(len(a))),
+        )  # fmt: skip
+
+    def without(self, which: npt.NDArray[np.bool_]) -> Sensors:
+        """Return these coefficients without some.
+
+        Parameters
+        ----------
+        which : ndarray of bool, shape (p,)
+            Those left out.
+        """
+        kept = ~which[self.coefficient]
+        number = np.cumsum(~which) - 1
+        names = [n for n, out in zip(self.layout.names, which, strict=True) if not out]
+        return Sensors(self.layout.subset(names), number[self.coefficient[kept]], self.axis[kept],
+                       self.entry[kept], self.weight[kept])  # fmt: skip
+
+    @cached_property
+    def wanders(self) -> npt.NDArray[np.bool_]:
+        """Which of the coefficients are the wandering part of a bias, shape (p,)."""
+        return np.array([n.split(".")[1] == "wander" for n in self.layout.names], bool)
 
     @cached_property
     def gyros(self) -> int:

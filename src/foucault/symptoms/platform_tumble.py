@@ -39,6 +39,17 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A command that is faster than the rig may turn",
      "At {time} s the commanded rate about {axis} is {given} deg/s; `rate_limit` is {limit} deg/s.",
      "Correct the unit of [log.gyro], or `rate_limit`."),
+    ("tumble.part", "error",
+     "A part of a tumble that was not turned as its command says",
+     "From {start} to {end} s the cluster turned {factor} times as its command says, elsewhere as "
+     "it says.",
+     "Look at the command there: a segment whose sign was reversed (-1), or that was not carried "
+     "out (0). Correct it in the file, or leave out that part of the log and what follows."),
+    ("tumble.outliers", "note",
+     "Readings of a tumble that jump",
+     "{count} readings ({share} %) lie farther from what their neighbours predict than any would "
+     "by chance, the first at {time} s; they are left out.",
+     "Look at the readings there: a transmission error, an electrical disturbance, a knock."),
     ("tumble.unit", "error",
      "Commands in a wrong unit",
      "The cluster turns {factor} times as fast as the command says.",

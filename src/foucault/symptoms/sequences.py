@@ -84,6 +84,16 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "unit explains it.",
      "Look at the rates there with `foucault inspect`: a turn beyond the range of the gyros, or "
      "samples that are missing. Leave that part of the log out."),
+    ("systematic.one_value", "error",
+     "A sensor that reads one value throughout",
+     "{sensors} read one value from the first row to the last.",
+     "Check `columns` in [log] and the wiring: a column that is not filled, or a sensor that is "
+     "stuck. Without it the instrument cannot be navigated."),
+    ("systematic.rest_rate", "error",
+     "Rests in which the gyros turn many times as fast as the Earth",
+     "In its rests the instrument turns at {rate} deg/s, {ratio} times as fast as the Earth, and "
+     "about an axis that goes round with its attitude as the Earth's does: {cause}.",
+     "Correct `unit` (or `scale`) in [log.gyro]."),
     ("systematic.latitude", "warning",
      "A latitude that the Earth's rate in the rests contradicts",
      "Gravity and the Earth's rate in all rests show a latitude of {seen} deg (sd {sd}); "

@@ -4,6 +4,22 @@ from __future__ import annotations
 
 # fmt: off
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("session.earth_rate", "warning",
+     "Gyros by which the Earth turns at another rate",
+     "From attitude to attitude the gyros see the Earth turn at {rate} +- {sd} times its "
+     "rate by the times and at the latitude that were given, whatever their biases: {causes}. "
+     "Biases are wrong by as much of the Earth's rate; of gyros that give rates the scale factors "
+     "are wrong by what the times are, of accelerometers that give increments theirs.",
+     "Compare the times of the log with a clock (`rate` is N / T of a long log), give times of a "
+     "better source, and check `latitude`."),
+    ("rest.outliers", "note",
+     "Samples at rest that lie far from all others",
+     "{count} of {samples} samples of the {triad} at rest ({share} %) lie farther from the others "
+     "than any would by chance; the farthest is {axis} at {time} s, {size} standard deviations "
+     "off. They make {part} % of the power of the noise.",
+     "Look at {axis} there: a transmission error, an electrical disturbance, a knock. In rests "
+     "they are counted, in turns nobody sees them, so the noise that is used includes what they "
+     "make; a log without them gives smaller uncertainties."),
     ("rest.moving", "warning",
      "A rest that turns slowly and steadily",
      "The quiet time {start}-{end} s turns at {rate} deg/s more than the others and is not "
@@ -25,6 +41,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The mean specific force at rest is {given} m/s^2, {ratio} times local gravity.",
      "Correct `unit`, `kind`, `scale` or `zero` of [log.accel]. A log in g declared as m/s^2 gives "
      "0.102, one in m/s^2 declared as g 9.81; counts that do not rest at 0 want a `zero`."),
+    ("accel.one_axis", "error",
+     "One accelerometer in another unit than the others",
+     "The rests read gravity only if the readings of accelerometer {axis} are divided by {factor}: "
+     "its column is in another unit than the others.",
+     "Give all columns of [log.accel] in one unit, or make the file anew."),
     ("accel.orientation", "error",
      "First rest not as declared: gravity read instead of specific force, or swapped axes",
      "The first rest was declared '{declared}', but the accelerometers say {measured}.",

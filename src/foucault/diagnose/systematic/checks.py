@@ -16,11 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import prior_check, status_check
+from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
+from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
 from foucault.diagnose.information import largest_shares, terms
+from foucault.diagnose.noise_at_rest import NoiseAtRest
 from foucault.diagnose.systematic.legs import Legs
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.earth_seen import EarthSeen
 from foucault.estimate.ins_filter import FilterRun
 from foucault.models.deflection import DeflectionModel
 from foucault.navigate.increments import Increments
@@ -29,11 +32,17 @@ from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
 
-EACH = FALSE_ALARM / 5
-"""False-alarm rate of each of five tests, so that all together keep 1 % [1]."""
+EACH = FALSE_ALARM / 8
+"""False-alarm rate of each of eight tests, so that all together keep 1 % [1]."""
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
+
+ALIKE = {
+    "gyro": "a wrong clock or unit",
+    "accel": "a wrong clock (of increments), unit or gravity",
+}
+"""What puts the scale factors of a triad off alike."""
 
 LIKE = ("accel.asymmetry", "accel.quadratic")
 """What looks the same where every axis is up, down or level: ``g |f|`` and ``f^2`` are equal."""
@@ -81,6 +90,10 @@ class Evidence:
         Velocities at the end of every rest.
     status : Status
         How the passes ended.
+    noise : NoiseAtRest
+        What the readings at rest show of the noise.
+    earth : EarthSeen or None
+        What the session says of the Earth's rate.
     """
 
     increments: Increments
@@ -91,6 +104,8 @@ class Evidence:
     usual: FloatArray
     legs: Legs
     status: Status
+    noise: NoiseAtRest
+    earth: EarthSeen | None = None
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
@@ -101,10 +116,15 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     e : Evidence
         Session, filter and coefficients.
     """
-    miss = (e.coefficients.values - e.mean) / e.coefficients.prior_sd
+    c = e.coefficients
+    miss = from_prior(c, e.mean)
+    earth = earth_checks(e.earth, 2 * EACH)
     return (
-        status_check(e.status, ()), _innovations(e), _rests(e), _velocities(e),
-        prior_check(e.coefficients, miss), _seen(e),
+        status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
+        *earth,
+        prior_check(c, (c.values - e.mean) / c.prior_sd, cause=put_off(earth)),
+        *(alike_check(c, miss, f"{t}.scale", why, EACH) for t, why in ALIKE.items()),
+        _seen(e),
     )  # fmt: skip
 
 
@@ -268,14 +288,14 @@ def _summed(axes: Sequence[str]) -> str:
 
 
 def findings(e: Evidence) -> list[Finding]:
-    """Return what the user should know: coefficients that the sequence does not show.
+    """Return what the user should know: another Earth, and what the sequence does not show.
 
     Parameters
     ----------
     e : Evidence
         Session, filter and coefficients.
     """
-    return unseen_of(e.coefficients, e.usual)
+    return earth_findings(e.earth, 2 * EACH) + unseen_of(e.coefficients, e.usual)
 
 
 def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Finding]:

@@ -14,15 +14,25 @@ import numpy.typing as npt
 
 from foucault.diagnose.alignment.input import SURE
 from foucault.diagnose.axes import SUSPICIOUS, explain_turns, mistake
-from foucault.diagnose.force_at_rest import wrong_force
+from foucault.diagnose.force_at_rest import one_axis_off, wrong_force
 from foucault.diagnose.systematic.rests import FoundSequence
 from foucault.errors import Finding, error, finding
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.navigate.increments import GAP
-from foucault.tables import Log
+from foucault.tables import AXES, Log
 from foucault.units import plain, span
 
 FloatArray = npt.NDArray[np.float64]
+
+RATES = {
+    3600.0: "arcsec were declared as deg, or deg/h as deg/s",
+    3600.0 * float(np.degrees(1.0)): "arcsec were declared as rad, or deg/h as rad/s",
+}
+"""By so much the Earth's rate is too large in rests, by what [1]."""
+
+NEAR, SAME = 1.2, 0.7
+"""A rate is another within this factor, and goes round with the attitude where its mean over all
+rests is less than this part of it [1]."""
 
 LEAST, MANY = 0.01, 3.0
 """What lies along up of the Earth's rate is wrong beyond the first as part of the Earth's rate and
@@ -48,14 +58,50 @@ def check_readings(log: Log, found: FoundSequence, site: Site) -> tuple[Finding,
         one another.
     """
     _check_gaps(log)
+    off = one_axis_off(found.accel, site.gravity)
+    if off is not None:
+        raise error("accel.one_axis", axis=AXES[off[0]], factor=f"{off[1]:.4g}")
     norm = float(np.median(np.linalg.norm(found.accel, axis=1)))
     problem = wrong_force(norm, site.gravity, log.interval)
     if problem is not None:
         raise problem
     up = found.accel / np.linalg.norm(found.accel, axis=1)[:, None]
     told = np.einsum("nij,nj->ni", found.C_0k, up)  # all the same, in axes of the first rest
+    _check_rates(found)
     _check_turns(log, found, up, told)
     return _check_vertical(found, told, site)
+
+
+def require_readings(log: Log) -> None:
+    """Refuse a log in which a sensor reads one value from the first row to the last.
+
+    Parameters
+    ----------
+    log : Log
+        Readings of both triads [SI].
+    """
+    stuck = [
+        f"{name} {axis}"
+        for name in ("gyro", "accel")
+        for axis, x in zip(AXES, getattr(log, name).T, strict=True)
+        if not np.ptp(x) > 0
+    ]
+    if stuck:
+        raise error("systematic.one_value", sensors=", ".join(stuck))
+
+
+def _check_rates(found: FoundSequence) -> None:
+    """Refuse a unit of the gyros by which the rests turn many times as fast as the Earth.
+
+    A bias is the same in all rests; the Earth's rate goes round with the attitude.
+    """
+    size = float(np.median(np.linalg.norm(found.gyro, axis=1)))
+    same = float(np.linalg.norm(found.gyro.mean(axis=0)))
+    ratio = size / EARTH_RATE
+    for factor, words in RATES.items():
+        if same < SAME * size and 1 / NEAR < ratio / factor < NEAR:
+            raise error("systematic.rest_rate", rate=f"{np.degrees(size):.3g}",
+                        ratio=f"{ratio:.0f}", cause=words)  # fmt: skip
 
 
 def _check_gaps(log: Log) -> None:

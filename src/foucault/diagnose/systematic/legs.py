@@ -119,7 +119,7 @@ def legs_of(
             updates.sd[anew] = np.repeat([at_rest.velocity_sd, at_rest.position_sd], 3)
         free = run(
             increments, state, found.sensors, updates, P, noise, first=a,
-            estimate=found.coefficients[-1], gravity_offset=offset,
+            estimate=seen.coefficients[epoch[there[k]]], gravity_offset=offset,
         )  # fmt: skip
         after.append(free.trajectory.velocity_n[-1])
         sd.append(free.sd[-1, 3:6])

@@ -123,6 +123,19 @@ class FoundSequence:
         return np.asarray(both[self.still])
 
 
+def require_triads(log: Log) -> None:
+    """Refuse a log without gyros or without accelerometers.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    """
+    missing = [name for name in ("gyro", "accel") if getattr(log, name) is None]
+    if missing:
+        raise error("systematic.triads", missing=" and no ".join(missing))
+
+
 def find_sequence(log: Log, *, shortest: float = SHORTEST) -> FoundSequence:
     """Find the rests and the turns of a session.
 
@@ -138,9 +151,7 @@ def find_sequence(log: Log, *, shortest: float = SHORTEST) -> FoundSequence:
     FoucaultError
         A triad is missing, there are fewer than two rests, or all turns are about the vertical.
     """
-    missing = [name for name in ("gyro", "accel") if getattr(log, name) is None]
-    if missing:
-        raise error("systematic.triads", missing=" and no ".join(missing))
+    require_triads(log)
     assert log.gyro is not None
     assert log.accel is not None
     rests = find_rests(log, shortest=shortest)

@@ -16,11 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import prior_check, status_check
+from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
+from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
 from foucault.errors import Finding, Status, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.earth_seen import EarthSeen
 from foucault.estimate.tumble.fit import STATES, Fit, Prior, Tumble
-from foucault.models.cluster import CONSTANTS, LAYOUT, angles_of
+from foucault.models.cluster import CONSTANTS, angles_of
 from foucault.models.rotation import log
 from foucault.result import Check
 from foucault.tables import AXES
@@ -33,8 +35,8 @@ STRETCHES = 12
 PARTS = 60
 """Slow errors are sought in the sums over so many parts of the log [1]."""
 
-EACH = FALSE_ALARM / 7
-"""False-alarm rate of each of seven tests, so that all together keep 1 % [1]."""
+EACH = FALSE_ALARM / 10
+"""False-alarm rate of each of ten tests, so that all together keep 1 % [1]."""
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
@@ -63,6 +65,8 @@ class Evidence:
         Whether noise that is not white was declared: residuals may then be larger and related.
     advice : str
         How a published filter ended, in its own words.
+    earth : EarthSeen or None
+        What the session says of the Earth's rate.
     """
 
     tumble: Tumble
@@ -72,6 +76,7 @@ class Evidence:
     believed: FloatArray
     slow: bool = False
     advice: str = ""
+    earth: EarthSeen | None = None
 
     @property
     def residuals(self) -> FloatArray:
@@ -136,17 +141,23 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     if e.fit.status is not Status.CONVERGED:
         return (ended,)  # there is nothing to be judged
     out = [ended, _whole(e), *_axes(e), _stretches(e)]
-    miss = (e.fit.start.constants - e.prior.mean.constants) / e.prior.sd[3:45]
-    out += [prior_check(_constants(e), miss), _start(e), _seen(e)]
+    earth = earth_checks(e.earth, 2 * EACH)
+    known = CoefficientVector(CONSTANTS, e.fit.start.constants, e.fit.start_cov[3:45, 3:45],
+                              prior_sd=e.prior.sd[3:45])  # fmt: skip
+    mean = e.prior.mean.constants
+    off = (known.values - mean) / known.prior_sd
+    out += [*earth, prior_check(known, off, cause=put_off(earth))]
+    out += _alike(known, from_prior(known, mean))
+    out += [_start(e), _seen(e)]
     if not e.slow:  # slow noise looks like all of these
         out += [_neighbours(e), _slow(e), _delay(e)]
     return tuple(out)
 
 
-def _constants(e: Evidence) -> CoefficientVector:
-    c = e.coefficients
-    keep = [LAYOUT.index(n) for n in CONSTANTS.names]
-    return CoefficientVector(CONSTANTS, c.values[keep], prior_sd=c.prior_sd[keep])
+def _alike(known: CoefficientVector, miss: FloatArray) -> list[Check]:
+    causes = {"gyro.torquer_scale": "a wrong clock, or unit of the command,",
+              "accel.scale": "a wrong gravity or unit"}  # fmt: skip
+    return [alike_check(known, miss, group, cause, EACH) for group, cause in causes.items()]
 
 
 def _square(e: Evidence, part: FloatArray, leverage: FloatArray, tests: int) -> list[float]:
@@ -297,7 +308,7 @@ def findings(e: Evidence) -> list[Finding]:
     e : Evidence
         Log, prior and solution.
     """
-    out, (late, sd) = [], e.fit.late
+    out, (late, sd) = earth_findings(e.earth, 2 * EACH), e.fit.late
     if e.fit.status is Status.CONVERGED and not e.slow and not _delay(e).passed:
         out.append(
             finding(

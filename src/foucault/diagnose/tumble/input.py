@@ -8,6 +8,7 @@ import numpy.typing as npt
 from foucault.diagnose.tumble.motion import motion_findings as motion_findings
 from foucault.diagnose.tumble.motion import nearest
 from foucault.errors import Finding, error, finding
+from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.models.cluster import attitude_of
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.plans.tumble.torquing import Nominal, TorquingPlan
@@ -26,6 +27,9 @@ LONG = 1.5
 
 STEP = 0.01
 """A change of the command by more than this, over its largest size, is a step [1]."""
+
+ROUNDS = 5
+"""Times that outlying readings are sought beside those that were found [1]."""
 
 SHIFTED = 120
 """A command is searched for so many steps of its plan, earlier and later [1]."""
@@ -228,6 +232,64 @@ def edges(time: FloatArray, command: FloatArray, after: float) -> npt.NDArray[np
     last = np.searchsorted(time[1:], steps + after + 1e-9, side="right")
     for a, b in zip(first, last, strict=True):
         out[a:b] = True
+    return out
+
+
+def outlying(log: Log) -> npt.NDArray[np.bool_]:
+    """Find rows whose readings jump farther from their neighbours than any would by chance, (n,).
+
+    A cubic through two neighbours on either side, at the ends through four on one, predicts a
+    reading; a command that steps bends the readings, by no
+    more than a third of the step times gravity and the interval.
+
+    Parameters
+    ----------
+    log : Log
+        Command, and readings that move slowly against their rate [SI].
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.special import ndtri
+
+    assert log.accel is not None and log.gyro is not None
+    n = len(log)
+    out: npt.NDArray[np.bool_] = np.zeros(n, bool)
+    if n < 50:
+        return out
+    step = np.linalg.norm(np.diff(log.gyro, axis=0), axis=1)
+    stepped = np.flatnonzero(step > STEP * np.linalg.norm(log.gyro, axis=1).max())
+    bent = np.zeros(n)
+    for k in range(-3, 5):
+        at = np.clip(stepped + k, 0, n - 1)
+        bent[at] += 0.5 * step[stepped] * float(np.nanmedian(np.linalg.norm(log.accel, axis=1)))
+    allowed = bent[:, None] * log.interval
+    x = log.accel.copy()
+    missing = ~np.isfinite(x).all(axis=1)
+    limit = -float(ndtri(FALSE_ALARM / (2 * 3 * n)))
+    for _ in range(ROUNDS):
+        if out.any():  # what is found is not to hide what is beside it
+            good = ~(missing | out)
+            x[out] = CubicSpline(log.time[good], log.accel[good])(log.time[out])
+        rough = np.full(x.shape, np.nan)
+        rough[2:-2] = x[2:-2] - (4 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6
+        for a, b in (((0, 1), 1), ((n - 1, n - 2), -1)):
+            for k in a:
+                ends = 4 * x[k + b] - 6 * x[k + 2 * b] + 4 * x[k + 3 * b] - x[k + 4 * b]
+                rough[k] = (x[k] - ends) / 6  # which scatters as much
+        rough = np.sign(rough) * np.maximum(np.abs(rough) - allowed, 0.0)
+        seen = np.isfinite(rough).all(axis=1)
+        if np.count_nonzero(seen) < 50:
+            return np.zeros(n, bool)
+        spread = 1.4826 * np.median(np.abs(rough[seen]), axis=0)
+        size = np.max(np.abs(rough) / np.where(spread > 0, spread, np.inf), axis=1)
+        size = np.where(seen, size, 0.0)
+        around = np.max([np.roll(size, k) for k in (-2, -1, 1, 2)], axis=0)
+        new = (size > limit) & (size > around)  # its neighbours are predicted from it
+        for ends in (slice(0, 3), slice(n - 3, n)):  # which of them it is does not show there
+            new[ends] = size[ends].max() > limit
+        new &= ~out
+        if not new.any():
+            break
+        out |= new
     return out
 
 

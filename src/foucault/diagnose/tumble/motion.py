@@ -33,6 +33,9 @@ GRAIN, LATEST = 1.0, 60.0
 TOGETHER = 100_000
 """Delays times rows that are tried at once [1]."""
 
+ROUGHLY = 0.3
+"""Over a window a command is right within this part of it [1]."""
+
 EXPLAINED = 0.9
 """Share of the motion that a right command explains at least [1]."""
 
@@ -44,6 +47,7 @@ class _Motion:
     moved: FloatArray
     middle: FloatArray
     turned: FloatArray
+    rows: npt.NDArray[np.int64]
 
     def within(self, turned: float, moved: float) -> bool:
         """Whether nearly all windows turn and move less far than this [rad]."""
@@ -87,6 +91,7 @@ def motion_findings(log: Log, from_its_time: bool, delay_sd: float = 0.0) -> lis
             given, sd = (f"{1e3 * value:.0f}" for value in late)
             said = finding("tumble.delay", given=given, sd=sd, believed="0")
             return [said] if abs(late[0]) > 3 * delay_sd else []
+        _check_parts(log, motion)
         if own > _expected(log):
             return []
     by_readings = next((m for m in _windows(log, from_its_time) if m.within(np.inf, TURN)), None)
@@ -106,6 +111,35 @@ def motion_findings(log: Log, from_its_time: bool, delay_sd: float = 0.0) -> lis
             more=_as_readings(M),
         )  # fmt: skip
     return [finding("tumble.motion", own=f"{100 * own:.0f}")]
+
+
+def _check_parts(log: Log, motion: _Motion) -> None:
+    """Refuse a log of which one part was not turned as its command says, and the others were."""
+    assert log.gyro is not None
+    predicted = np.cross(motion.middle, motion.turned)
+    size = np.sum(predicted**2, axis=1)
+    told = size > np.median(size) / 100  # where up does not turn about itself
+    factor = np.sum(predicted * motion.moved, axis=1)[told] / size[told]
+    left = np.linalg.norm(motion.moved[told] - factor[:, None] * predicted[told], axis=1)
+    # Of windows that the command explains but for its rate; those across a step are neither.
+    clear = left < (1 - EXPLAINED) * np.maximum(np.sqrt(size[told]), STILL)
+    # The Earth turns it besides.
+    band = ROUGHLY + float(EARTH_RATE / np.sqrt(np.mean(np.sum(log.gyro**2, axis=1))))
+    right = np.abs(factor - 1) < band
+    wrong = clear & ~right
+    if not wrong.any() or not right.sum() > max(wrong.sum(), 2):
+        return
+    rows = motion.rows
+    first, last = rows[:-1][told], rows[1:][told]
+    # The longest run without a window that is right.
+    runs = np.split(np.arange(len(right)), np.flatnonzero(right))
+    run = max(([k for k in part if wrong[k]] for part in runs), key=len)
+    if len(run) < 2 or np.ptp(factor[run]) > band:
+        return
+    raise error(
+        "tumble.part", start=f"{log.time[first[run[0]]]:.4g}", end=f"{log.time[last[run[-1]]]:.4g}",
+        factor=f"{float(np.median(factor[run])):.2f}",
+    )  # fmt: skip
 
 
 def _late(log: Log, from_its_time: bool) -> tuple[float, float] | None:
@@ -163,7 +197,7 @@ def _windows(log: Log, from_its_time: bool) -> Iterator[_Motion]:
     while each > 0:
         rows = good[::each]
         middle = (f[rows[1:]] + f[rows[:-1]]) / 2
-        yield _Motion(np.diff(f[rows], axis=0), middle, np.diff(angle[rows], axis=0))
+        yield _Motion(np.diff(f[rows], axis=0), middle, np.diff(angle[rows], axis=0), rows)
         each //= 2
 
 

@@ -230,6 +230,7 @@ def attitude_at_start(found: FilterRun, C_nb: FloatArray) -> FloatArray:
     before = np.concatenate([found.coefficients[:1] - found.corrections[:1, 9:],
                              found.coefficients[:-1]])  # fmt: skip
     missing = found.coefficients[-1] - before  # in the epoch that ends at each row
+    missing[:, found.decay > 0] = 0.0  # what wanders is at the end not what it was
     made = np.einsum("kij,kj->ki", found.transitions[:, :3, 9:], missing)
     psi, back = np.zeros(3), np.linalg.inv(found.transitions[:, :3, :3])
     for k in range(len(made) - 1, -1, -1):

@@ -212,7 +212,8 @@ def _look(log: Log, site: Site, settings: Settings) -> list[Finding]:
 
 def _result(s: Solution, shown: bool) -> Result:
     found = coefficients(s)
-    e = Evidence(s.tumble, s.prior, s.fit, found, s.settings.angles, s.slow, s.advice)
+    e = Evidence(s.tumble, s.prior, s.fit, found, s.settings.angles, s.slow, s.advice,
+                 None if s.slow or s.settings.filter != "gauss-newton" else s.earth)  # fmt: skip
     checks = judge.checks(e)
     bound = np.sqrt(np.diag(public(s, s.least)))
     added = parts(s)

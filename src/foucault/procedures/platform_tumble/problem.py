@@ -80,7 +80,8 @@ def tumble_of(
     assert log.gyro is not None and log.accel is not None and site.latitude is not None
     command = log.gyro[:-1] if settings.held(log.sampled) == "from its time" else log.gyro[1:]
     reading = log.accel[1:] / site.gravity
-    used: npt.NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1))
+    out = tumble_input.outlying(log)
+    used: npt.NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1)) & ~out[1:]
     if settings.mask_edges:
         used &= ~tumble_input.edges(log.time, command, settings.mask_edges)
     if int(used.sum()) <= len(LAYOUT):
@@ -106,6 +107,11 @@ def tumble_of(
         mean=log.sampled == "increment",
         block=block,
     )
+    if out.any():
+        told.append(finding(
+            "tumble.outliers", count=int(out.sum()), share=f"{100 * out.mean():.2g}",
+            time=f"{log.time[np.argmax(out)]:.6g}",
+        ))  # fmt: skip
     masked = np.flatnonzero(~np.isfinite(log.accel).all(axis=1))
     if len(masked):
         told.append(finding("tumble.masked", count=len(masked), time=f"{log.time[masked[0]]:.6g}"))

@@ -9,9 +9,11 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, Status, error, finding
+from foucault.estimate.earth_seen import EarthSeen
 from foucault.estimate.tumble import fit as estimation
 from foucault.estimate.tumble import published
 from foucault.estimate.tumble.budget import sources
+from foucault.estimate.tumble.earth import earth_in
 from foucault.estimate.tumble.fit import Fit, Prior, Tumble
 from foucault.models import cluster
 from foucault.models.cluster import LAYOUT, angle_rates, angles_of
@@ -76,6 +78,13 @@ class Solution:
     def slow(self) -> bool:
         """Whether noise that is not white was declared."""
         return is_slow(self.noise.accel) or is_slow(self.noise.gyro)
+
+    @property
+    def earth(self) -> EarthSeen | None:
+        """What the session says of the Earth's rate."""
+        assert self.site.latitude is not None
+        return earth_in(self.tumble, self.prior, self.fit, self.site.latitude,
+                        self.settings.latitude_sd)  # fmt: skip
 
 
 def solved(

@@ -30,20 +30,23 @@ from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
 from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
+from foucault.estimate.earth_seen import EarthSeen, earth_seen
+from foucault.estimate.ins_filter import FilterRun
 from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
+from foucault.navigate.increments import Increments
 from foucault.procedures import Progress, silent
 from foucault.procedures.systematic.bound import bound
-from foucault.procedures.systematic.choice import decided
+from foucault.procedures.systematic.choice import Decided, decided, resumed
 from foucault.procedures.systematic.foresight import foresee as foresee
 from foucault.procedures.systematic.left_out import left_out
 from foucault.procedures.systematic.log import log_table as log_table
 from foucault.procedures.systematic.navigation import navigation_tests
 from foucault.procedures.systematic.plan import Wanted as Wanted
 from foucault.procedures.systematic.plan import space as space
-from foucault.procedures.systematic.problem import SystematicProblem, prior_of
+from foucault.procedures.systematic.problem import SystematicProblem, prior_of, steady
 from foucault.procedures.systematic.settings import LAYOUT as LAYOUT
 from foucault.procedures.systematic.settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.systematic.settings import SIMULATE as SIMULATE
@@ -172,8 +175,10 @@ def _calibrate(
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
     legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
-    e = judge.Evidence(p.increments, p.rests, run, solution.states, p.prior.values,
-                          prior_of(p.sensors, {}).prior_sd, legs, solution.status)  # fmt: skip
+    known = steady(p).prior
+    e = judge.Evidence(p.increments, p.rests, run, solution.states, known.values,
+                       prior_of(steady(p).sensors, {}).prior_sd, legs, solution.status,
+                       p.seen, _earth(decision))  # fmt: skip
     checks = judge.checks(e)
     if choice is not None:
         checks = (*checks, deflection_verdict.check(choice))
@@ -186,7 +191,8 @@ def _calibrate(
         diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
         progress(0.7, "looking for what was left out")
-        findings += left_out(decision, given)
+        told, more = left_out(decision, given)
+        findings, checks = [*findings, *told], (*checks, *more)
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
         tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}
@@ -206,6 +212,19 @@ def _calibrate(
         diagnostics=diagnostics,
         tables=tables,
     )
+
+
+def _earth(decision: Decided) -> EarthSeen | None:
+    """Return what the session says of the Earth's rate, where its one filter can tell."""
+    p, found = decision.problem, decision.solution
+    if decision.settings.steps == "published" or not p.noise.gyro.white > 0:
+        return None
+    assert p.site.latitude is not None
+
+    def filtered(increments: Increments) -> FilterRun:
+        return resumed(replace(p, increments=increments), found, found.states.names).run
+
+    return earth_seen(filtered, p.increments, p.site.latitude)
 
 
 def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[str, Any]:

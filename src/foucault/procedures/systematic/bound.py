@@ -28,7 +28,12 @@ from foucault.plans.manoeuvres import Rotate
 from foucault.plans.systematic.file import ActionTable
 from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.plans.systematic.steps import plain_action, plain_start
-from foucault.procedures.systematic.problem import SystematicProblem, prior_of, problem_of
+from foucault.procedures.systematic.problem import (
+    SystematicProblem,
+    prior_of,
+    problem_of,
+    steady,
+)
 from foucault.procedures.systematic.settings import Settings
 from foucault.procedures.systematic.solution import Solution, public, solved
 from foucault.simulate.systematic import simulate_systematic
@@ -164,7 +169,7 @@ def bound(problem: SystematicProblem, solution: Solution, settings: Settings) ->
     settings : Settings
         What was chosen.
     """
-    p = problem
+    p = steady(problem)
     if not (p.noise.accel.white > 0 and p.noise.gyro.white > 0):
         return {}
     known = SURE * p.noise.accel.white * np.sqrt(p.at_rest.interval)

@@ -240,6 +240,28 @@ def widened(
     other : CoefficientVector or None
         Where others begin; None begins at the mean of the prior [SI].
     """
+    return resumed(p, found, same, other).states
+
+
+def resumed(
+    p: SystematicProblem,
+    found: Solution,
+    same: Sequence[str],
+    other: CoefficientVector | None = None,
+) -> Solution:
+    """Filter once more, from a result.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        Perhaps with more states, or other readings.
+    found : Solution
+        The result.
+    same : sequence of str
+        States that both have.
+    other : CoefficientVector or None
+        Where others begin; None begins at the mean of the prior [SI].
+    """
     layout = p.sensors.layout
     values, sd = p.prior.values.copy(), p.prior.prior_sd.copy()
     there, here = ([x.index(name) for name in same] for x in (layout, found.states.layout))
@@ -250,7 +272,7 @@ def widened(
     at_first = attitude_at_start(run, run.trajectory.C_nb[0])
     start = at_first, np.sqrt(np.diag(run.attitude_cov))
     near = CoefficientVector(layout, values, np.diag(sd**2))
-    return again(p, near, start, PASSES).states
+    return again(p, near, start, PASSES)
 
 
 def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> SystematicProblem:
@@ -265,5 +287,6 @@ def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> Sys
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
-    sensors = settings.sensors
-    return replace(p, sensors=sensors, prior=prior_of(sensors, known_of(sensors.layout, given)))
+    sensors = settings.sensors.with_wander(p.noise)
+    known = known_of(sensors.layout, given)
+    return replace(p, sensors=sensors, prior=prior_of(sensors, known, p.noise))

@@ -31,7 +31,7 @@ from foucault.procedures.systematic.plan import (
     settled,
     wanted_limits,
 )
-from foucault.procedures.systematic.problem import prior_of
+from foucault.procedures.systematic.problem import prior_of, steady
 from foucault.procedures.systematic.quick import Quick, Stills
 from foucault.procedures.systematic.settings import Session, Settings, planned
 from foucault.procedures.systematic.solution import public
@@ -122,7 +122,7 @@ def _told(found: Foreseen, settings: Settings, prior: Prior) -> list[Finding]:
 
 def _more(sequence: CalibrationSequence, found: Foreseen, stated: Stated) -> tuple[Extra, ...]:
     """Return what five more minutes would buy: of rest, and of spins."""
-    p = found.problem
+    p = steady(found.problem)
     quick = Quick(p.site, p.sensors, p.noise, p.at_rest, p.start_cov())
     before, out = quick.sd(sequence), []
     for what, longer in (_rested(sequence), _spun(sequence)):

@@ -17,6 +17,7 @@ from foucault.procedures.systematic.choice import Decided, compared, widened, wi
 from foucault.procedures.systematic.problem import SystematicProblem
 from foucault.procedures.systematic.settings import Settings
 from foucault.procedures.systematic.solution import Solution
+from foucault.result import Check
 from foucault.tables import AXES
 
 Given = Mapping[str, tuple[float, float]]
@@ -48,8 +49,8 @@ class Shown:
     finding: Finding
 
 
-def left_out(decision: Decided, given: Given) -> list[Finding]:
-    """Return what the user should know of errors that were not estimated.
+def left_out(decision: Decided, given: Given) -> tuple[list[Finding], list[Check]]:
+    """Return what the user should know of errors that were not estimated, and the check of them.
 
     One error that is left out looks a little like another: that which explains the readings best is
     named alone.
@@ -71,8 +72,19 @@ def left_out(decision: Decided, given: Given) -> list[Finding]:
         shown.append(_curves(wide, found, left))
     if decision.choice is None:  # models of deflection were not compared yet
         shown.append(_bends(compared(p, settings, found, given), found))
-    some = [one for one in shown if one.chance < RATE]
-    return [*out, *(one.finding for one in sorted(some, key=lambda s: (s.chance, -s.gain))[:1])]
+    some = sorted((one for one in shown if one.chance < RATE), key=lambda s: (s.chance, -s.gain))
+    return [*out, *(one.finding for one in some[:1])], _checks(shown, some)
+
+
+def _checks(shown: list[Shown], some: list[Shown]) -> list[Check]:
+    """Return the check `left out`: other coefficients have taken in what is not estimated."""
+    if not shown:
+        return []
+    chance = min(one.chance for one in shown)
+    words = "No error that is left out shows."
+    if some:
+        words = f"{some[0].finding.message} So the uncertainties are too small."
+    return [Check("left out", chance, RATE, None, not some, words)]
 
 
 def foreseen_of(

@@ -22,6 +22,7 @@ from foucault.plans.systematic.search import SystematicSpace, sd_limit
 from foucault.plans.systematic.sequence import RATE, CalibrationSequence
 from foucault.plans.weights import weights_of
 from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen
+from foucault.procedures.systematic.problem import steady
 from foucault.procedures.systematic.quick import Quick
 from foucault.procedures.systematic.settings import (
     FIRST,
@@ -223,7 +224,7 @@ def space(
     settings, reference = settled(settings), planned(settings, session)
     used, layout = noise_of(noise, typical), settings.sensors.layout
     stated = Stated(settings, session.rate, site, used, prior)
-    p = stated.foreseen(reference).problem
+    p = steady(stated.foreseen(reference).problem)
     quick = Quick(site, settings.sensors, used, p.at_rest, p.start_cov())
     return SystematicSpace(
         allowed=_allowed(settings, wanted, reference),

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.noise_at_rest import NoiseAtRest, noise_at_rest
 from foucault.diagnose.rests import measure_noise
-from foucault.diagnose.systematic.input import check_readings
-from foucault.diagnose.systematic.rests import FoundSequence, find_sequence
+from foucault.diagnose.systematic.input import check_readings, require_readings
+from foucault.diagnose.systematic.rests import FoundSequence, find_sequence, require_triads
 from foucault.diagnose.systematic.sequence import Matched, match_sequence, recognised
 from foucault.errors import Finding, error, finding
 from foucault.estimate.ins_filter import start_cov
@@ -62,7 +63,9 @@ class SystematicProblem:
     prior : CoefficientVector
         What is known of the coefficients beforehand [SI].
     noise : ImuNoise
-        White noise [SI].
+        White noise: as declared, or as the rests show where that is more [SI].
+    seen : NoiseAtRest
+        What the rests show of it.
     measured : bool
         Whether the noise was measured in the rests.
     at_rest : AtRest
@@ -82,6 +85,7 @@ class SystematicProblem:
     phi_sd: FloatArray
     prior: CoefficientVector
     noise: ImuNoise
+    seen: NoiseAtRest
     measured: bool
     at_rest: AtRest
     findings: tuple[Finding, ...]
@@ -133,6 +137,8 @@ def problem_of(
     """
     if site.latitude is None:
         raise error("systematic.site", what="a systematic calibration")
+    require_triads(log)
+    require_readings(log)
     found = find_sequence(log, shortest=settings.shortest)
     numbers = np.flatnonzero(found.still)
     if len(numbers) < 2:
@@ -143,9 +149,12 @@ def problem_of(
     told = (*doubts, *found.findings, *(() if matched is None else matched.findings))
     rests = tuple((int(found.rests.first[k]), int(found.rests.last[k]) - 1) for k in numbers)
     _require_updates(rests, settings, log)
-    sensors, increments = settings.sensors, increments_of(log)
-    used = noise or _measured(log, found)
-    prior = prior_of(sensors, given)
+    increments = increments_of(log)
+    seen = noise_at_rest(log, [(a, b + 1) for a, b in rests], noise)
+    used = _measured(log, found) if noise is None else seen.noise
+    told = (*told, *seen.findings)
+    sensors = settings.sensors.with_wander(used)
+    prior = prior_of(sensors, given, used)
     start, phi_sd = _aligned(increments, rests[0], site, used, prior)
     if phi_sd[2] > WIDER * UNKNOWN_HEADING:
         told = (*told, finding("systematic.start_heading",
@@ -161,7 +170,7 @@ def problem_of(
     )
     return SystematicProblem(
         increments, site, sensors, rests, numbers, found, matched, start, phi_sd, prior, used,
-        noise is None, at_rest, told,
+        seen, noise is None, at_rest, told,
     )  # fmt: skip
 
 
@@ -173,7 +182,25 @@ def _require_updates(rests: tuple[tuple[int, int], ...], settings: Settings, log
                     rest=f"{lasts.min():.0f}", number=int(np.argmin(lasts)) + 1)  # fmt: skip
 
 
-def prior_of(sensors: Sensors, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+def steady(p: SystematicProblem) -> SystematicProblem:
+    """Return the problem without what wanders in the biases.
+
+    Parameters
+    ----------
+    p : SystematicProblem
+        What is solved.
+    """
+    if not p.sensors.wanders.any():
+        return p
+    sensors = p.sensors.without(p.sensors.wanders)
+    stay, prior = ~p.sensors.wanders, p.prior
+    known = CoefficientVector(sensors.layout, prior.values[stay], prior_sd=prior.prior_sd[stay])
+    return replace(p, sensors=sensors, prior=known)
+
+
+def prior_of(
+    sensors: Sensors, given: Mapping[str, tuple[float, float]], noise: ImuNoise | None = None
+) -> CoefficientVector:
     """Return what is known of the coefficients beforehand: what is usual, but for what is given.
 
     Parameters
@@ -182,10 +209,16 @@ def prior_of(sensors: Sensors, given: Mapping[str, tuple[float, float]]) -> Coef
         What is estimated.
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
+    noise : ImuNoise or None
+        Noise, where the sensors have biases that wander [SI].
     """
     names = sensors.layout.names
-    usual = {k: v for k, v in PRIOR.items() if any(n.startswith(f"{k}.") or n == k for n in names)}
-    return CoefficientVector.prior(sensors.layout, {**usual, **given})
+    slow = noise or ImuNoise()
+    wander = {"gyro.wander": (0.0, slow.gyro.bias_instability),
+              "accel.wander": (0.0, slow.accel.bias_instability)}  # fmt: skip
+    usual = {k for k in (*PRIOR, *wander) if any(n.startswith(f"{k}.") or n == k for n in names)}
+    known = {k: v for k, v in {**PRIOR, **wander}.items() if k in usual}
+    return CoefficientVector.prior(sensors.layout, {**known, **given})
 
 
 def _measured(log: Log, found: FoundSequence) -> ImuNoise:

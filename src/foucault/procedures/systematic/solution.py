@@ -15,7 +15,7 @@ from foucault.estimate.systematic.fit import SystematicRun, attitude_at_start, s
 from foucault.estimate.systematic.published import second_step
 from foucault.models import imu, size_effect
 from foucault.plans.systematic.built_in import built_in
-from foucault.procedures.systematic.problem import SystematicProblem
+from foucault.procedures.systematic.problem import SystematicProblem, steady
 from foucault.procedures.systematic.settings import Settings
 
 FloatArray = npt.NDArray[np.float64]
@@ -70,6 +70,7 @@ def solved(p: SystematicProblem, settings: Settings) -> Solution:
 
 def _published(p: SystematicProblem, settings: Settings) -> Solution:
     """Filter the first sequence without deflection, and go on with it over the others."""
+    p = steady(p)  # the source knows no biases that wander
     few = settings.model_copy(update={"deflection": "none", "steps": "joint"}).sensors
     prior = p.prior
     at = [prior.layout.index(name) for name in few.layout.names]
@@ -118,9 +119,10 @@ def again(
     passes : int, shape ()
         Most passes [1].
     """
-    sd = np.minimum(p.prior.prior_sd, NARROWED * near.sd)
+    stay = ~p.sensors.wanders  # what wanders is at the start not what it is at the end
+    sd = np.where(stay, np.minimum(p.prior.prior_sd, NARROWED * near.sd), p.prior.prior_sd)
     phi_sd = np.minimum(p.phi_sd, NARROWED * start[1])
-    P0, C_nb, values = p.start_cov(phi_sd, sd), start[0], [near.values]
+    P0, C_nb, values = p.start_cov(phi_sd, sd), start[0], [np.where(stay, near.values, 0.0)]
     while True:
         found = solve(
             p.increments, C_nb, p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
@@ -128,8 +130,8 @@ def again(
         )  # fmt: skip
         # With the prior that counts: what the session hardly shows would wander on and on without.
         estimate = exchanged(found.estimate, (values[-1], sd), p.prior)
-        moved = float((np.abs(estimate.values - values[-1]) / estimate.sd).max())
-        values.append(estimate.values)
+        moved = float((np.abs(estimate.values - values[-1]) / estimate.sd)[stay].max())
+        values.append(np.where(stay, estimate.values, 0.0))
         if moved < SETTLED or len(values) > passes:
             break
         C_nb = attitude_at_start(found.run, C_nb)
@@ -178,8 +180,15 @@ def _first_part(p: SystematicProblem, settings: Settings) -> int:
 
 def _solution(found: SystematicRun, states: CoefficientVector, status: Status) -> Solution:
     run = found.run
+    stay = ~run.sensors.wanders
+    if not stay.all():
+        assert states.cov is not None
+        layout = run.sensors.without(~stay).layout
+        states = CoefficientVector(layout, states.values[stay], states.cov[np.ix_(stay, stay)],
+                                   prior_sd=states.prior_sd[stay])  # fmt: skip
     logs = run.innovation**2 / run.variance + np.log(run.variance)
-    return Solution(run, states, found.passes, status, float(-0.5 * np.nansum(logs)))
+    passes = tuple(values[stay] for values in found.passes)
+    return Solution(run, states, passes, status, float(-0.5 * np.nansum(logs)))
 
 
 def named(states: Sequence[str], deflections: Sequence[str]) -> tuple[str, ...]:

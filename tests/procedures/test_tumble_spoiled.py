@@ -1,0 +1,123 @@
+"""Tumbles that break what is taken for granted: named for what they are, or seen through."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from foucault.diagnose.tumble.input import outlying
+from foucault.errors import FoucaultError
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.models.earth import Site
+from make_tumble import FAST, PUBLISHED, calibrate, tumble
+
+
+def failed(result):
+    return {c.name for c in result.checks if not c.passed}
+
+
+def sentence(result, name):
+    return next(c.sentence for c in result.checks if c.name == name)
+
+
+def codes(result):
+    return [f.code for f in result.findings]
+
+
+def nees(result, truth):
+    error = result.coefficients.values - truth.values
+    return float(error @ np.linalg.solve(result.coefficients.cov, error))
+
+
+# -- the Earth as a clock --------------------------------------------------------------------------
+
+
+def test_a_latitude_of_the_wrong_sign_is_no_narrow_prior():
+    made, session = tumble(FAST)
+    site = Site.at(-made.site.latitude, made.site.height)
+    result = calibrate(made, session.simulation.log, trial=True, site=site)
+    assert "session.earth_rate" in codes(result)
+    assert sentence(result, "Earth's rate").endswith("the latitude has the wrong sign.")
+    assert sentence(result, "prior").endswith("see the check of the Earth's rate.")
+
+
+def test_a_latitude_ten_degrees_off_is_named_with_its_size():
+    made, session = tumble(FAST)
+    site = Site.at(made.site.latitude - np.radians(10.0), made.site.height)
+    result = calibrate(made, session.simulation.log, trial=True, site=site)
+    assert re.search(r"the latitude is \+1[01] deg", sentence(result, "Earth's rate"))
+
+
+@pytest.mark.thorough
+def test_stamps_that_are_a_thousandth_wrong_do_not_pass():
+    made, session = tumble(PUBLISHED)
+    log = session.simulation.log
+    result = calibrate(made, replace(log, time=1.001 * log.time), trial=True)
+    assert failed(result) == {"gyro.torquer_scale alike"}
+    assert "a wrong clock" in sentence(result, "gyro.torquer_scale alike")
+    slow = calibrate(made, replace(log, time=1.01 * log.time), trial=True)
+    assert {"Earth's rate", "gyro.torquer_scale alike"} <= failed(slow)
+
+
+@pytest.mark.thorough
+def test_the_earth_of_a_clean_tumble_turns_as_it_should():
+    squares = []
+    for seed in range(10):
+        made, session = tumble(FAST, seed=seed)
+        result = calibrate(made, session.simulation.log, trial=True)
+        check = next(c for c in result.checks if c.name == "Earth's rate")
+        assert check.passed and "tumble.outliers" not in codes(result)
+        squares.append(check.value)
+    low, high = chi_square_limits(20)
+    assert low < sum(squares) < high
+
+
+# -- parts of the log ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("factor", "words"), [(-1.0, "-1.00 times"), (0.5, "2.00 times")])
+def test_a_segment_that_was_not_turned_as_commanded_is_named(factor, words):
+    made, session = tumble(FAST)
+    log = session.simulation.log
+    inside = (log.time >= 60.0) & (log.time < 120.0)
+    other = replace(log, gyro=np.where(inside[:, None], factor * log.gyro, log.gyro))
+    with pytest.raises(FoucaultError, match=f"the cluster turned {words}") as told:
+        calibrate(made, other, trial=True)
+    assert told.value.code == "tumble.part"
+    start, end = re.findall(r"From ([\d.]+) to ([\d.]+) s", str(told.value))[0]
+    assert float(start) == pytest.approx(60.0, abs=6.0) and float(end) == pytest.approx(120, abs=6)
+
+
+def spiked(log, share, size, seed=0):
+    rng = np.random.default_rng(seed)
+    accel = log.accel.copy()
+    hit = rng.random(accel.shape) < share
+    accel[hit] += size * 9.8e-6 * rng.choice([-1.0, 1.0], int(hit.sum()))
+    return replace(log, accel=accel), hit.any(axis=1)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("share", "size"), [(0.01, 1e4), (0.001, 1e3)])
+def test_readings_that_jump_are_left_out_and_counted(share, size):
+    made, session = tumble(PUBLISHED)
+    log, hit = spiked(session.simulation.log, share, size)
+    result = calibrate(made, log, trial=True)
+    assert not failed(result)
+    low, high = chi_square_limits(45)
+    assert low < nees(result, session.truth) < high
+    told = next(f for f in result.findings if f.code == "tumble.outliers")
+    assert "lie farther from what their neighbours predict" in told.message
+    assert (outlying(log) & hit).sum() == hit.sum()
+
+
+def test_a_row_of_zeros_is_left_out():
+    log = tumble(FAST)[1].simulation.log
+    for row in (len(log) // 3, len(log) - 1):
+        accel = log.accel.copy()
+        accel[row] = 0.0
+        found = np.flatnonzero(outlying(replace(log, accel=accel)))
+        assert row in found and len(found) <= 3
+    assert not outlying(log).any()
