@@ -20,7 +20,8 @@ from foucault.procedures.transfer_alignment.foresight import manoeuvres, moved, 
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.result import Level
-from make_transfer_campaign import calibrated, codes, described, failed, made, missed, trial
+from make_transfer_campaign import calibrated, codes, failed, made, missed, trial
+from make_transfer_campaign import faultless as described
 
 ARCMIN = np.pi / 10800
 LEVER = '["1 m", "2 m", "-0.5 m"]'

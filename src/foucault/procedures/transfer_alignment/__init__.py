@@ -60,7 +60,7 @@ from foucault.procedures.transfer_alignment.session import SIMULATE as SIMULATE
 from foucault.procedures.transfer_alignment.session import Session as Session
 from foucault.procedures.transfer_alignment.session import draw_errors as draw_errors
 from foucault.procedures.transfer_alignment.session import simulate as simulate
-from foucault.procedures.transfer_alignment.settings import ASIDE
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT
 from foucault.procedures.transfer_alignment.settings import LAYOUT as LAYOUT
 from foucault.procedures.transfer_alignment.settings import NOISE as NOISE
 from foucault.procedures.transfer_alignment.settings import NOISE_LINES as NOISE_LINES
@@ -84,7 +84,7 @@ def names_of(settings: Settings) -> tuple[str, ...]:
     settings : Settings
         What was chosen.
     """
-    return (*settings.sensors.layout.names, *settings.beside)
+    return settings.reported
 
 
 def calibrate(
@@ -176,12 +176,14 @@ def _calibrate(
     p = s.problem
     e = Evidence(
         p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
-        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, ASIDE,
+        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, LEFT_OUT,
     )  # fmt: skip
     checks = judge.checks(e)
     error_of_g = gravity_error(s)
     assert s.states.cov is not None
-    cov = s.states.cov + np.outer(error_of_g, error_of_g)
+    all_cov = s.states.cov + np.outer(error_of_g, error_of_g)
+    coefficients = replace(s.states, cov=all_cov).chosen(settings.reported)
+    at = [s.states.layout.index(name) for name in settings.reported]
     told = findings.findings(e, problem.findings, s.findings)
     tables: dict[str, TableData] = {}
     if shown:
@@ -190,10 +192,10 @@ def _calibrate(
         if settings.delay != "none":
             ignored = settings.model_copy(update={"delay": "none", "gamma": None})
             undelayed = solved(problem_of(log, site, ignored, noise, given), history=False).found
-        tables = report.tables(e, s.backward, undelayed)
+        tables = report.tables(e, settings.reported, s.backward, undelayed)
     return Result(
         procedure="transfer_alignment",
-        coefficients=replace(s.states, cov=cov),
+        coefficients=coefficients,
         equation=EQUATION,
         frame=FRAME,
         gauge=GAUGE,
@@ -205,7 +207,7 @@ def _calibrate(
         validity=_validity(log),
         diagnostics={"start": float(log.time[0])}
         | _diagnostics(log, s, e)
-        | of_site(site.as_dict(), s.states.names, error_of_g),
+        | of_site(site.as_dict(), settings.reported, error_of_g[at]),
         tables=tables,
     )
 
@@ -216,7 +218,7 @@ def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
         "gravity": p.site.gravity,
         "matching": settings.matching,
         "filter": _filter(s),
-        "bound": s.kalman.sd.tolist(),
+        "bound": s.kalman.chosen(settings.reported).sd.tolist(),
         "noise": {"accel": p.slave.noise.accel.white, "gyro": p.slave.noise.gyro.white},
         "delay": _delay(s),
         "hand_over": {"place": "master" if log.messages.has_place else "site"}
@@ -228,7 +230,8 @@ def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
         "innovations": judge.spread(e),
         "mounting": report.mounting(settings.mount, s.states),
         "beside": [r for r in s.states.rows() if r["name"] in settings.beside],
-        "unseen": report.unseen(settings.mount, misalignments=settings.misalignments),
+        "unseen": report.unseen(settings.mount, left_out=settings.left_out,
+                                misalignments=settings.misalignments),
     }  # fmt: skip
 
 
@@ -247,8 +250,15 @@ def _filter(s: Solution) -> dict[str, Any]:
         "flexure_sd": settings.flexure_sd,
         "flexure_time": settings.flexure_time,
         "wander": settings.wander,
+        "left_out": _left_out(s),
         "states": len(s.found.free.layout),
     }
+
+
+def _left_out(s: Solution) -> list[dict[str, Any]]:
+    """Return what is counted with and not in the result, as `CoefficientVector.rows` [SI]."""
+    reported = s.problem.settings.reported
+    return [r for r in s.states.rows() if r["name"] not in reported]
 
 
 def _delay(s: Solution) -> dict[str, Any]:

@@ -194,10 +194,11 @@ def shown(
     """
     p, free = free_of(plan, settings, session, site, noise, prior, rate=rate)
     run = kalman(free.system)
-    cov, at = run.cov, [free.layout.index(name) for name in p.vector.names]
+    names = settings.reported
+    cov, at = run.cov, [free.layout.index(name) for name in names]
     of_gravity = _of_gravity(p, run)[at] if gravity else np.zeros(len(at))
     own = cov[np.ix_(at, at)] + np.outer(of_gravity, of_gravity)
-    vector = replace(p.vector, values=np.zeros(len(at)), cov=own)
+    vector = replace(p.vector.chosen(names), values=np.zeros(len(at)), cov=own)
     ahead = np.array([after_outage(free, settings.sensors, settings.outage, turn=turn)
                       for turn in AHEAD])  # fmt: skip
     # Where it is is what the master says: of the position at the hand-over nothing is counted.

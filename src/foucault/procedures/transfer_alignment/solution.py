@@ -138,7 +138,7 @@ def _likeliest(p: TransferProblem) -> tuple[TransferProblem, DelayFit]:
     """Start from the likeliest delay of the bracket."""
     s = p.settings
     fixed = replace(s.matched, delay=False)
-    layout = states_of_transfer(s.sensors, s.mount, s.matched)
+    layout = states_of_transfer(s.sensors, s.mount, s.matched, p.slave.noise)
     early = p.with_delay(s.longest_delay)
     sd = np.delete(early.loose(s.longest_delay), layout.index("master.delay"))
     fit = likeliest_delay(early.slave, p.master, s.mount, fixed, early.prior, sd,
@@ -181,7 +181,10 @@ def _bounded(
         # A free run's position is never measured, its vertical velocity only where that is matched:
         # bounding what grows without a bound would leave nothing of the bound for the others.
         unseen = (6, 7, 8) if settings.matched.vertical else (5, 6, 7, 8)
-        L = np.delete(by_prior(system), unseen, axis=0)
+        # Nor is anything wanted of what is only counted with.
+        layout = found.free.layout
+        aside = [layout.index(n) for n in p.vector.names if n not in settings.reported]
+        L = np.delete(by_prior(system), (*unseen, *aside), axis=0)
     else:
         L = after_outage(found.free, settings.sensors, settings.outage)
     least = least_gamma(system, L)
