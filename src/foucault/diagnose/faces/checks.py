@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.checks import (
+    judge_prior,
     plausible_scales,
-    prior_check,
     reversed_earth_check,
     status_check,
 )
@@ -104,6 +104,7 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     """
     vector = e.estimate.coefficients
     out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
+    out += judge_prior(e.estimate)
     out += plausible_scales(vector)
     out.append(_explained(e, "accel"))
     if e.scene.rests.gyro is not None:
@@ -113,9 +114,6 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     out.append(_placement(e))
     sign = reversed_earth_check(vector, e.scene.site)
     out += [sign] if sign is not None else []
-    known = np.isfinite(vector.prior_sd)
-    if known.any():
-        out.append(prior_check(vector, e.estimate.residuals[-int(known.sum()) :]))
     return tuple(out)
 
 
@@ -161,8 +159,8 @@ def _explained(e: FaceEvidence, kind: str) -> Check:
     # Uncertainties that are too large, from noise measured at rest, are only careful. Declared
     # noise that is contradicted is not.
     wrong = e.declared and _contradicted(e, kind)
-    fine = value <= high and (value >= low or added or not e.declared) and not wrong
-    return Check(name, value, low, high, fine, words)
+    least = low if e.declared and not added else None
+    return Check(name, value, least, high, value <= high and not wrong, words)
 
 
 _KINDS = {

@@ -248,6 +248,8 @@ def fit(
     before : dict of str to Component
         How well the noise alone explained the residuals.
     """
+    if prior is not None and np.isfinite(prior.prior_sd).any():
+        return _with_prior(session, names, start, noise, prior, loss, repeatability, pretest)
     robust = loss is not gauss_newton.least_squares
     state, outliers, memory = start, np.zeros(0), Memory()
     before: dict[str, Component] = {}
@@ -255,7 +257,7 @@ def fit(
         # At first only significant scatter, lest an outlier be taken for scatter of all.
         careful = pretest or (robust and attempt == 0)
         estimate, noise, fits = _with_scatter(
-            build(session, names, state, noise, prior, memory), session, names, noise, loss,
+            build(session, names, state, noise, None, memory), session, names, noise, loss,
             repeatability, careful, memory,
         )  # fmt: skip
         before = fits if attempt == 0 else before
@@ -266,6 +268,28 @@ def fit(
         # does not count that pull. Once the outliers are known they are left out altogether.
         outliers, loss = found, partial(_held, found)
     return estimate, noise, before
+
+
+def _with_prior(
+    session: Session,
+    names: Sequence[str],
+    start: Attitudes,
+    noise: SessionNoise,
+    prior: CoefficientVector,
+    loss: gauss_newton.Loss,
+    repeatability: bool,
+    pretest: bool,
+) -> tuple[Estimate, SessionNoise, dict[str, Component]]:
+    """Settle scatter and outliers without the prior, then add it.
+
+    A prior that the observations contradict would make residuals of them, which scatter takes up:
+    the more wrong the prior, the more surely it would be believed.
+    """
+    alone, noise, before = fit(
+        session, names, start, noise, loss=loss, repeatability=repeatability, pretest=pretest
+    )
+    problem = build(session, names, start, noise, prior)
+    return gauss_newton.add_prior(problem, alone), noise, before
 
 
 def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:

@@ -153,14 +153,12 @@ def solve(
     scene = scene.tilted(belief.placement, belief.level)
     parts = covariance_parts(scene, start, noise, belief, given[0] is None)
     cov = np.asarray(sum(parts.values()))
-    problem = build(
-        scene,
-        names,
-        start,
-        cov,
-        CoefficientVector.prior(LAYOUT.subset(names), prior) if prior else None,
-    )
+    problem = build(scene, names, start, cov)
     estimate = gauss_newton.solve(problem)
+    if prior:
+        known = CoefficientVector.prior(LAYOUT.subset(names), prior)
+        problem = replace(problem, prior=known)
+        estimate = gauss_newton.add_prior(problem, estimate)
     at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
     evidence = FaceEvidence(
         scene, faces, unbiased(estimate), noise, declared, belief, given[0] is not None, found, cov,
