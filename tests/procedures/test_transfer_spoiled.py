@@ -18,7 +18,7 @@ from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import moved, simulate, simulate_motion
 from foucault.result import Level
-from make_transfer_campaign import codes, described, failed, made, missed, trial
+from make_transfer_campaign import codes, described, failed, faultless, made, missed, trial
 
 DEG, ARCMIN, G = np.pi / 180, np.pi / 10800, 9.80665
 LEVER = '["1 m", "2 m", "-0.5 m"]'
@@ -330,7 +330,7 @@ def test_the_right_lever_arm_is_left_alone(levered) -> None:
     ],
 )
 def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
-    c, session = flight
+    c, session = faultless(), flight[1]
     result = trial(c, session.simulation.log, prior=prior)
     assert words in told(result, "transfer.prior")
     assert not {"transfer.spread", "transfer.unseen"} & set(codes(result))
@@ -339,22 +339,39 @@ def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
     assert codes(wide) == []
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("group", ["gyro.bias", "gyro.scale", "accel.bias"])
+def test_a_prior_that_is_contradicted_is_named_beside_what_could_hide_it(flight, group) -> None:
+    """What is left out may take up what a prior does not allow: both are named, none is a pass."""
+    c, session = flight
+    sd = {"gyro.bias": 0.02 * DEG / 3600, "gyro.scale": 2e-5, "accel.bias": 1e-5 * G}[group]
+    result = trial(c, session.simulation.log, prior={group: (0.0, sd)})
+    named = [f for f in result.findings if f.code == "transfer.prior"]
+    assert any(f.message.startswith(group) for f in named)
+    assert result.verdict.level is Level.DOUBTFUL and "prior" in failed(result)
+    right = trial(c, session.simulation.log, prior={group: (0.0, 300 * sd)})
+    assert "transfer.prior" not in codes(right) and "prior" not in failed(right)
+
+
 def test_a_wrong_sd_of_the_messages_is_no_prior(flight) -> None:
     result = said(flight, as_it_is, attitude_sd=0.1 * ARCMIN)
     assert codes(result) == ["transfer.spread"]
 
 
 def test_a_nominal_mounting_two_degrees_off(flight) -> None:
-    words = told(said(flight, as_it_is, mounting_heading=2 * DEG), "transfer.prior")
-    assert words.startswith("installation.z was said to be 0 deg give or take 0.083 deg")
-    assert "the messages alone say 2 deg" in words
+    for c in (flight[0], faultless()):
+        result = said((c, flight[1]), as_it_is, mounting_heading=2 * DEG)
+        words = told(result, "transfer.prior")
+        assert result.verdict.level is Level.DOUBTFUL
+        assert words.startswith("installation.z was said to be 0 deg give or take 0.083 deg")
+        assert "the messages alone say 2 deg" in words
 
 
 # -- passes ----------------------------------------------------------------------------------------
 
 
 def test_one_pass_is_judged_by_a_second(flight) -> None:
-    result = said(flight, as_it_is, passes=1)
+    result = said((faultless(), flight[1]), as_it_is, passes=1)
     words = told(result, "transfer.unsettled")
     assert "From pass 1 to pass 2 accel.bias.z moves by 4.4 of its standard deviations" in words
     assert "1 pass was asked for. Write passes = 5." in words
@@ -388,7 +405,7 @@ def test_misalignments_widen_the_uncertainties_of_biases(flight) -> None:
         result = trial(c, made_.log)
         assert not failed(result) and not codes(result)
         total += off(result, model, made_)[1]
-        plain = trial(c, made_.log, settings=flight[0].settings)
+        plain = trial(c, made_.log, settings=faultless().settings)
         worst = max(worst, float(np.abs(off(plain, model, made_)[0]).max()))
     low, high = chi_square_limits(28 * runs)
     assert low < total < high
@@ -445,7 +462,7 @@ def test_as_many_passes_as_it_takes(flight) -> None:
 @pytest.mark.thorough
 def test_two_hours() -> None:
     """A free run of the slave would be gone by far: its vertical grows 300 000 times."""
-    c = described(profile='"ship"', rate='"10 Hz"', message_rate='"0.5 Hz"')
+    c = faultless(profile='"ship"', rate='"10 Hz"', message_rate='"0.5 Hz"')
     plan = moved(transfer_profile("ship"), c.site)
     plan = replace(plan, calibration=plan.calibration * 30, outage=())
     model = made(c, 0).simulation.model

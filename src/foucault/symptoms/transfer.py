@@ -168,6 +168,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Coefficients that the motion does not show",
      "The motion shows hardly anything of {names}.",
      "Add {wanted}; or leave out what is not wanted."),
+    ("transfer.hidden", "note",
+     "Coefficients that left-out errors hide",
+     "The motion shows {names}, but what is not in the result hides them again: misalignments, "
+     "scale factors of the accelerometers and g-sensitivity, as large as [prior] says.",
+     'Write into [prior] how large they are for your instrument, such as "gyro.misalignment" with '
+     'sd = "0.1 mrad"; left_out = false where they are calibrated and taken away.'),
     ("transfer.straight", "warning",
      "No manoeuvre",
      "The vehicle turned by {turn} deg and changed its speed by {speed} m/s: without a manoeuvre "

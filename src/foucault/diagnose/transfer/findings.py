@@ -7,7 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from foucault.diagnose.transfer.causes import narrow, of_lever, of_outliers, of_priors
-from foucault.diagnose.transfer.checks import BLOCKS, NEAR, Evidence, bracket, hardly, spreads
+from foucault.diagnose.transfer.checks import (
+    BLOCKS,
+    NEAR,
+    Evidence,
+    bracket,
+    hardly,
+    hidden,
+    spreads,
+)
 from foucault.errors import Finding, Status, finding
 from foucault.models.rotation import log as rotation_vector
 from foucault.units import plain
@@ -54,7 +62,7 @@ def findings(
     priors = narrow(e)
     causes = [*of_priors(e, priors), *of_lever(e)] or of_outliers(e)
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
-    told += _unseen(e, [group for group, _ in priors])
+    told += [*_unseen(e, [group for group, _ in priors]), *_hidden(e)]
     return [*told, *(causes or _of_spread(e))]
 
 
@@ -99,6 +107,13 @@ def _unseen(e: Evidence, known: Sequence[str]) -> list[Finding]:
     groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in names)]
     wanted = "; ".join(WANTED[g] for g in groups)
     return [finding("transfer.unseen", names=", ".join(names), wanted=wanted)]
+
+
+def _hidden(e: Evidence) -> list[Finding]:
+    names = hidden(e)
+    if not names:
+        return []
+    return [finding("transfer.hidden", names=", ".join(names))]
 
 
 def _of_spread(e: Evidence) -> list[Finding]:

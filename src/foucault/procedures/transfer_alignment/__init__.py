@@ -60,8 +60,8 @@ from foucault.procedures.transfer_alignment.session import SIMULATE as SIMULATE
 from foucault.procedures.transfer_alignment.session import Session as Session
 from foucault.procedures.transfer_alignment.session import draw_errors as draw_errors
 from foucault.procedures.transfer_alignment.session import simulate as simulate
-from foucault.procedures.transfer_alignment.settings import LEFT_OUT
 from foucault.procedures.transfer_alignment.settings import LAYOUT as LAYOUT
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT
 from foucault.procedures.transfer_alignment.settings import NOISE as NOISE
 from foucault.procedures.transfer_alignment.settings import NOISE_LINES as NOISE_LINES
 from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR_LINES

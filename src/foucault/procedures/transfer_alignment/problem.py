@@ -183,8 +183,8 @@ def problem_of(
     at = [vector.layout.index(f"installation.{a}") for a in "xyz"]
     known = Known(state, vector.values[:p], vector.values[at], start)
     return TransferProblem(
-        replace(slave, first=first), said, table, settings, site, known, _sd(settings, vector, slave.noise),
-        vector, hand_over, matched, (*told, *drifting),
+        replace(slave, first=first), said, table, settings, site, known,
+        _sd(settings, vector, slave.noise), vector, hand_over, matched, (*told, *drifting),
     )  # fmt: skip
 
 
