@@ -426,6 +426,14 @@ def test_what_is_foreseen_is_what_comes(flight, found):
     assert turns["an S-turn of 40 deg"].ratio < turns["straight on"].ratio < 1
 
 
+@pytest.mark.thorough
+def test_a_manoeuvre_more_before_the_hand_over_tells_something():
+    c = described(hand_over='"100 s"')
+    told = transfer_alignment.foresee(c.settings, session=c.session, site=c.site, noise=c.noise)
+    for extra in told.more:
+        assert min(ratio for _, ratio in extra.best) < 0.95
+
+
 def test_what_each_manoeuvre_shows():
     """A bias and a tilt are told apart by turning; the delay by anything but a straight run."""
     c = described()

@@ -11,6 +11,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.attitude import angles_of, matrix_of
+from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.plans.transfer.profiles import transfer_profile
@@ -428,6 +429,53 @@ def off(result, model, made_):
     c, true = result.coefficients, model.coefficients().with_others(made_.beside)
     err = c.values - true.chosen(c.names).values
     return err / c.sd, float(err @ np.linalg.solve(c.cov, err))
+
+
+@pytest.mark.parametrize("off", [-5.0, 7.0, 12.0])
+@pytest.mark.thorough
+def test_a_master_s_clock_that_is_seconds_off(flight, off: float) -> None:
+    result = said(flight, master(time=lambda t: t + off))
+    words = told(result, "transfer.clock")
+    assert f"is of {off + 0.1:+.3f} ± 0.00" in words
+    assert f"take {off + 0.1:.3f} s from the master's stamps" in words
+    assert not {"transfer.mounting", "transfer.sense", "transfer.mirror"} & set(codes(result))
+    assert result.verdict.level is not Level.PASS
+
+
+@pytest.mark.thorough
+def test_two_delays_that_contradict_each_other(flight) -> None:
+    """Velocities 30 ms older than the attitudes of the same message."""
+    t = flight[1].simulation.log.messages.time
+
+    def older(v):
+        return np.column_stack([np.interp(t - 0.03, t, x) for x in v.T])
+
+    words = told(said(flight, master(velocity_n=older), matching="velocity"), "transfer.delays")
+    assert "By what both turned messages are 100." in words
+    assert "by the filter, velocities included, 130." in words
+    assert "transfer.delays" not in codes(said(flight, as_it_is))
+
+
+def test_noise_of_messages_that_is_declared_too_large_is_no_mount_that_bends(flight) -> None:
+    result = said(flight, as_it_is, attitude_sd=2 * ARCMIN)
+    words = told(result, "transfer.narrow")
+    assert "Innovations of attitude are 0.50 times what is expected: attitude_sd is declared" in words
+    assert 'attitude_sd = "1 arcmin"' in words or 'attitude_sd = "0.9' in words
+    assert "bends" not in words and "transfer.spread" not in codes(result)
+
+
+@pytest.mark.thorough
+def test_a_site_elsewhere_than_the_master(flight) -> None:
+    c, session = flight
+    right = trial(c, session.simulation.log)
+    far = Site.at(28 * DEG, 60.0)
+    result = trial(replace(c, site=replace(far, gravity_sd=4e-4)), session.simulation.log)
+    words = told(result, "transfer.site")
+    assert "[site] has latitude 28.0000 deg; by its positions the master begins at 48.8462" in words
+    assert result.site["latitude"] == pytest.approx(48.8462 * DEG, abs=1e-5)
+    assert result.site["gravity"] == pytest.approx(right.site["gravity"], abs=1e-5)
+    np.testing.assert_allclose(result.coefficients.values, right.coefficients.values, atol=1e-6)
+    assert "transfer.site" not in codes(right)
 
 
 def test_a_few_messages_that_are_off(flight) -> None:

@@ -47,7 +47,7 @@ from foucault.models.imu import EQUATION
 from foucault.models.noise import ImuNoise
 from foucault.procedures import Progress, silent
 from foucault.procedures.transfer_alignment.foresight import foresee as foresee
-from foucault.procedures.transfer_alignment.input import heard, usable
+from foucault.procedures.transfer_alignment.input import heard, there, usable
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.log import log_table as log_table
 from foucault.procedures.transfer_alignment.log import with_master as with_master
@@ -170,13 +170,15 @@ def _calibrate(
     log = usable(log)
     progress(0.1, "matching what both turned")
     settings, silence = heard(log.messages, settings)
+    site, elsewhere = there(site, log.messages)
     problem = problem_of(log, site, settings, noise, given)
     progress(0.3, "filtering")
     s = solved(problem, history=shown)
     p = s.problem
     e = Evidence(
         p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
-        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, LEFT_OUT,
+        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit,
+        LEFT_OUT,
     )  # fmt: skip
     checks = judge.checks(e)
     error_of_g = gravity_error(s)
@@ -201,7 +203,7 @@ def _calibrate(
         gauge=GAUGE,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*log.findings, *silence, *told),
+        findings=(*log.findings, *elsewhere, *silence, *told),
         status=s.status,
         site=site.as_dict(),
         validity=_validity(log),

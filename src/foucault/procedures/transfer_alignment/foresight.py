@@ -120,16 +120,32 @@ def foresee(
     known = (settings, session, site, noise, prior or {})
     now = shown(plan, *known, gravity=True)
     more = []
-    for name, segments in manoeuvres(_speed_at_end(plan)).items():
-        longer = replace(plan, calibration=(*plan.calibration, *segments))
-        then = shown(longer, *known, gravity=True)
+    before, after = _at_hand_over(plan, settings.hand_over)
+    for name, segments in manoeuvres(_speed_after(plan, before)).items():
+        longer = replace(plan, calibration=(*before, *segments, *after))
+        later = settings
+        if settings.hand_over is not None:
+            more_time = sum(segment.time for segment in segments)
+            later = settings.model_copy(update={"hand_over": settings.hand_over + more_time})
+        then = shown(longer, later, *known[1:], gravity=True)
         more.append(Extra.of(name, then.time - now.time, now.vector.names,
                              then.vector.sd / now.vector.sd))  # fmt: skip
     return _judged(now, tuple(more), [] if noise else [assumed_noise()])
 
 
-def _speed_at_end(plan: TransferProfile) -> float:
-    speeds = [s.speed for s in plan.calibration if isinstance(s, Accelerate)]
+def _at_hand_over(
+    plan: TransferProfile, hand_over: float | None
+) -> tuple[tuple[Segment, ...], tuple[Segment, ...]]:
+    """Return what is flown before a manoeuvre more, and after it: the one it is handed over in."""
+    begun, ends = plan.calibration, np.cumsum([s.time for s in plan.calibration])
+    if hand_over is None or not len(ends) or hand_over >= ends[-1]:
+        return begun, ()
+    k = int(np.searchsorted(ends, hand_over))
+    return begun[:k], begun[k:]
+
+
+def _speed_after(plan: TransferProfile, flown: tuple[Segment, ...]) -> float:
+    speeds = [s.speed for s in flown if isinstance(s, Accelerate)]
     return float(speeds[-1] if speeds else plan.start.speed)
 
 
