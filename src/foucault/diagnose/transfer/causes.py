@@ -15,11 +15,12 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.transfer.checks import Evidence, Spread, spreads, standardised
+from foucault.diagnose.transfer.checks import Evidence, Spread, spreads, standardised, whiteness
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.linear_filter import LinearSystem, kalman
 from foucault.estimate.transfer.fit import solve
+from foucault.estimate.transfer.flexure import likeliest_flexure
 from foucault.models.rotation import cross_matrix, exp
 from foucault.units import plain
 
@@ -46,6 +47,9 @@ SURELY = 1e-4
 OUTLIER, FEW, MOST = 8.0, 0.01, 5
 """An innovation of so many standard deviations is none of this noise; if at most this part of the
 messages has such; so many are named [1]."""
+
+BENDS = 10.0
+"""A bending that makes the innovations likelier by less is none, as a log-likelihood [1]."""
 
 VISIBLE = 1e-6
 """A direction of which the messages say less, in units of its prior, is not tested [1]."""
@@ -316,6 +320,33 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
             wide=said(2.0 * float(np.abs(away).max())),
         ))  # fmt: skip
     return out
+
+
+def of_flexure(e: Evidence) -> list[Finding]:
+    """Offer the bending of the mount that makes the innovations likeliest, where one is seen.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
+    if not e.nominal or not np.isfinite(e.matching.attitude_sd):
+        return []
+    layout, now = e.found.free.layout, e.found.run.log_likelihood
+    fit = likeliest_flexure(e.slave, e.master, e.mount, e.matching, e.found.at, e.prior, e.sd,
+                            layout, now)  # fmt: skip
+    if fit.gain < BENDS:
+        return []
+    after = replace(e, found=replace(e.found, run=fit.run))
+    fits = whiteness(after)[0] <= whiteness(after)[1] and all(
+        s.ratio <= s.high for s in spreads(after).values()
+    )
+    left = "innovations are then as they should be" if fits else "something else is left"
+    arcmin = np.radians(1 / 60)
+    return [finding(
+        "transfer.flexure", sd=plain(fit.sd / arcmin, 3), time=plain(fit.time, 2),
+        noise=plain(fit.attitude_sd / arcmin, 3), gain=f"{fit.gain:.0f}", left=left,
+    )]  # fmt: skip
 
 
 def of_outliers(e: Evidence) -> list[Finding]:

@@ -275,12 +275,23 @@ def _innovations(e: Evidence, name: str, s: Spread) -> Check:
     return Check(f"{name} innovations", s.ratio, low, s.high, fine, words + ".")
 
 
-def _white(e: Evidence) -> Check:
+def whiteness(e: Evidence) -> tuple[float, float]:
+    """Return how much innovations depend on those before them, and what is allowed [1].
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
     u = standardised(e)
     columns = [c[np.isfinite(c)] for c in u.T if np.isfinite(c).sum() > LAGS]
     sums = np.array([len(c) * np.sum(autocorrelation(c, FEW) ** 2) for c in columns])
     limit = chi_square_limits(FEW, 2 * EACH, max(len(columns), 1))[1]
-    worst = float(sums.max(initial=0.0))
+    return float(sums.max(initial=0.0)), float(limit)
+
+
+def _white(e: Evidence) -> Check:
+    worst, limit = whiteness(e)
     fine = worst <= limit
     words = "Innovations are independent of one another."
     if not fine:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foucault.diagnose.transfer.causes import narrow, of_lever, of_outliers, of_priors
+from foucault.diagnose.transfer.causes import narrow, of_flexure, of_lever, of_outliers, of_priors
 from foucault.diagnose.transfer.checks import (
     BLOCKS,
     NEAR,
@@ -15,6 +15,7 @@ from foucault.diagnose.transfer.checks import (
     hardly,
     hidden,
     spreads,
+    whiteness,
 )
 from foucault.errors import Finding, Status, finding
 from foucault.models.rotation import log as rotation_vector
@@ -66,6 +67,9 @@ def findings(
     causes = [*of_priors(e, priors), *of_lever(e)] or of_outliers(e)
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
     told += [*_unseen(e, [group for group, _ in priors]), *_hidden(e)]
+    dependent, allowed = whiteness(e)
+    if not causes and dependent > allowed:
+        causes = of_flexure(e)
     return [*told, *(causes or _of_spread(e))]
 
 

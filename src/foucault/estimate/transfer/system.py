@@ -225,16 +225,9 @@ def _carried(
         some = [i for i, label in enumerate(layout.names) if label.startswith(name)]
         q[some] = triad.random_walk**2
     q[layout.group("installation")] = mount.wander**2
-    if mount.flexure_sd > 0:
-        b = LIVELY / mount.flexure_time
-        angle, rate = layout.group("flexure"), layout.group("flexure_rate")
-        fade = np.exp(-b * steps)
-        Phi[:, angle, angle] = (fade * (1 + b * steps))[:, None]
-        Phi[:, angle, rate] = (fade * steps)[:, None]
-        Phi[:, rate, angle] = (-fade * b**2 * steps)[:, None]
-        Phi[:, rate, rate] = (fade * (1 - b * steps))[:, None]
-        q[rate] = 4.0 * b**3 * mount.flexure_sd**2
     half = 0.5 * steps[:, None] * q
+    if mount.flexure_sd > 0:
+        bending(Phi, half, layout, steps, mount)
     for i, name in enumerate(layout.names):
         if name in WANDER.names:
             triad = slave.noise.gyro if name.startswith("gyro") else slave.noise.accel
@@ -245,6 +238,34 @@ def _carried(
             Phi[:, :9, i] = mean[:, None] * Phi[:, :9, layout.index(bias_of(name))]
             half[:, i] = triad.bias_instability**2 * np.tanh(past)  # so that it stays as large
     return Phi, half
+
+
+def bending(
+    Phi: FloatArray, half: FloatArray, layout: Layout, steps: FloatArray, mount: Mount
+) -> None:
+    """Write how a mount bends into the transitions and the noise between them.
+
+    Parameters
+    ----------
+    Phi : ndarray, shape (m, n, n)
+        Transitions [SI].
+    half : ndarray, shape (m, n)
+        Half of the noise between them [SI].
+    layout : Layout
+        Meaning of the states.
+    steps : ndarray, shape (m,)
+        Time from one message to the next [s].
+    mount : Mount
+        The mount.
+    """
+    b = LIVELY / mount.flexure_time
+    angle, rate = layout.group("flexure"), layout.group("flexure_rate")
+    fade = np.exp(-b * steps)
+    Phi[:, angle, angle] = (fade * (1 + b * steps))[:, None]
+    Phi[:, angle, rate] = (fade * steps)[:, None]
+    Phi[:, rate, angle] = (-fade * b**2 * steps)[:, None]
+    Phi[:, rate, rate] = (fade * (1 - b * steps))[:, None]
+    half[:, rate] = (2.0 * b**3 * mount.flexure_sd**2 * steps)[:, None]
 
 
 def _moving(layout: Layout) -> int:

@@ -66,7 +66,7 @@ from foucault.procedures.transfer_alignment.settings import NOISE as NOISE
 from foucault.procedures.transfer_alignment.settings import NOISE_LINES as NOISE_LINES
 from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.transfer_alignment.settings import Settings as Settings
-from foucault.procedures.transfer_alignment.solution import Solution, gravity_error, solved
+from foucault.procedures.transfer_alignment.solution import Solution, bent, gravity_error, solved
 from foucault.result import Result, TableData, Verdict, provenance
 from foucault.tables import Log
 
@@ -173,6 +173,9 @@ def _calibrate(
     site, elsewhere = there(site, log.messages)
     problem = problem_of(log, site, settings, noise, given)
     progress(0.3, "filtering")
+    if settings.estimate_flexure:
+        settings = bent(solved(problem, history=False), settings)
+        problem = problem_of(log, site, settings, noise, given)
     s = solved(problem, history=shown)
     p = s.problem
     e = Evidence(

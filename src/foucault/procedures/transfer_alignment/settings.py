@@ -170,6 +170,11 @@ class Settings(BaseModel):
         "gyros. false takes them as none, for a slave that is calibrated otherwise.",
     )
     load: bool = Field(default=False, description="The mount gives way under load: three states.")
+    estimate_flexure: bool = Field(
+        default=False,
+        description="Find flexure_sd, flexure_time and attitude_sd from the innovations: what "
+        "makes them likeliest. What is said of them is where the search starts.",
+    )
     flexure_sd: Angle = Field(
         default=0.0, ge=0, description="Sd of a bending that comes and goes; 0: none. Six states."
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.transfer.causes import BENDS
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import LinearSmoothed, kalman, smoothed
@@ -18,6 +19,7 @@ from foucault.estimate.transfer.fit import (
     likeliest_delay,
     solve,
 )
+from foucault.estimate.transfer.flexure import likeliest_flexure
 from foucault.estimate.transfer.outage import after_outage
 from foucault.estimate.transfer.system import free_run
 from foucault.models.transfer import states_of_transfer
@@ -111,6 +113,28 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
     states = _states(p, found)
     return Solution(p, found, states, by_kalman, _handed(p, found), fit, gamma, least, backward,
                     status, told)  # fmt: skip
+
+
+def bent(s: Solution, settings: Settings) -> Settings:
+    """Return the settings with the bending that makes the innovations likeliest, if there is one.
+
+    Parameters
+    ----------
+    s : Solution
+        A transfer alignment solved [SI].
+    settings : Settings
+        What was chosen.
+    """
+    p, found = s.problem, s.found
+    if settings.matching == "velocity" or s.status is not Status.CONVERGED:
+        return settings
+    fit = likeliest_flexure(p.slave, p.master, settings.mount, settings.matched, found.at, p.prior,
+                            p.sd, found.free.layout, s.found.run.log_likelihood)  # fmt: skip
+    if fit.gain < BENDS:
+        return settings
+    return settings.model_copy(update={
+        "flexure_sd": fit.sd, "flexure_time": fit.time, "attitude_sd": fit.attitude_sd,
+    })  # fmt: skip
 
 
 def gravity_error(s: Solution) -> FloatArray:
