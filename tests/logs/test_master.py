@@ -88,6 +88,14 @@ def test_north_east_down_counter_clockwise_and_degrees(tmp_path) -> None:
     same(master.read(used, tmp_path), TABLE)
 
 
+def test_latitude_and_longitude_that_are_exchanged_are_refused(tmp_path) -> None:
+    swapped = replace(TABLE, latitude=TABLE.longitude, longitude=TABLE.latitude)
+    used = said(tmp_path, columns_of(swapped))
+    text = refused("master.place_swapped", lambda: master.read(used, tmp_path))
+    assert "with latitude and longitude exchanged" in text
+    assert "order of the columns in [master.position]: latitude, longitude, height" in text
+
+
 def test_velocities_in_another_frame_are_refused(tmp_path) -> None:
     east, north, up = TABLE.velocity_n.T
     ned = np.column_stack([north, east, -up])

@@ -20,7 +20,8 @@ from foucault.procedures.transfer_alignment.foresight import manoeuvres, moved, 
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.result import Level
-from make_transfer_campaign import calibrated, codes, described, failed, made, missed, trial
+from make_transfer_campaign import calibrated, codes, failed, made, missed, trial
+from make_transfer_campaign import faultless as described
 
 ARCMIN = np.pi / 10800
 LEVER = '["1 m", "2 m", "-0.5 m"]'
@@ -423,6 +424,14 @@ def test_what_is_foreseen_is_what_comes(flight, found):
     assert seen.complete
     turns = {extra.what: extra for extra in seen.more}
     assert turns["an S-turn of 40 deg"].ratio < turns["straight on"].ratio < 1
+
+
+@pytest.mark.thorough
+def test_a_manoeuvre_more_before_the_hand_over_tells_something():
+    c = described(hand_over='"100 s"')
+    told = transfer_alignment.foresee(c.settings, session=c.session, site=c.site, noise=c.noise)
+    for extra in told.more:
+        assert min(ratio for _, ratio in extra.best) < 0.95
 
 
 def test_what_each_manoeuvre_shows():

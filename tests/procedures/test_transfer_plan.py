@@ -20,7 +20,8 @@ SITE = Site.at(np.radians(32.0), 1000.0)
 
 def made(wanted=None, **session):
     session = Session(**{"profile": "straight", "message_rate": 2.0, **session})
-    return space(Settings(), wanted or Wanted(), session=session, site=SITE, noise=None, prior={})
+    perfect = Settings(left_out=False)
+    return space(perfect, wanted or Wanted(), session=session, site=SITE, noise=None, prior={})
 
 
 @pytest.fixture(scope="module")

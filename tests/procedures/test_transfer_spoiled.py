@@ -11,6 +11,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.attitude import angles_of, matrix_of
+from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.plans.transfer.profiles import transfer_profile
@@ -18,7 +19,7 @@ from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import moved, simulate, simulate_motion
 from foucault.result import Level
-from make_transfer_campaign import codes, described, failed, made, missed, trial
+from make_transfer_campaign import codes, described, failed, faultless, made, missed, trial
 
 DEG, ARCMIN, G = np.pi / 180, np.pi / 10800, 9.80665
 LEVER = '["1 m", "2 m", "-0.5 m"]'
@@ -330,7 +331,7 @@ def test_the_right_lever_arm_is_left_alone(levered) -> None:
     ],
 )
 def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
-    c, session = flight
+    c, session = faultless(), flight[1]
     result = trial(c, session.simulation.log, prior=prior)
     assert words in told(result, "transfer.prior")
     assert not {"transfer.spread", "transfer.unseen"} & set(codes(result))
@@ -339,22 +340,39 @@ def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
     assert codes(wide) == []
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("group", ["gyro.bias", "gyro.scale", "accel.bias"])
+def test_a_prior_that_is_contradicted_is_named_beside_what_could_hide_it(flight, group) -> None:
+    """What is left out may take up what a prior does not allow: both are named, none is a pass."""
+    c, session = flight
+    sd = {"gyro.bias": 0.02 * DEG / 3600, "gyro.scale": 2e-5, "accel.bias": 1e-5 * G}[group]
+    result = trial(c, session.simulation.log, prior={group: (0.0, sd)})
+    named = [f for f in result.findings if f.code == "transfer.prior"]
+    assert any(f.message.startswith(group) for f in named)
+    assert result.verdict.level is Level.DOUBTFUL and "prior" in failed(result)
+    right = trial(c, session.simulation.log, prior={group: (0.0, 300 * sd)})
+    assert "transfer.prior" not in codes(right) and "prior" not in failed(right)
+
+
 def test_a_wrong_sd_of_the_messages_is_no_prior(flight) -> None:
     result = said(flight, as_it_is, attitude_sd=0.1 * ARCMIN)
     assert codes(result) == ["transfer.spread"]
 
 
 def test_a_nominal_mounting_two_degrees_off(flight) -> None:
-    words = told(said(flight, as_it_is, mounting_heading=2 * DEG), "transfer.prior")
-    assert words.startswith("installation.z was said to be 0 deg give or take 0.083 deg")
-    assert "the messages alone say 2 deg" in words
+    for c in (flight[0], faultless()):
+        result = said((c, flight[1]), as_it_is, mounting_heading=2 * DEG)
+        words = told(result, "transfer.prior")
+        assert result.verdict.level is Level.DOUBTFUL
+        assert words.startswith("installation.z was said to be 0 deg give or take 0.083 deg")
+        assert "the messages alone say 2 deg" in words
 
 
 # -- passes ----------------------------------------------------------------------------------------
 
 
 def test_one_pass_is_judged_by_a_second(flight) -> None:
-    result = said(flight, as_it_is, passes=1)
+    result = said((faultless(), flight[1]), as_it_is, passes=1)
     words = told(result, "transfer.unsettled")
     assert "From pass 1 to pass 2 accel.bias.z moves by 4.4 of its standard deviations" in words
     assert "1 pass was asked for. Write passes = 5." in words
@@ -388,7 +406,7 @@ def test_misalignments_widen_the_uncertainties_of_biases(flight) -> None:
         result = trial(c, made_.log)
         assert not failed(result) and not codes(result)
         total += off(result, model, made_)[1]
-        plain = trial(c, made_.log, settings=flight[0].settings)
+        plain = trial(c, made_.log, settings=faultless().settings)
         worst = max(worst, float(np.abs(off(plain, model, made_)[0]).max()))
     low, high = chi_square_limits(28 * runs)
     assert low < total < high
@@ -411,6 +429,53 @@ def off(result, model, made_):
     c, true = result.coefficients, model.coefficients().with_others(made_.beside)
     err = c.values - true.chosen(c.names).values
     return err / c.sd, float(err @ np.linalg.solve(c.cov, err))
+
+
+@pytest.mark.parametrize("off", [-5.0, 7.0, 12.0])
+@pytest.mark.thorough
+def test_a_master_s_clock_that_is_seconds_off(flight, off: float) -> None:
+    result = said(flight, master(time=lambda t: t + off))
+    words = told(result, "transfer.clock")
+    assert f"is of {off + 0.1:+.3f} ± 0.00" in words
+    assert f"take {off + 0.1:.3f} s from the master's stamps" in words
+    assert not {"transfer.mounting", "transfer.sense", "transfer.mirror"} & set(codes(result))
+    assert result.verdict.level is not Level.PASS
+
+
+@pytest.mark.thorough
+def test_two_delays_that_contradict_each_other(flight) -> None:
+    """Velocities 30 ms older than the attitudes of the same message."""
+    t = flight[1].simulation.log.messages.time
+
+    def older(v):
+        return np.column_stack([np.interp(t - 0.03, t, x) for x in v.T])
+
+    words = told(said(flight, master(velocity_n=older), matching="velocity"), "transfer.delays")
+    assert "By what both turned messages are 100." in words
+    assert "by the filter, velocities included, 130." in words
+    assert "transfer.delays" not in codes(said(flight, as_it_is))
+
+
+def test_noise_of_messages_that_is_declared_too_large_is_no_mount_that_bends(flight) -> None:
+    result = said(flight, as_it_is, attitude_sd=2 * ARCMIN)
+    words = told(result, "transfer.narrow")
+    assert "Innovations of attitude are 0.50 times what is expected: attitude_sd is declared" in words
+    assert 'attitude_sd = "1 arcmin"' in words or 'attitude_sd = "0.9' in words
+    assert "bends" not in words and "transfer.spread" not in codes(result)
+
+
+@pytest.mark.thorough
+def test_a_site_elsewhere_than_the_master(flight) -> None:
+    c, session = flight
+    right = trial(c, session.simulation.log)
+    far = Site.at(28 * DEG, 60.0)
+    result = trial(replace(c, site=replace(far, gravity_sd=4e-4)), session.simulation.log)
+    words = told(result, "transfer.site")
+    assert "[site] has latitude 28.0000 deg; by its positions the master begins at 48.8462" in words
+    assert result.site["latitude"] == pytest.approx(48.8462 * DEG, abs=1e-5)
+    assert result.site["gravity"] == pytest.approx(right.site["gravity"], abs=1e-5)
+    np.testing.assert_allclose(result.coefficients.values, right.coefficients.values, atol=1e-6)
+    assert "transfer.site" not in codes(right)
 
 
 def test_a_few_messages_that_are_off(flight) -> None:
@@ -445,7 +510,7 @@ def test_as_many_passes_as_it_takes(flight) -> None:
 @pytest.mark.thorough
 def test_two_hours() -> None:
     """A free run of the slave would be gone by far: its vertical grows 300 000 times."""
-    c = described(profile='"ship"', rate='"10 Hz"', message_rate='"0.5 Hz"')
+    c = faultless(profile='"ship"', rate='"10 Hz"', message_rate='"0.5 Hz"')
     plan = moved(transfer_profile("ship"), c.site)
     plan = replace(plan, calibration=plan.calibration * 30, outage=())
     model = made(c, 0).simulation.model

@@ -110,6 +110,24 @@ class LinearRun:
         return float(-0.5 * np.sum(e**2 / S + np.log(2.0 * np.pi * S)))
 
 
+def given(cov: FloatArray, known: npt.NDArray[np.intp] | list[int]) -> FloatArray:
+    """Return the covariance that is left once some of the states are known exactly.
+
+    Parameters
+    ----------
+    cov : ndarray, shape (n, n)
+        Covariance of all states [SI].
+    known : list of int, or ndarray of int, shape (k,)
+        Which become known [1].
+    """
+    if not len(known):
+        return cov
+    across, own = cov[:, known], cov[np.ix_(known, known)]
+    unit = np.sqrt(np.diag(own))  # states of many units
+    gain = np.linalg.solve(own / np.outer(unit, unit), (across / unit).T)
+    return np.asarray(cov - (across / unit) @ gain)
+
+
 def kalman(system: LinearSystem, *, gate: float = np.inf, keep: bool = False) -> LinearRun:
     """Run a Kalman filter.
 

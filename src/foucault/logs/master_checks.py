@@ -73,22 +73,36 @@ def _one_frame(table: MasterTable, frame: str, name: str) -> None:
         return
     height = np.zeros(len(table)) if table.height is None else table.height
     a, b = legs[:-1], legs[1:]
-    gone = displacement(table.latitude[a], table.longitude[a], height[a],
-                        table.latitude[b], table.longitude[b], height[b])  # fmt: skip
+    gone = _gone(table.latitude, table.longitude, height, a, b)
     v = table.velocity_n
     steps = np.diff(table.time)[:, None] * (v[1:] + v[:-1]) / 2
     way = np.add.reduceat(steps, a)[: len(a)]
     way[-1] = steps[a[-1] : b[-1]].sum(axis=0)
     axes = slice(0, 3 if table.height is not None else 2)
-    miss, better = (
-        float(np.sqrt(np.mean(np.sum((gone - other)[:, axes] ** 2, axis=1))))
-        for other in (way, way[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
-    )
+
+    def off(gone: FloatArray, way: FloatArray) -> float:
+        return float(np.sqrt(np.mean(np.sum((gone - way)[:, axes] ** 2, axis=1))))
+
+    miss, better = off(gone, way), off(gone, way[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
+    if np.abs(table.longitude).max() < np.pi / 2:
+        exchanged = off(_gone(table.longitude, table.latitude, height, a, b), way)
+        if exchanged < better and miss > BETTER * exchanged:
+            usual = float(np.median(table.time[b] - table.time[a]))
+            raise error("master.place_swapped", file=name, miss=plain(miss, 3),
+                        better=plain(exchanged, 3), time=plain(usual, 3))  # fmt: skip
     if miss > BETTER * better:
         other = "NED" if frame == "ENU" else "ENU"
         usual = float(np.median(table.time[b] - table.time[a]))
         raise error("master.frame", file=name, given=frame, other=other, miss=plain(miss, 3),
                     better=plain(better, 3), time=plain(usual, 3))  # fmt: skip
+
+
+def _gone(
+    latitude: FloatArray, longitude: FloatArray, height: FloatArray,
+    a: npt.NDArray[np.int64], b: npt.NDArray[np.int64],
+) -> FloatArray:  # fmt: skip
+    """Return how far messages b are from messages a, shape (m, 3) [m]."""
+    return displacement(latitude[a], longitude[a], height[a], latitude[b], longitude[b], height[b])
 
 
 def heading(table: MasterTable, sense: str, name: str) -> tuple[Finding, ...]:

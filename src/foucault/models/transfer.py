@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from foucault.coefficients import Coefficient, Layout
 from foucault.models.ins_errors import Sensors
+from foucault.models.noise import ImuNoise
 from foucault.tables import AXES
 
 FloatArray = npt.NDArray[np.float64]
@@ -36,6 +37,14 @@ FLEXURE = Layout(
      *_triad("flexure_rate", "thdot", "angular rate", "its rate"))
 )  # fmt: skip
 """The part of the rotation that wanders."""
+
+WANDER = Layout(
+    tuple(Coefficient(f"{triad}_wander.{a}", f"w_{triad[0]}{a}", kind,
+                      f"what the bias of the {triad} wanders, {a} axis")
+          for triad, kind in (("gyro", "angular rate"), ("accel", "specific force"))
+          for a in AXES)
+)  # fmt: skip
+"""What a bias is away from its mean: a first-order Markov process, the bias instability."""
 
 LIVELY = 2.146
 """Bandwidth of the second-order Markov process times its correlation time [1]."""
@@ -125,8 +134,12 @@ class Matching:
     shift: Literal["interpolated", "sample"] = "interpolated"
 
 
-def states_of_transfer(sensors: Sensors, mount: Mount, matching: Matching) -> Layout:
+def states_of_transfer(
+    sensors: Sensors, mount: Mount, matching: Matching, noise: ImuNoise | None = None
+) -> Layout:
     """Return the states: nine of navigation, coefficients, installation, delay, load, flexure.
+
+    What biases wander follows, where they do.
 
     Parameters
     ----------
@@ -136,10 +149,22 @@ def states_of_transfer(sensors: Sensors, mount: Mount, matching: Matching) -> La
         The mount.
     matching : Matching
         What is used.
+    noise : ImuNoise or None
+        Noise of the slave, bias instability among it [SI].
     """
+    wanders = () if noise is None else [
+        c for c in WANDER.coefficients
+        if getattr(noise, c.name.partition("_")[0]).bias_instability > 0
+        and bias_of(c.name) in sensors.layout
+    ]  # fmt: skip
     return Layout((
         *sensors.states.coefficients, *INSTALLATION.coefficients,
         *(DELAY.coefficients if matching.delay else ()),
         *(LOAD.coefficients if mount.load else ()),
-        *(FLEXURE.coefficients if mount.flexure_sd > 0 else ()),
+        *(FLEXURE.coefficients if mount.flexure_sd > 0 else ()), *wanders,
     ))  # fmt: skip
+
+
+def bias_of(wander: str) -> str:
+    """Return the name of the bias that a state of `WANDER` belongs to."""
+    return wander.replace("_wander.", ".bias.")

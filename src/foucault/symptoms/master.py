@@ -53,6 +53,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "{file}: with frame {given} the velocities miss the positions by {miss} m in {time} s, with "
      "{other} by {better} m.",
      'Write frame = "{other}" in [master.velocity], or correct the order of its columns.'),
+    ("master.place_swapped", "error",
+     "Latitude and longitude of a master that are exchanged",
+     "{file}: the velocities miss the positions by {miss} m in {time} s, and by {better} m with "
+     "latitude and longitude exchanged.",
+     "Correct the order of the columns in [master.position]: latitude, longitude, height."),
     ("master.heading_sense", "warning",
      "A heading that counts the other way",
      "{file}: the heading goes against the course of the velocity, as if it counted {other}.",

@@ -69,6 +69,24 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The likeliest delay, {delay} ms, lies at an end of the bracket from 0 to {longest} ms: it "
      "may be outside.",
      'Raise longest_delay, or take delay_method = "rate matching", which looks further.'),
+    ("transfer.clock", "warning",
+     "A master's clock that is seconds off",
+     "What the master says is of {delay} ± {sd} s before its stamps by the slave's clock; the "
+     "delay was looked for from {low} to {high} s.",
+     "The two clocks are set otherwise: take {behind} s from the master's stamps, or stamp both by "
+     "one clock. No message is so late by its transport."),
+    ("transfer.site", "warning",
+     "A site that is not where the master is",
+     "[site] has latitude {site} deg; by its positions the master begins at {master} deg, {away} "
+     "away. The master's positions decide, and gravity is that of its place.",
+     "Correct latitude in [site], or leave it out: the master says where it is."),
+    ("transfer.delays", "warning",
+     "Two delays that contradict each other",
+     "By what both turned messages are {matched} ± {matched_sd} ms late, by the filter, velocities "
+     "included, {found} ± {sd} ms.",
+     "They are one delay where velocities and attitudes of the master are of one instant. "
+     "Velocities that come later than the attitudes differ so, and so do a lever arm along the "
+     "course, a mount that bends with the motion, and turns too slow to show a delay."),
     ("transfer.drift", "warning",
      "Clocks that drift apart",
      "The clock of the stamps gains {rate} ± {sd} ppm on the slave's, {total} ms over the log; "
@@ -168,12 +186,32 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Coefficients that the motion does not show",
      "The motion shows hardly anything of {names}.",
      "Add {wanted}; or leave out what is not wanted."),
+    ("transfer.flexure", "warning",
+     "A mount that bends",
+     "Innovations depend on those before them as where the mount bends by {sd} arcmin (one sd) "
+     "with a correlation time of {time} s, and attitudes scatter by {noise} arcmin "
+     "(log-likelihood {gain} higher; {left}).",
+     'Write flexure_sd = "{sd} arcmin", flexure_time = "{time} s" and attitude_sd = "{noise} '
+     'arcmin", or estimate_flexure = true. The master\'s own filter, which smooths what it says, '
+     "looks like a mount that bends."),
+    ("transfer.hidden", "note",
+     "Coefficients that left-out errors hide",
+     "The motion shows {names}, but what is not in the result hides them again: misalignments, "
+     "scale factors of the accelerometers and g-sensitivity, as large as [prior] says.",
+     'Write into [prior] how large they are for your instrument, such as "gyro.misalignment" with '
+     'sd = "0.1 mrad"; left_out = false where they are calibrated and taken away.'),
     ("transfer.straight", "warning",
      "No manoeuvre",
      "The vehicle turned by {turn} deg and changed its speed by {speed} m/s: without a manoeuvre "
      "hardly more than the difference of installation and tilt can be seen.",
      "Fly S-turns and changes of speed while the master is heard; `foucault preflight` says "
      "beforehand what each is worth."),
+    ("transfer.narrow", "warning",
+     "Messages that differ from the slave less than was stated",
+     "Innovations of {what} are {ratio} times what is expected: {key} is declared too large, or "
+     "the noise of the slave.",
+     "{key} = \"{value}\" would explain them. What is stated too large makes uncertainties that "
+     "are too large, and hides other errors."),
     ("transfer.spread", "warning",
      "Messages that differ from the slave otherwise than was stated",
      "Innovations of {what} are {ratio} times what is expected.",

@@ -15,11 +15,12 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.transfer.checks import Evidence, Spread, spreads, standardised
+from foucault.diagnose.transfer.checks import Evidence, Spread, spreads, standardised, whiteness
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.linear_filter import LinearSystem, kalman
 from foucault.estimate.transfer.fit import solve
+from foucault.estimate.transfer.flexure import likeliest_flexure
 from foucault.models.rotation import cross_matrix, exp
 from foucault.units import plain
 
@@ -46,6 +47,18 @@ SURELY = 1e-4
 OUTLIER, FEW, MOST = 8.0, 0.01, 5
 """An innovation of so many standard deviations is none of this noise; if at most this part of the
 messages has such; so many are named [1]."""
+
+BENDS = 10.0
+"""A bending that makes the innovations likelier by less is none, as a log-likelihood [1]."""
+
+VISIBLE = 1e-6
+"""A direction of which the messages say less, in units of its prior, is not tested [1]."""
+
+WIDER = np.logspace(0.0, 4.0, 81)
+"""So many times as wide a prior is tried [1]."""
+
+ALIKE = 6.0
+"""Explanations whose log-likelihoods differ by less than half of it are not told apart [1]."""
 
 LOOSE = 100.0
 """Without priors means with priors so many times as wide [1]."""
@@ -208,13 +221,65 @@ def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
         Group, and what the messages alone say of its coefficients; none where all is as it was said
         to be, or where innovations are too large without priors too [SI].
     """
-    miss = np.abs(e.states.values - e.mean) / e.states.prior_sd
-    limit = np.sqrt(chi_square_limits(1, FALSE_ALARM, len(miss))[1])
-    if all(s.ratio <= s.high for s in spreads(e).values()) and miss.max() < limit:
+    suspects = contradicted(e)
+    if not suspects and all(s.ratio <= s.high for s in spreads(e).values()):
         return []
+    # What priors hide of each other cannot be told: each that would do is named.
+    named = [one for group in suspects for one in _freed(e, [group])]
+    return named or _freed(e, _groups(e))
+
+
+def _groups(e: Evidence) -> list[str]:
+    return list(dict.fromkeys(n.rpartition(".")[0] for n in e.states.names if n != "master.delay"))
+
+
+def contradicted(e: Evidence) -> list[str]:
+    """Return the groups whose prior the messages contradict, those that explain it best.
+
+    With u the estimate less its prior mean in units of its sd, and ``V = I - P`` with P its
+    covariance in these units, ``u' V^+ u`` is chi-square where the prior is right [1]_: a prior
+    that is narrow draws the estimate to itself, and makes u and V small alike.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+
+    References
+    ----------
+    .. [1] C. R. Rao, "Large sample tests of statistical hypotheses", 1948 (the score test).
+    """
+    c, groups = e.states, _groups(e)
+    assert c.cov is not None
+    if not e.nominal or not np.isfinite(c.cov).all():
+        return []
+    gains: dict[str, float] = {}
+    for group in groups:
+        at = c.layout.group(group)
+        sd = c.prior_sd[at]
+        u = (c.values - e.mean)[at] / sd
+        size, axes = np.linalg.eigh(np.eye(len(at)) - c.cov[np.ix_(at, at)] / np.outer(sd, sd))
+        seen = size > VISIBLE
+        w, own = (axes.T @ u)[seen], size[seen]
+        if not seen.any() or float(np.sum(w**2 / own)) < chi_square_limits(
+            int(seen.sum()), 2 * FALSE_ALARM, len(groups)
+        )[1]:  # fmt: skip
+            continue
+        # Twice the gain in log-likelihood by a prior that is k times as wide, the best k.
+        more = (WIDER[:, None] ** 2 - 1.0) * own
+        gain = np.sum(more / (1.0 + more) * w**2 / own - np.log1p(more), axis=1)
+        gains[group] = float(gain.max())
+    best = max(gains.values(), default=0.0)
+    return [g for g in sorted(gains, key=lambda g: -gains[g]) if gains[g] > max(best - ALIKE, 0.0)]
+
+
+def _freed(e: Evidence, groups: Sequence[str]) -> list[tuple[str, CoefficientVector]]:
+    """Return what the messages say of groups whose priors are wide, those that were wrong."""
     layout, wide = e.found.free.layout, e.sd.copy()
-    loose = [layout.index(name) for name in e.states.names if name != "master.delay"]
-    wide[[0, 1, 2, *loose]] *= LOOSE  # the start is turned as the mounting is
+    loose = [i for group in groups for i in layout.group(group)]
+    if "installation" in groups:
+        loose += [0, 1, 2]  # the start is turned as the mounting is
+    wide[loose] *= LOOSE
     found = solve(e.slave, e.master, e.mount, e.matching, e.prior, wide, passes=4, settled=1.0)
     freed = replace(e, found=found)
     if not np.isfinite(standardised(freed)).any() or any(
@@ -222,12 +287,10 @@ def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
     ):
         return []
     alone = replace(found.estimate.chosen(e.states.names), prior_sd=e.states.prior_sd)
+    limit = np.sqrt(chi_square_limits(1, FALSE_ALARM, len(alone))[1])
     off = np.abs(alone.values - e.mean) / np.hypot(alone.sd, alone.prior_sd)
-    groups = dict.fromkeys(
-        n.rpartition(".")[0] for n, x in zip(alone.names, off, strict=True)
-        if x > limit and n != "master.delay"
-    )  # fmt: skip
-    return [(group, alone[group]) for group in groups]
+    wrong = {n.rpartition(".")[0] for n, x in zip(alone.names, off, strict=True) if x > limit}
+    return [(group, alone[group]) for group in groups if group in wrong]
 
 
 def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> list[Finding]:
@@ -257,6 +320,33 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
             wide=said(2.0 * float(np.abs(away).max())),
         ))  # fmt: skip
     return out
+
+
+def of_flexure(e: Evidence) -> list[Finding]:
+    """Offer the bending of the mount that makes the innovations likeliest, where one is seen.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
+    if not e.nominal or not np.isfinite(e.matching.attitude_sd):
+        return []
+    layout, now = e.found.free.layout, e.found.run.log_likelihood
+    fit = likeliest_flexure(e.slave, e.master, e.mount, e.matching, e.found.at, e.prior, e.sd,
+                            layout, now)  # fmt: skip
+    if fit.gain < BENDS:
+        return []
+    after = replace(e, found=replace(e.found, run=fit.run))
+    fits = whiteness(after)[0] <= whiteness(after)[1] and all(
+        s.ratio <= s.high for s in spreads(after).values()
+    )
+    left = "innovations are then as they should be" if fits else "something else is left"
+    arcmin = np.radians(1 / 60)
+    return [finding(
+        "transfer.flexure", sd=plain(fit.sd / arcmin, 3), time=plain(fit.time, 2),
+        noise=plain(fit.attitude_sd / arcmin, 3), gain=f"{fit.gain:.0f}", left=left,
+    )]  # fmt: skip
 
 
 def of_outliers(e: Evidence) -> list[Finding]:

@@ -19,6 +19,7 @@ from foucault.diagnose.checks import prior_check, status_check
 from foucault.errors import Status
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.delay.fit import Delay
+from foucault.estimate.linear_filter import given
 from foucault.estimate.transfer.fit import DelayFit, Transfer
 from foucault.estimate.transfer.measured import Known, Slave
 from foucault.models.transfer import Matching, Messages, Mount
@@ -274,12 +275,23 @@ def _innovations(e: Evidence, name: str, s: Spread) -> Check:
     return Check(f"{name} innovations", s.ratio, low, s.high, fine, words + ".")
 
 
-def _white(e: Evidence) -> Check:
+def whiteness(e: Evidence) -> tuple[float, float]:
+    """Return how much innovations depend on those before them, and what is allowed [1].
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
     u = standardised(e)
     columns = [c[np.isfinite(c)] for c in u.T if np.isfinite(c).sum() > LAGS]
     sums = np.array([len(c) * np.sum(autocorrelation(c, FEW) ** 2) for c in columns])
     limit = chi_square_limits(FEW, 2 * EACH, max(len(columns), 1))[1]
-    worst = float(sums.max(initial=0.0))
+    return float(sums.max(initial=0.0)), float(limit)
+
+
+def _white(e: Evidence) -> Check:
+    worst, limit = whiteness(e)
     fine = worst <= limit
     words = "Innovations are independent of one another."
     if not fine:
@@ -297,9 +309,32 @@ def hardly(e: Evidence) -> list[str]:
     ----------
     e : Evidence
         The last pass.
+
+    Notes
+    -----
+    What the motion shows, and what is only counted with hides again, is `hidden`.
     """
-    c = e.states
-    return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True)
+    return _unknown(e, motion=True)
+
+
+def hidden(e: Evidence) -> list[str]:
+    """Return the coefficients that the motion shows, were it not for what is counted with.
+
+    Parameters
+    ----------
+    e : Evidence
+        The last pass.
+    """
+    unseen = hardly(e)
+    return [n for n in _unknown(e, motion=False) if n not in unseen]
+
+
+def _unknown(e: Evidence, *, motion: bool) -> list[str]:
+    c, names = e.states, e.states.names
+    assert c.cov is not None
+    aside = [i for i, n in enumerate(names) if n.startswith(e.aside)]
+    variance = np.diag(given(c.cov, aside) if motion else c.cov)
+    return [n for n, s, p in zip(names, np.sqrt(np.maximum(variance, 0.0)), c.prior_sd, strict=True)
             if s > HARDLY * p and not n.startswith(e.aside)]  # fmt: skip
 
 

@@ -6,14 +6,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foucault.diagnose.transfer.causes import narrow, of_lever, of_outliers, of_priors
-from foucault.diagnose.transfer.checks import BLOCKS, NEAR, Evidence, bracket, hardly, spreads
+from foucault.diagnose.transfer.causes import narrow, of_flexure, of_lever, of_outliers, of_priors
+from foucault.diagnose.transfer.checks import (
+    BLOCKS,
+    NEAR,
+    Evidence,
+    bracket,
+    hardly,
+    hidden,
+    spreads,
+    whiteness,
+)
 from foucault.errors import Finding, Status, finding
 from foucault.models.rotation import log as rotation_vector
 from foucault.units import plain
 
 TURNED, SPED = np.radians(10.0), 2.0
 """A vehicle that turns less, and changes its speed by less, does no manoeuvre [rad], [m/s]."""
+
+CONTRADICT = 5.0
+"""Delays by rate matching and by the filter differ by so many standard deviations [1]."""
 
 WANTED = {
     "gyro.bias": "minutes more with the master",
@@ -28,7 +40,7 @@ WANTED = {
 
 EXPLAINS = {"delay.scale", "transfer.delay_differs", "transfer.force_axes", "transfer.force_size",
             "transfer.force_unit", "transfer.force_velocity", "transfer.gravity", "transfer.mirror",
-            "transfer.mounting", "transfer.sense"}  # fmt: skip
+            "transfer.mounting", "transfer.sense", "transfer.clock"}  # fmt: skip
 """What makes innovations large whatever was said of the messages."""
 
 
@@ -54,7 +66,10 @@ def findings(
     priors = narrow(e)
     causes = [*of_priors(e, priors), *of_lever(e)] or of_outliers(e)
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
-    told += _unseen(e, [group for group, _ in priors])
+    told += [*_unseen(e, [group for group, _ in priors]), *_hidden(e)]
+    dependent, allowed = whiteness(e)
+    if not causes and dependent > allowed:
+        causes = of_flexure(e)
     return [*told, *(causes or _of_spread(e))]
 
 
@@ -75,7 +90,19 @@ def _of_delay(e: Evidence) -> list[Finding]:
         out.append(finding("transfer.outside", delay=_ms(tau), longest=_ms(e.longest)))
     if abs(tau) < 3 * sd + NEAR and sd < NEAR:
         out.append(finding("transfer.at_validity", delay=_ms(tau), sd=plain(sd * 1e3, 2)))
-    return out
+    return [*out, *_two_delays(e, tau, sd)]
+
+
+def _two_delays(e: Evidence, tau: float, sd: float) -> list[Finding]:
+    """Say so where rate matching and the filter disagree on the delay."""
+    if e.delay is None or not e.delay.seen:
+        return []
+    later = float(np.mean(e.master.time)) - e.delay.middle
+    other, other_sd = e.delay.delay + e.delay.drift * later, e.delay.delay_sd
+    if abs(other - tau) < max(CONTRADICT * float(np.hypot(sd, other_sd)), NEAR):
+        return []
+    return [finding("transfer.delays", matched=_ms(other), matched_sd=plain(other_sd * 1e3, 2),
+                    found=_ms(tau), sd=plain(sd * 1e3, 2))]  # fmt: skip
 
 
 def _ms(seconds: float) -> str:
@@ -101,6 +128,13 @@ def _unseen(e: Evidence, known: Sequence[str]) -> list[Finding]:
     return [finding("transfer.unseen", names=", ".join(names), wanted=wanted)]
 
 
+def _hidden(e: Evidence) -> list[Finding]:
+    names = hidden(e)
+    if not names:
+        return []
+    return [finding("transfer.hidden", names=", ".join(names))]
+
+
 def _of_spread(e: Evidence) -> list[Finding]:
     out = []
     units = {"velocity": (1.0, "m/s"), "attitude": (np.radians(1 / 60), "arcmin")}
@@ -117,6 +151,7 @@ def _of_spread(e: Evidence) -> list[Finding]:
         if left <= 0:
             continue
         value = f"{plain(np.sqrt(left) / size, 2)} {unit}"
-        out.append(finding("transfer.spread", what=name, ratio=f"{s.ratio:.2f}",
+        code = "transfer.spread" if s.ratio > 1.0 else "transfer.narrow"
+        out.append(finding(code, what=name, ratio=f"{s.ratio:.2f}",
                            key=f"{name}_sd", value=value))  # fmt: skip
     return out

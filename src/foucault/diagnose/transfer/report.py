@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,10 @@ CHANNELS = ("velocity_east", "velocity_north", "velocity_up",
 
 
 def tables(
-    e: Evidence, backward: LinearSmoothed | None, undelayed: Transfer | None
+    e: Evidence,
+    names: Sequence[str],
+    backward: LinearSmoothed | None,
+    undelayed: Transfer | None,
 ) -> dict[str, TableData]:
     """Return the tables of the report.
 
@@ -47,21 +50,23 @@ def tables(
     ----------
     e : Evidence
         Filter and coefficients.
+    names : sequence of str
+        Coefficients of the result.
     backward : LinearSmoothed or None
         The run as seen from its end.
     undelayed : Transfer or None
         The same run, had the delay been ignored.
     """
-    out = {"innovations": _innovations(e), "estimates": estimates(e.found, e.states.names)}
+    out = {"innovations": _innovations(e), "estimates": estimates(e.found, names)}
     if backward is not None:
         out |= {"smoothed": _smoothed(e, backward), "delayed": _delayed(e, backward)}
     if undelayed is not None:
-        both = [name for name in e.states.names if name in undelayed.free.layout]
+        both = [name for name in names if name in undelayed.free.layout]
         out["undelayed"] = estimates(undelayed, both)
     if np.isfinite(e.found.run.margin).any():
         out["gamma"] = {"time": e.found.free.time, "margin": e.found.run.margin}
     made: dict[str, TableData] = {n: _thinned(table, MOST[n]) for n, table in out.items()}
-    names, layout = e.states.names, e.found.free.layout
+    layout = e.found.free.layout
     sd = {name: e.found.run.sd[:, layout.index(name)] for name in names}
     made["stretches"] = transfer_stretches.table(e.master[e.found.free.used], sd)
     if e.fit is not None:
@@ -177,15 +182,17 @@ def mounting(mount: Mount, found: CoefficientVector) -> dict[str, Any]:
     }
 
 
-def unseen(mount: Mount, *, misalignments: bool = False) -> list[str]:
+def unseen(mount: Mount, *, left_out: bool = True, misalignments: bool = False) -> list[str]:
     """Say what this procedure cannot see in principle, for result.json.
 
     Parameters
     ----------
     mount : Mount
         How slave and master are fixed together.
+    left_out : bool
+        Whether what is not in the result is counted with.
     misalignments : bool
-        Whether misalignments and scale factors are counted with.
+        Whether misalignments and scale factors are in the result.
     """
     out = [
         "Errors of the master: what it says is taken as true but for noise, and a bias of its "
@@ -195,11 +202,22 @@ def unseen(mount: Mount, *, misalignments: bool = False) -> list[str]:
         "A lever arm that is wrong: it is taken as exact.",
         "Biases from one switch-on to the next, and other temperatures than those of the run.",
     ]
-    if not misalignments:
+    if left_out:
         out.append(
-            "Misalignments of the slave and scale factors of its accelerometers: they are taken as "
-            "none, and are part of what is found. 1 mrad, or 1000 ppm, makes 1 mg in the biases of "
-            "the accelerometers, of which their uncertainties know nothing (misalignments)."
+            "Gyros that read specific force: in level motion that is part of their biases. So are "
+            "misalignments and scale factors of the accelerometers beside the biases of these. "
+            "Their uncertainties count with the sizes that [prior] says, or with those of a "
+            "tactical instrument."
+        )
+    else:
+        some = "G-sensitivity of the gyros: it is" if misalignments else (
+            "Misalignments of the slave, scale factors of its accelerometers and g-sensitivity of "
+            "its gyros: they are"
+        )  # fmt: skip
+        out.append(
+            f"{some} taken as none (left_out), and part of what is found. 1 mrad, or 1000 ppm, "
+            "makes 1 mg in the biases of the accelerometers, 1 deg/h/g makes 1 deg/h in those of "
+            "the gyros, of which their uncertainties know nothing."
         )
     if not mount.load and mount.flexure_sd == 0:
         out.append("A mount that bends: it is taken as rigid (load, flexure_sd).")

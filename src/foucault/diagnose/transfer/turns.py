@@ -26,6 +26,9 @@ ASTRAY = np.radians(3.0)
 SURELY = 5.0
 """If it is so many standard deviations [1]."""
 
+FAR = 60.0
+"""A clock that was set otherwise is looked for so far away [s]."""
+
 ANGLES = {
     "heading": 'Write sense = "counter-clockwise" (or "clockwise") in [master.attitude].',
     "pitch": 'Write "-pitch", or whatever its column is called, into [master.attitude].',
@@ -58,6 +61,11 @@ def turning(
     dt = float(np.median(increments.dt))
     if _agrees(found, C_ms):
         return [*delay_checks.of_size(found, dt), *delay_checks.of_wild(found)]
+    far = delay_of(increments, said.time, said.C_nm, C_ms=C_ms, bracket=(-FAR, FAR))
+    if far is not None and _agrees(far, C_ms) and not bracket[0] < far.delay < bracket[1]:
+        return [finding("transfer.clock", delay=f"{far.delay:+.3f}",
+                        sd=f"{max(far.delay_sd, 5e-4):.3f}", low=f"{bracket[0]:g}",
+                        high=f"{bracket[1]:g}", behind=f"{far.delay:.3f}")]  # fmt: skip
     for k, (name, cure) in enumerate(ANGLES.items()):
         angles = angles_of(said.C_nm)
         angles[:, k] *= -1.0

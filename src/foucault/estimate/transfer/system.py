@@ -39,7 +39,16 @@ from foucault.estimate.transfer.anew import Anew
 from foucault.estimate.transfer.measured import Known, Slave, between, by_the_master, measured
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp, log
-from foucault.models.transfer import LIVELY, Matching, Messages, Mount, states_of_transfer
+from foucault.models.transfer import (
+    FLEXURE,
+    LIVELY,
+    WANDER,
+    Matching,
+    Messages,
+    Mount,
+    bias_of,
+    states_of_transfer,
+)
 from foucault.navigate.state import states_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -112,7 +121,7 @@ def free_run(
         How well, for every state: phi, velocity and position [rad], [m/s], [m], then the others
         [SI].
     """
-    layout = states_of_transfer(slave.sensors, mount, matching)
+    layout = states_of_transfer(slave.sensors, mount, matching, slave.noise)
     valid = master.time - at.delay
     rows, used = _rows(slave, valid, matching)
     some, when = master[used], valid[used]
@@ -164,7 +173,7 @@ def _pieces(
         place = by_the_master(states, seen_at_place(history, states))
         seen = between(slave, states, rows[part], when[part], at.coefficients, matching)
         H, z = measured(layout, seen, some[part], mount, matching, at, place)
-        Phi, jump = found.transitions, np.zeros((len(part), _moving(layout, mount)))
+        Phi, jump = found.transitions, np.zeros((len(part), _moving(layout)))
         jump[0, :9] = Phi[0, :, :9] @ anew.jump
         Phi[0, :, :9] = Phi[0, :, :9] @ anew.turn
         out.append(_Piece(history, seen.C_ns, seen.velocity_n, Phi, jump, H, z))
@@ -206,7 +215,7 @@ def _carried(
     """Return the transitions of the states that change, and half of the noise between them."""
     m, _, known = transitions.shape
     n = len(layout)
-    moving = _moving(layout, mount)
+    moving = _moving(layout)
     Phi = np.zeros((m, moving, n))
     Phi[:, np.arange(9, moving), np.arange(9, moving)] = 1.0
     Phi[:, :9, :known] = transitions
@@ -216,21 +225,53 @@ def _carried(
         some = [i for i, label in enumerate(layout.names) if label.startswith(name)]
         q[some] = triad.random_walk**2
     q[layout.group("installation")] = mount.wander**2
+    half = 0.5 * steps[:, None] * q
     if mount.flexure_sd > 0:
-        b = LIVELY / mount.flexure_time
-        angle, rate = layout.group("flexure"), layout.group("flexure_rate")
-        fade = np.exp(-b * steps)
-        Phi[:, angle, angle] = (fade * (1 + b * steps))[:, None]
-        Phi[:, angle, rate] = (fade * steps)[:, None]
-        Phi[:, rate, angle] = (-fade * b**2 * steps)[:, None]
-        Phi[:, rate, rate] = (fade * (1 - b * steps))[:, None]
-        q[rate] = 4.0 * b**3 * mount.flexure_sd**2
-    return Phi, 0.5 * steps[:, None] * q
+        bending(Phi, half, layout, steps, mount)
+    for i, name in enumerate(layout.names):
+        if name in WANDER.names:
+            triad = slave.noise.gyro if name.startswith("gyro") else slave.noise.accel
+            past = steps / triad.correlation_time
+            Phi[:, i, i] = np.exp(-past)
+            # As a bias acts, but for what it fades meanwhile.
+            mean = -np.expm1(-past) / past
+            Phi[:, :9, i] = mean[:, None] * Phi[:, :9, layout.index(bias_of(name))]
+            half[:, i] = triad.bias_instability**2 * np.tanh(past)  # so that it stays as large
+    return Phi, half
 
 
-def _moving(layout: Layout, mount: Mount) -> int:
+def bending(
+    Phi: FloatArray, half: FloatArray, layout: Layout, steps: FloatArray, mount: Mount
+) -> None:
+    """Write how a mount bends into the transitions and the noise between them.
+
+    Parameters
+    ----------
+    Phi : ndarray, shape (m, n, n)
+        Transitions [SI].
+    half : ndarray, shape (m, n)
+        Half of the noise between them [SI].
+    layout : Layout
+        Meaning of the states.
+    steps : ndarray, shape (m,)
+        Time from one message to the next [s].
+    mount : Mount
+        The mount.
+    """
+    b = LIVELY / mount.flexure_time
+    angle, rate = layout.group("flexure"), layout.group("flexure_rate")
+    fade = np.exp(-b * steps)
+    Phi[:, angle, angle] = (fade * (1 + b * steps))[:, None]
+    Phi[:, angle, rate] = (fade * steps)[:, None]
+    Phi[:, rate, angle] = (-fade * b**2 * steps)[:, None]
+    Phi[:, rate, rate] = (fade * (1 - b * steps))[:, None]
+    half[:, rate] = (2.0 * b**3 * mount.flexure_sd**2 * steps)[:, None]
+
+
+def _moving(layout: Layout) -> int:
     """Return how many of the first states change on the way."""
-    return len(layout) if mount.flexure_sd > 0 else 9
+    changes = {*FLEXURE.names, *WANDER.names}
+    return 9 if changes.isdisjoint(layout.names) else len(layout)
 
 
 def _start(

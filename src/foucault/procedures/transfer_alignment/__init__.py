@@ -48,7 +48,7 @@ from foucault.models.imu import EQUATION
 from foucault.models.noise import ImuNoise
 from foucault.procedures import Progress, silent
 from foucault.procedures.transfer_alignment.foresight import foresee as foresee
-from foucault.procedures.transfer_alignment.input import heard, usable
+from foucault.procedures.transfer_alignment.input import heard, there, usable
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.log import log_table as log_table
 from foucault.procedures.transfer_alignment.log import with_master as with_master
@@ -61,13 +61,13 @@ from foucault.procedures.transfer_alignment.session import SIMULATE as SIMULATE
 from foucault.procedures.transfer_alignment.session import Session as Session
 from foucault.procedures.transfer_alignment.session import draw_errors as draw_errors
 from foucault.procedures.transfer_alignment.session import simulate as simulate
-from foucault.procedures.transfer_alignment.settings import ASIDE
 from foucault.procedures.transfer_alignment.settings import LAYOUT as LAYOUT
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT
 from foucault.procedures.transfer_alignment.settings import NOISE as NOISE
 from foucault.procedures.transfer_alignment.settings import NOISE_LINES as NOISE_LINES
 from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.transfer_alignment.settings import Settings as Settings
-from foucault.procedures.transfer_alignment.solution import Solution, gravity_error, solved
+from foucault.procedures.transfer_alignment.solution import Solution, bent, gravity_error, solved
 from foucault.result import Result, TableData, Verdict, provenance
 from foucault.tables import Log
 
@@ -85,7 +85,7 @@ def names_of(settings: Settings) -> tuple[str, ...]:
     settings : Settings
         What was chosen.
     """
-    return (*settings.sensors.layout.names, *settings.beside)
+    return settings.reported
 
 
 def calibrate(
@@ -172,18 +172,25 @@ def _calibrate(
     log = usable(log)
     progress(0.1, "matching what both turned")
     settings, silence = heard(log.messages, settings)
+    site, elsewhere = there(site, log.messages)
     problem = problem_of(log, site, settings, noise, given)
     progress(0.3, "filtering")
+    if settings.estimate_flexure:
+        settings = bent(solved(problem, history=False), settings)
+        problem = problem_of(log, site, settings, noise, given)
     s = solved(problem, history=shown)
     p = s.problem
     e = Evidence(
         p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
-        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit, ASIDE,
+        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit,
+        LEFT_OUT,
     )  # fmt: skip
     checks = judge.checks(e)
     error_of_g = gravity_error(s)
     assert s.states.cov is not None
-    cov = s.states.cov + np.outer(error_of_g, error_of_g)
+    all_cov = s.states.cov + np.outer(error_of_g, error_of_g)
+    coefficients = replace(s.states, cov=all_cov).chosen(settings.reported)
+    at = [s.states.layout.index(name) for name in settings.reported]
     told = findings.findings(e, problem.findings, s.findings)
     tables: dict[str, TableData] = {}
     if shown:
@@ -192,22 +199,22 @@ def _calibrate(
         if settings.delay != "none":
             ignored = settings.model_copy(update={"delay": "none", "gamma": None})
             undelayed = solved(problem_of(log, site, ignored, noise, given), history=False).found
-        tables = report.tables(e, s.backward, undelayed)
+        tables = report.tables(e, settings.reported, s.backward, undelayed)
     return Result(
         procedure="transfer_alignment",
-        coefficients=replace(s.states, cov=cov),
+        coefficients=coefficients,
         equation=EQUATION,
         frame=FRAME,
         gauge=GAUGE,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*log.findings, *silence, *told),
+        findings=(*log.findings, *elsewhere, *silence, *told),
         status=s.status,
         site=site.as_dict(),
         validity=_validity(log),
         diagnostics={"start": float(log.time[0])}
         | _diagnostics(log, s, e)
-        | of_site(site.as_dict(), s.states.names, error_of_g),
+        | of_site(site.as_dict(), settings.reported, error_of_g[at]),
         tables=tables,
     )
 
@@ -218,7 +225,7 @@ def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
         "gravity": p.site.gravity,
         "matching": settings.matching,
         "filter": _filter(s),
-        "bound": s.kalman.sd.tolist(),
+        "bound": s.kalman.chosen(settings.reported).sd.tolist(),
         "noise": {"accel": p.slave.noise.accel.white, "gyro": p.slave.noise.gyro.white},
         "delay": _delay(s),
         "hand_over": {"place": "master" if log.messages.has_place else "site"}
@@ -230,7 +237,8 @@ def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
         "innovations": judge.spread(e),
         "mounting": report.mounting(settings.mount, s.states),
         "beside": [r for r in s.states.rows() if r["name"] in settings.beside],
-        "unseen": report.unseen(settings.mount, misalignments=settings.misalignments),
+        "unseen": report.unseen(settings.mount, left_out=settings.left_out,
+                                misalignments=settings.misalignments),
     }  # fmt: skip
 
 
@@ -249,8 +257,15 @@ def _filter(s: Solution) -> dict[str, Any]:
         "flexure_sd": settings.flexure_sd,
         "flexure_time": settings.flexure_time,
         "wander": settings.wander,
+        "left_out": _left_out(s),
         "states": len(s.found.free.layout),
     }
+
+
+def _left_out(s: Solution) -> list[dict[str, Any]]:
+    """Return what is counted with and not in the result, as `CoefficientVector.rows` [SI]."""
+    reported = s.problem.settings.reported
+    return [r for r in s.states.rows() if r["name"] not in reported]
 
 
 def _delay(s: Solution) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.transfer.checks import HARDLY
 from foucault.diagnose.transfer.findings import WANTED
 from foucault.errors import Finding, finding
-from foucault.estimate.linear_filter import LinearRun, kalman
+from foucault.estimate.linear_filter import LinearRun, given, kalman
 from foucault.estimate.transfer.outage import after_outage
 from foucault.estimate.transfer.system import Free, free_run
 from foucault.models.earth import Site
@@ -32,7 +32,7 @@ from foucault.procedures.transfer_alignment.problem import (
     problem_of,
 )
 from foucault.procedures.transfer_alignment.session import Session, moved, simulate_motion
-from foucault.procedures.transfer_alignment.settings import ASIDE, NOISE, Settings
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT, NOISE, Settings
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -79,6 +79,8 @@ class Shown:
         How long it takes [s].
     vector : CoefficientVector
         Coefficients at zero with the covariance that they will have, and sds of the prior [SI].
+    seen : ndarray, shape (n,)
+        Sds that they would have without what is only counted with [SI].
     position : float
         What all errors will make of the horizontal position after the outage of the settings:
         root mean square over the headings of `AHEAD` [m].
@@ -87,6 +89,7 @@ class Shown:
     name: str
     time: float
     vector: CoefficientVector
+    seen: FloatArray
     position: float
 
 
@@ -117,16 +120,32 @@ def foresee(
     known = (settings, session, site, noise, prior or {})
     now = shown(plan, *known, gravity=True)
     more = []
-    for name, segments in manoeuvres(_speed_at_end(plan)).items():
-        longer = replace(plan, calibration=(*plan.calibration, *segments))
-        then = shown(longer, *known, gravity=True)
+    before, after = _at_hand_over(plan, settings.hand_over)
+    for name, segments in manoeuvres(_speed_after(plan, before)).items():
+        longer = replace(plan, calibration=(*before, *segments, *after))
+        later = settings
+        if settings.hand_over is not None:
+            more_time = sum(segment.time for segment in segments)
+            later = settings.model_copy(update={"hand_over": settings.hand_over + more_time})
+        then = shown(longer, later, *known[1:], gravity=True)
         more.append(Extra.of(name, then.time - now.time, now.vector.names,
                              then.vector.sd / now.vector.sd))  # fmt: skip
     return _judged(now, tuple(more), [] if noise else [assumed_noise()])
 
 
-def _speed_at_end(plan: TransferProfile) -> float:
-    speeds = [s.speed for s in plan.calibration if isinstance(s, Accelerate)]
+def _at_hand_over(
+    plan: TransferProfile, hand_over: float | None
+) -> tuple[tuple[Segment, ...], tuple[Segment, ...]]:
+    """Return what is flown before a manoeuvre more, and after it: the one it is handed over in."""
+    begun, ends = plan.calibration, np.cumsum([s.time for s in plan.calibration])
+    if hand_over is None or not len(ends) or hand_over >= ends[-1]:
+        return begun, ()
+    k = int(np.searchsorted(ends, hand_over))
+    return begun[:k], begun[k:]
+
+
+def _speed_after(plan: TransferProfile, flown: tuple[Segment, ...]) -> float:
+    speeds = [s.speed for s in flown if isinstance(s, Accelerate)]
     return float(speeds[-1] if speeds else plan.start.speed)
 
 
@@ -194,17 +213,20 @@ def shown(
     """
     p, free = free_of(plan, settings, session, site, noise, prior, rate=rate)
     run = kalman(free.system)
-    cov, at = run.cov, [free.layout.index(name) for name in p.vector.names]
+    names = settings.reported
+    cov, at = run.cov, [free.layout.index(name) for name in names]
+    aside = [i for i, name in enumerate(free.layout.names) if name.startswith(LEFT_OUT)]
+    seen = np.sqrt(np.maximum(np.diag(given(cov, aside))[at], 0.0))
     of_gravity = _of_gravity(p, run)[at] if gravity else np.zeros(len(at))
     own = cov[np.ix_(at, at)] + np.outer(of_gravity, of_gravity)
-    vector = replace(p.vector, values=np.zeros(len(at)), cov=own)
+    vector = replace(p.vector.chosen(names), values=np.zeros(len(at)), cov=own)
     ahead = np.array([after_outage(free, settings.sensors, settings.outage, turn=turn)
                       for turn in AHEAD])  # fmt: skip
     # Where it is is what the master says: of the position at the hand-over nothing is counted.
     # Nor is gravity: what it is taken for wrongly, the bias makes good as long as it is.
     ahead[:, :, 6:9] = 0.0
     squares = np.einsum("tij,jk,tik->t", ahead, cov, ahead)
-    return Shown(plan.name, plan.hand_over, vector, float(np.sqrt(squares.mean())))
+    return Shown(plan.name, plan.hand_over, vector, seen, float(np.sqrt(squares.mean())))
 
 
 def _of_gravity(p: TransferProblem, run: LinearRun) -> FloatArray:
@@ -218,9 +240,9 @@ def _of_gravity(p: TransferProblem, run: LinearRun) -> FloatArray:
 def _judged(now: Shown, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:
     vector = now.vector
     assert vector.cov is not None
-    ratio = vector.sd / vector.prior_sd
+    ratio = now.seen / vector.prior_sd
     hardly = tuple(n for n, r in zip(vector.names, ratio, strict=True)
-                   if r > HARDLY and not n.startswith(ASIDE))  # fmt: skip
+                   if r > HARDLY and not n.startswith(LEFT_OUT))  # fmt: skip
     # Combinations of the coefficients, their priors as units.
     left, ways = np.linalg.eigh(vector.cov / np.outer(vector.prior_sd, vector.prior_sd))
     left = np.sqrt(np.maximum(left, 0.0))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from foucault.errors import Finding, error, finding
-from foucault.models.earth import Site
+from foucault.models.earth import SEMI_MAJOR_AXIS, Site
 from foucault.models.master import MasterTable
 from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.transfer_alignment.log import SlaveLog
@@ -19,6 +19,12 @@ LEAST = 20
 
 BEYOND = 0.3
 """A delay is looked for so far outside its bracket too, to be told [s]."""
+
+ELSEWHERE = np.radians(0.1)
+"""A master whose latitude differs by so much from that of the site is not there [rad]."""
+
+NORMAL = "normal gravity"
+"""`Site.gravity_source` where gravity is that of the place."""
 
 SPARE = 1.0
 """The slave's log is used from so much before the first message to so much after the last [s]."""
@@ -90,6 +96,34 @@ def placed(table: MasterTable, site: Site) -> MasterTable:
     if site.latitude is None:
         raise error("transfer.place")
     return table.from_place(site.latitude, site.height)
+
+
+def there(site: Site, table: MasterTable) -> tuple[Site, list[Finding]]:
+    """Return the site where the run begins: a master that says its position knows it better.
+
+    Parameters
+    ----------
+    site : Site
+        As it was described.
+    table : MasterTable
+        Messages [SI].
+    """
+    if table.latitude is None or table.longitude is None:
+        return site, []
+    latitude = float(table.latitude[0])
+    height = site.height if table.height is None else float(table.height[0])
+    if site.latitude is None:
+        return replace(site, latitude=latitude, height=height), []
+    off = abs(latitude - site.latitude)
+    if off < ELSEWHERE:
+        return site, []
+    moved = replace(site, latitude=latitude)
+    if site.gravity_source == NORMAL:
+        moved = replace(Site.at(latitude, height), gravity_sd=site.gravity_sd)
+    told = finding("transfer.site", site=f"{np.degrees(site.latitude):.4f}",
+                   master=f"{np.degrees(latitude):.4f}",
+                   away=f"{off * SEMI_MAJOR_AXIS / 1e3:.0f} km")  # fmt: skip
+    return moved, [told]
 
 
 def even(table: MasterTable) -> MasterTable:

@@ -21,7 +21,7 @@ from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
-from foucault.models.transfer import LIVELY, Messages, states_of_transfer
+from foucault.models.transfer import LIVELY, WANDER, Messages, states_of_transfer
 from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
 from foucault.procedures.transfer_alignment.input import BEYOND, common, even, placed
@@ -183,8 +183,8 @@ def problem_of(
     at = [vector.layout.index(f"installation.{a}") for a in "xyz"]
     known = Known(state, vector.values[:p], vector.values[at], start)
     return TransferProblem(
-        replace(slave, first=first), said, table, settings, site, known, _sd(settings, vector),
-        vector, hand_over, matched, (*told, *drifting),
+        replace(slave, first=first), said, table, settings, site, known,
+        _sd(settings, vector, slave.noise), vector, hand_over, matched, (*told, *drifting),
     )  # fmt: skip
 
 
@@ -260,10 +260,10 @@ def _anomaly(site: Site, table: MasterTable) -> float:
     return site.gravity - gravity(float(table.latitude[0]), float(table.height[0]))
 
 
-def _sd(settings: Settings, vector: CoefficientVector) -> FloatArray:
+def _sd(settings: Settings, vector: CoefficientVector, noise: ImuNoise) -> FloatArray:
     """Return how well every state is known: phi, velocity, position, then the others [SI]."""
     mount, p = settings.mount, len(settings.sensors)
-    layout = states_of_transfer(settings.sensors, mount, settings.matched)
+    layout = states_of_transfer(settings.sensors, mount, settings.matched, noise)
     sd = np.empty(len(layout))
     mu_sd = float(np.max(vector["installation"].prior_sd))
     bends = [mount.flexure_sd]
@@ -279,6 +279,10 @@ def _sd(settings: Settings, vector: CoefficientVector) -> FloatArray:
     if mount.flexure_sd > 0:
         sd[layout.group("flexure")] = mount.flexure_sd
         sd[layout.group("flexure_rate")] = mount.flexure_sd * LIVELY / mount.flexure_time
+    for i, name in enumerate(layout.names):
+        if name in WANDER:
+            triad = noise.gyro if name.startswith("gyro") else noise.accel
+            sd[i] = triad.bias_instability
     return sd
 
 

@@ -23,6 +23,10 @@ FloatArray = npt.NDArray[np.float64]
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
 """Groups that are there for the uncertainties of the others: a motion need not show them."""
 
+LEFT_OUT = (*ASIDE, "gyro.g_sensitivity")
+"""Groups that are counted with although they are not asked for: what they may be is part of the
+uncertainty of what is."""
+
 USUAL = {
     "gyro.bias": "2.4 deg/h",
     "gyro.scale": "500 ppm",
@@ -30,6 +34,7 @@ USUAL = {
     "gyro.misalignment": "1 mrad",
     "accel.scale": "500 ppm",
     "accel.misalignment": "1 mrad",
+    "gyro.g_sensitivity": "1 deg/h/g",
     "installation": "5 arcmin",
     "load": "2 arcmin",
 }
@@ -63,10 +68,12 @@ white = "0.06 deg/sqrt(h)"
 PRIOR_LINES = """\
 # What is known beforehand of a coefficient, or of every coefficient of a group. Left out, all are
 # zero, give or take: gyros 2.4 deg/h and 500 ppm, accelerometers 1 mg, installation 5 arcmin, load
-# 2 arcmin per g.
+# 2 arcmin per g. What is not in the result widens it: misalignments 1 mrad, scale factors of the
+# accelerometers 500 ppm, g-sensitivity of the gyros 1 deg/h/g. Say what your instrument's are.
 # [prior]
 # "gyro.bias" = { mean = "0 deg/h", sd = "20 deg/h" }
 # "installation" = { mean = "0 arcmin", sd = "30 arcmin" }
+# "gyro.misalignment" = { mean = "0 mrad", sd = "0.1 mrad" }
 """
 """[prior] of the template."""
 
@@ -152,11 +159,22 @@ class Settings(BaseModel):
     )
     misalignments: bool = Field(
         default=False,
-        description="Count with misalignments of gyros and accelerometers and with scale factors "
-        "of the accelerometers: twelve states, most of which a motion does not show. Left out, "
-        "they are part of the biases, and not of their uncertainties.",
+        description="Put misalignments of gyros and accelerometers and scale factors of the "
+        "accelerometers into the result: twelve coefficients, most of which a motion does not "
+        "show.",
+    )
+    left_out: bool = Field(
+        default=True,
+        description="Count with errors of the slave that are not in the result, of the size that "
+        "[prior] says: misalignments, scale factors of the accelerometers, g-sensitivity of the "
+        "gyros. false takes them as none, for a slave that is calibrated otherwise.",
     )
     load: bool = Field(default=False, description="The mount gives way under load: three states.")
+    estimate_flexure: bool = Field(
+        default=False,
+        description="Find flexure_sd, flexure_time and attitude_sd from the innovations: what "
+        "makes them likeliest. What is said of them is where the search starts.",
+    )
     flexure_sd: Angle = Field(
         default=0.0, ge=0, description="Sd of a bending that comes and goes; 0: none. Six states."
     )
@@ -218,11 +236,22 @@ class Settings(BaseModel):
         return 0.0 if self.delay in ("none", "estimate") else parse(self.delay, "time")
 
     @property
-    def sensors(self) -> Sensors:
-        """Errors of the slave that are estimated, as terms."""
+    def asked(self) -> Sensors:
+        """Errors of the slave that are in the result, as terms."""
         axes = "xyz" if self.accel_bias_z else "xy"
         more = ASIDE if self.misalignments else ()
         return Sensors.of(("gyro.bias", "gyro.scale", *(f"accel.bias.{a}" for a in axes), *more))
+
+    @property
+    def sensors(self) -> Sensors:
+        """Errors of the slave that are states: those, and what is counted with beside them."""
+        asked = self.asked
+        return Sensors.of((*asked.layout.names, *LEFT_OUT)) if self.left_out else asked
+
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """Coefficients of the result."""
+        return (*self.asked.layout.names, *self.beside)
 
     @property
     def C_ms(self) -> FloatArray:  # noqa: N802

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.transfer.causes import BENDS
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.estimate.linear_filter import LinearSmoothed, kalman, smoothed
@@ -18,6 +19,7 @@ from foucault.estimate.transfer.fit import (
     likeliest_delay,
     solve,
 )
+from foucault.estimate.transfer.flexure import likeliest_flexure
 from foucault.estimate.transfer.outage import after_outage
 from foucault.estimate.transfer.system import free_run
 from foucault.models.transfer import states_of_transfer
@@ -113,6 +115,28 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
                     status, told)  # fmt: skip
 
 
+def bent(s: Solution, settings: Settings) -> Settings:
+    """Return the settings with the bending that makes the innovations likeliest, if there is one.
+
+    Parameters
+    ----------
+    s : Solution
+        A transfer alignment solved [SI].
+    settings : Settings
+        What was chosen.
+    """
+    p, found = s.problem, s.found
+    if settings.matching == "velocity" or s.status is not Status.CONVERGED:
+        return settings
+    fit = likeliest_flexure(p.slave, p.master, settings.mount, settings.matched, found.at, p.prior,
+                            p.sd, found.free.layout, s.found.run.log_likelihood)  # fmt: skip
+    if fit.gain < BENDS:
+        return settings
+    return settings.model_copy(update={
+        "flexure_sd": fit.sd, "flexure_time": fit.time, "attitude_sd": fit.attitude_sd,
+    })  # fmt: skip
+
+
 def gravity_error(s: Solution) -> FloatArray:
     """Return what one standard deviation of local gravity makes of `Solution.states`, shape (n,).
 
@@ -138,7 +162,7 @@ def _likeliest(p: TransferProblem) -> tuple[TransferProblem, DelayFit]:
     """Start from the likeliest delay of the bracket."""
     s = p.settings
     fixed = replace(s.matched, delay=False)
-    layout = states_of_transfer(s.sensors, s.mount, s.matched)
+    layout = states_of_transfer(s.sensors, s.mount, s.matched, p.slave.noise)
     early = p.with_delay(s.longest_delay)
     sd = np.delete(early.loose(s.longest_delay), layout.index("master.delay"))
     fit = likeliest_delay(early.slave, p.master, s.mount, fixed, early.prior, sd,
@@ -181,7 +205,10 @@ def _bounded(
         # A free run's position is never measured, its vertical velocity only where that is matched:
         # bounding what grows without a bound would leave nothing of the bound for the others.
         unseen = (6, 7, 8) if settings.matched.vertical else (5, 6, 7, 8)
-        L = np.delete(by_prior(system), unseen, axis=0)
+        # Nor is anything wanted of what is only counted with.
+        layout = found.free.layout
+        aside = [layout.index(n) for n in p.vector.names if n not in settings.reported]
+        L = np.delete(by_prior(system), (*unseen, *aside), axis=0)
     else:
         L = after_outage(found.free, settings.sensors, settings.outage)
     least = least_gamma(system, L)
