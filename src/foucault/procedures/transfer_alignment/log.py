@@ -66,7 +66,7 @@ class SlaveLog(Log):
     ----------
     time, gyro, accel, temperature, averaged : ndarray
         Of the slave, as in `Log` [SI].
-    sampled, findings, source, table
+    sampled, findings, source, table, clock
         The same.
     master : MasterTable or None
         Messages of the master.
@@ -87,7 +87,7 @@ class SlaveLog(Log):
         """
         told = (*log.findings, *master.findings)
         return cls(log.time, log.gyro, log.accel, log.sampled, log.temperature, told, log.source,
-                   log.table, log.averaged, master)  # fmt: skip
+                   log.table, log.averaged, log.clock, master)  # fmt: skip
 
     @property
     def messages(self) -> MasterTable:
