@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from foucault.errors import FoucaultError, error
 from foucault.tables import Clock, FloatArray
-from foucault.units import CELSIUS, ZERO_CELSIUS, Quantity, Ratio, factor, parse
+from foucault.units import CELSIUS, KINDS, ZERO_CELSIUS, Quantity, Ratio, factor, parse
 
 ColumnName = int | str
 """A column by name, or by number from 0; text may start with "-" to flip the sign."""
@@ -31,7 +31,18 @@ def scaled_unit(text: str, kind: str) -> float:
     float
         SI value of one [SI unit of the kind].
     """
-    return parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
+    one = parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
+    if not 1 / MOST < abs(one) < MOST:
+        reading = "zero" if abs(one) < 1 else "too large"
+        raise error("unit.size", unit=text, kind=kind, reading=reading, example=KINDS[kind].example)
+    return one
+
+
+MOST = 1e30
+"""No unit is as large in SI, and none as small as its inverse [SI]."""
+
+RATES = (1e-4, 1e8)
+"""From a mean every few hours to the fastest converter [Hz]."""
 
 
 SPACES = ("space", "spaces", "whitespace")
@@ -86,7 +97,7 @@ def conversion(
     texts = (scale,) * axes if isinstance(scale, str) else scale
     of = _COUNT_EXAMPLES[block][2]
     scales = np.array([parse(text, of, f"[log.{block}] scale") for text in texts])
-    if np.any(scales == 0):
+    if not np.all((np.abs(scales) > 1 / MOST) & (np.abs(scales) < MOST)):
         raise error("log.scale_zero", block=block)
     return np.broadcast_to(zero, axes).astype(float), 1.0 / scales
 
@@ -279,3 +290,5 @@ class FileLayout(Block):
             raise error("log.time_and_rate")
         if self.rate is not None and not self.rate > 0:
             raise error("log.rate", rate=f"{self.rate:g}")
+        if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
+            raise error("log.rate_far", rate=f"{self.rate:g}")

@@ -33,6 +33,7 @@ from foucault.estimate.hand_rotated import published as published_hand_rotated
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
+from foucault.models.references import with_references
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures import Progress, silent
 from foucault.procedures.hand_rotated import NEEDED, complete, simulate
@@ -162,7 +163,7 @@ def _published(data: SessionData, settings: Settings) -> Result:
     checks = judge.status_checks(status, len(data.accel_mean))
     return Result(
         procedure="hand_rotated_published",
-        coefficients=_joined(vectors),
+        coefficients=with_references(_joined(vectors), data.site),
         equation=EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,
