@@ -260,8 +260,8 @@ def test_degrees_minutes_and_seconds_are_read_as_people_write_them(text, degrees
 
 @pytest.mark.parametrize(
     "text",
-    ["1 17.5 deg", "40+8.8462 deg", "2*3 deg", "45 deg + 3 deg", "3 deg*1", "9^9 deg", "1e-6 1e3 deg",
-     "48.5d30m2s"],
+    ["1 17.5 deg", "40+8.8462 deg", "2*3 deg", "45 deg + 3 deg", "3 deg*1", "9^9 deg",
+     "1e-6 1e3 deg", "48.5d30m2s"],
 )  # fmt: skip
 def test_a_quantity_is_one_number_and_one_unit_and_no_sum(text):
     with pytest.raises(FoucaultError) as raised:
