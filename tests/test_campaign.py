@@ -158,6 +158,31 @@ MISTAKES = [
         "normal gravity is then used",
     ),
     (
+        MINIMAL.replace('"60 m"', '"60 km"'),
+        "site.height",
+        "site.height: 60000 m is outside -500 m to 20 km.",
+        "above the ellipsoid, in m or km",
+    ),
+    (
+        MINIMAL.replace('"60 m"', '"-6000 m"'),
+        "site.height",
+        "site.height: -6000 m is outside -500 m to 20 km.",
+        "it sets local gravity",
+    ),
+    (
+        MINIMAL.replace("48.8462 deg", "1 17.5 deg"),
+        "unit.unknown",
+        "site.latitude: Unit '17.5 deg' is not known. A quantity is one number and one unit.",
+        "Known are m, s, min",
+    ),
+    (
+        MINIMAL.replace("48.8462 deg", "48d50m46sE"),
+        "unit.angle",
+        "site.latitude: '48d50m46sE' is not an angle in degrees, minutes and seconds: E is no side "
+        "of it.",
+        '"48d50m46s"',
+    ),
+    (
         MINIMAL.replace('latitude = "48.8462 deg"', ""),
         "site.unknown",
         "site: neither gravity nor latitude is given, so the scale of the accelerometers has no "
@@ -206,6 +231,12 @@ MISTAKES = [
         "prior.sd",
         "prior.\"gyro.bias\": sd = '0 deg/h' is not positive.",
         "leave the prior out",
+    ),
+    (
+        MINIMAL + '[prior]\n"gyro.bias" = { mean = "0 deg/h", sd = "1e-300 deg/h" }\n',
+        "prior.sure",
+        "prior.\"gyro.bias\": sd = '1e-300 deg/h' is beyond every instrument.",
+        "a thousandth of what the session shows",
     ),
     (
         MINIMAL + '[prior]\n"gyro.bias" = { mean = "0 ppm", sd = "1 deg/h" }\n',
@@ -270,10 +301,25 @@ def test_gravity_far_from_normal_is_a_finding() -> None:
     near = MINIMAL.replace("height", 'gravity = "9.8095 m/s^2"\nheight')
     assert campaign.parse(near).findings == ()
     assert campaign.parse(near).site.gravity == 9.8095
+
     far = campaign.parse(near.replace("9.8095", "9.7805")).findings
     assert [f.code for f in far] == ["site.gravity_differs"]
     assert "9.78050 m/s^2 differs from normal gravity" in far[0].message
     assert "by 2955 ppm" in far[0].message
+
+
+@pytest.mark.parametrize(
+    ("words", "sd"),
+    [
+        ('gravity = "9.8095 m/s^2"', earth.NORMAL_GRAVITY_SD),
+        ("", earth.NORMAL_GRAVITY_SD),
+        ('gravity = "9.8095 m/s^2"\ngravity_sd = "1 mGal"', 1e-5),
+        ('gravity = "9.8095 m/s^2"\ngravity_sd = "0 m/s^2"', 0.0),
+    ],
+)
+def test_gravity_without_its_uncertainty_has_that_of_the_gravity_model(words, sd):
+    read = campaign.parse(MINIMAL.replace("height", f"{words}\nheight", 1))
+    assert read.site.gravity_sd == pytest.approx(sd)
 
 
 def test_missing_file_suggests_a_near_name(tmp_path: Path) -> None:

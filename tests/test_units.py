@@ -241,3 +241,50 @@ def test_schema_of_a_quantity_shows_an_example() -> None:
 def test_a_usual_way_to_write_a_unit_is_understood_and_asked_back(written: str, meant: str) -> None:
     with pytest.raises(FoucaultError, match=re.escape(f"Did you mean {meant}?")):
         units.parse(f"1 {written}", "angular rate")
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [
+        ("48d50m46s", 48 + 50 / 60 + 46 / 3600),
+        ("48°50'46\"N", 48 + 50 / 60 + 46 / 3600),
+        ("48°50'46.5\"S", -48 - 50 / 60 - 46.5 / 3600),
+        ("-48 deg 50.5 min", -48 - 50.5 / 60),
+        ("48.5° N", 48.5),
+        ("45°", 45.0),
+    ],
+)
+def test_degrees_minutes_and_seconds_are_read_as_people_write_them(text, degrees):
+    assert units.parse(text, "angle", "site.latitude") == pytest.approx(np.radians(degrees))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["1 17.5 deg", "40+8.8462 deg", "2*3 deg", "45 deg + 3 deg", "3 deg*1", "9^9 deg",
+     "1e-6 1e3 deg", "48.5d30m2s"],
+)  # fmt: skip
+def test_a_quantity_is_one_number_and_one_unit_and_no_sum(text):
+    with pytest.raises(FoucaultError) as raised:
+        units.parse(text, "angle", "site.latitude")
+    assert raised.value.code == "unit.unknown"
+
+
+def test_what_was_read_as_another_angle_says_what_a_quantity_is():
+    with pytest.raises(FoucaultError, match=r"'17.5 deg' is not known. A quantity is one number"):
+        units.parse("1 17.5 deg", "angle")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("48d61m", "minutes and seconds stay below 60"),
+        ("48d30.5m2s", "only the last number has decimals"),
+        ("-48d50m46sN", "a sign beside N"),
+        ("48d50m46sE", "E is no side of it"),
+    ],
+)
+def test_an_angle_in_parts_that_is_none_is_refused(text, reason):
+    with pytest.raises(FoucaultError) as raised:
+        units.parse(text, "angle", "site.latitude")
+    assert raised.value.code == "unit.angle"
+    assert f"is not an angle in degrees, minutes and seconds: {reason}." in raised.value.message

@@ -239,9 +239,9 @@ class TimeBase:
             return TimeBase("several", 0.0, declared)
         said: dict[str, list[float]] = {}
         for base in bases:
-            for name, error in base.error.items():
-                said.setdefault(name, []).append(error)
-        mean = {name: float(np.mean(errors)) for name, errors in said.items()}
+            for name, size in base.error.items():
+                said.setdefault(name, []).append(size)
+        mean = {name: float(np.mean(sizes)) for name, sizes in said.items()}
         return TimeBase(bases[0].source, bases[0].sd, declared, mean)
 
     def of(self, names: Iterable[str]) -> FloatArray:

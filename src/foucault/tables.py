@@ -207,7 +207,7 @@ class Clock:
 
     @classmethod
     def of(cls, source: str, sd: float | None = None) -> Clock:
-        """Return the clock of a `source`, with the usual standard deviation where `sd` is None."""
+        """Return the clock of a `source`, its usual standard deviation where `sd` is None [1]."""
         return cls(source, CLOCKS[source] if sd is None else sd, sd is not None)
 
 

@@ -133,6 +133,25 @@ def _registry() -> Any:
     return registry
 
 
+# A unit is words with powers, multiplied and divided; a number stands in front of it, not within.
+_UNIT = re.compile(
+    r"""\s*(?:1\s*(?=/))?            # "1/(m/s^2)"
+    (?:(?:[A-Za-zµμ°%][A-Za-z_µμ°%]*   # a name
+        | (?:sqrt|√)\s*\( | [()*/]
+        | (?:\^|\*\*)\s*(?:[-+]?\d{1,2}(?:\.\d{1,3})?|\(\s*[-+]?\d(?:\s*/\s*\d)?\s*\)) | ²
+        )\s*)+""",
+    re.VERBOSE,
+)
+_DEGREES = re.compile(
+    r"""\s*(?P<sign>[-+]?)\s*(?P<deg>\d{1,3}) \s*(?:°|d|deg)\s*
+    (?P<min>\d{1,2}(?:\.\d+)?) \s*(?:'|′|m|min|arcmin)\s*
+    (?:(?P<sec>\d{1,2}(?:\.\d+)?) \s*(?:"|″|''|s|sec|arcsec)\s*)?
+    (?P<side>[NSEW]?)\s*""",
+    re.VERBOSE,
+)
+_SIDED = re.compile(r"\s*(?P<deg>\d{1,3}(?:\.\d+)?)\s*(?:°|d|deg)\s*(?P<side>[NSEW])\s*")
+_SIDES = {"latitude": "NS", "longitude": "EW"}
+
 _SQRT = re.compile(r"sqrt\(([^()]+)\)")
 _INTEGER = re.compile(r"(?<![\w.])(\d+)(?![\w.])")
 # No digit, comma or point may follow: "1,5 deg" is not 1 of something.
@@ -166,6 +185,8 @@ def _factor_and_dimension(unit: str) -> tuple[float, str]:
     if unit.strip() in ("", "1"):
         return 1.0, "dimensionless"
     try:
+        if not _UNIT.fullmatch(unit):  # what pint would go on to compute: "17.5 deg", "+8.8 deg"
+            raise ValueError("not one unit")
         quantity = _registry().parse_expression(_pint_text(unit)).to_base_units()
         if not 0 < quantity.magnitude < math.inf:
             raise ValueError("nothing, or more than there is")
@@ -178,9 +199,10 @@ def _factor_and_dimension(unit: str) -> tuple[float, str]:
         with suppress(FoucaultError):
             if usual != unit and _factor_and_dimension(usual):
                 near = [usual]
-        raise error(
-            "unit.unknown", unit=unit, hint=f" Did you mean {' or '.join(near)}?" if near else ""
-        ) from problem
+        hint = f" Did you mean {' or '.join(near)}?" if near else ""
+        if not hint and re.match(r"\s*[-+*]?\s*[\d.]", unit):
+            hint = " A quantity is one number and one unit."
+        raise error("unit.unknown", unit=unit, hint=hint) from problem
     return float(quantity.magnitude), _dimension_text(quantity)
 
 
@@ -231,6 +253,10 @@ def parse(text: object, kind: str, key: str = "value") -> float:
         The value [SI unit of the kind].
     """
     want = KINDS[kind]
+    if kind == "angle" and isinstance(text, str):
+        angle = _degrees(text, key)
+        if angle is not None:
+            return angle
     match = _NUMBER.match(text) if isinstance(text, str) else None
     if match is None or not match.group(2).strip():
         raise error("unit.missing", key=key, given=repr(text), kind=kind, example=want.example)
@@ -241,6 +267,29 @@ def parse(text: object, kind: str, key: str = "value") -> float:
     if not math.isfinite(value):
         raise error("unit.missing", key=key, given=repr(text), kind=kind, example=want.example)
     return value
+
+
+def _degrees(text: str, key: str) -> float | None:
+    """Read ``48d50m46s`` or ``48°50'46"N``; None where `text` is neither [rad]."""
+    match = _DEGREES.fullmatch(text) or _SIDED.fullmatch(text)
+    if match is None:
+        return None
+    said = match.groupdict()
+    minutes, seconds = float(said.get("min") or 0), float(said.get("sec") or 0)
+    side, sign = said["side"], said.get("sign") or ""
+    wanted = _SIDES.get(re.split(r"[.-]", key)[-1], "NSEW")
+    reason = (
+        "minutes and seconds stay below 60" if minutes >= 60 or seconds >= 60
+        else "only the last number has decimals" if "." in (said.get("min") or "")
+        and said.get("sec") is not None
+        else f"a sign beside {side}" if side and sign
+        else f"{side} is no side of it" if side not in wanted
+        else ""
+    )  # fmt: skip
+    if reason:
+        raise error("unit.angle", key=key, given=repr(text), reason=reason)
+    size = float(said["deg"]) + minutes / 60 + seconds / 3600
+    return math.radians(-size if sign == "-" or side in ("S", "W") else size)
 
 
 def convert(value: float, kind: str, unit: str) -> float:

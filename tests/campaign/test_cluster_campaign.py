@@ -26,9 +26,9 @@ from foucault.report.study import write as write_study
 from foucault.tables import Log
 from make_cluster import DEG_H, UG, G
 
-# Gravity as given is exact; normal gravity is 40 mGal off in a simulation, 40 ppm of all scales.
+# Gravity is exact here; a model of it is 40 mGal off in a simulation, 40 ppm of all scales.
 TEXT = template("platform_tumble").replace(
-    '# gravity = "9.81234 m/s^2"', 'gravity = "9.8095 m/s^2"'
+    '# gravity = "9.81234 m/s^2"', 'gravity = "9.8095 m/s^2"\ngravity_sd = "0 m/s^2"'
 )
 SHORT = TEXT.replace("steps = []", 'steps = []\nplan = "-x -z -y +z"\nsegment = "300 s"')
 

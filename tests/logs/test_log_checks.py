@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from foucault.errors import FoucaultError
 from foucault.logs import axes, checks
 
 RNG = np.random.default_rng
@@ -190,3 +191,55 @@ def test_kelvin_said_to_be_degrees_celsius(kelvin, told):
     found = checks.temperature_scale(np.full(20, kelvin))
     assert [f.code for f in found] == ([] if told is None else ["log.temperature_unit"])
     assert all(told in f.message and "[log.temperature]" in f.cure for f in found)
+
+
+def host_stamps(n=20_000, seed=1, lost=0.0):
+    """Even samples at 100 Hz that a busy host stamps in bursts, as it gets to them."""
+    rng = RNG(seed)
+    true = np.arange(n) / 100.0
+    true = true[rng.uniform(size=n) >= lost]
+    stamps = true.copy()
+    begin = 0
+    while begin < len(true):
+        size = int(rng.integers(1, 60)) if rng.uniform() < 0.2 else 1
+        stamps[begin : begin + size] = true[min(begin + size, len(true)) - 1]
+        begin += size
+    order = np.arange(len(true)) * 1e-4 % 5e-3
+    return np.maximum.accumulate(stamps + order + 1e-6 * np.arange(len(true)))
+
+
+def test_the_rate_advised_is_the_number_over_the_time():
+    time = host_stamps()
+    time = time[np.concatenate([[True], np.diff(time) > 0])]
+    even = np.arange(20_000) / 100.0
+    assert checks.even_rate(even) == pytest.approx(100.0, rel=1e-9)
+    found = [f for f in checks.timing(host_stamps() + np.arange(20_000) * 1e-9)
+             if f.code == "log.irregular"]  # fmt: skip
+    (irregular,) = found
+    said = float(irregular.cure.split('rate = "')[1].split(" Hz")[0])
+    assert said == pytest.approx(100.0, rel=2e-4)
+    assert 'Hz" in [log]: their number over their time' in irregular.cure
+
+
+def test_no_rate_is_advised_where_samples_are_lost_or_another_log_has_the_clock():
+    rng = RNG(4)
+    time = np.arange(20_000) / 100.0 + rng.uniform(0, 0.004, 20_000)
+    lost = np.delete(time, np.r_[5000:5200, 9000:9300])
+    assert checks.even_rate(time) == pytest.approx(100.0, rel=1e-4)
+    assert checks.even_rate(lost) is None
+    (irregular,) = (f for f in checks.timing(lost) if f.code == "log.irregular")
+    assert "No rate can take the place of [log.time]: samples are lost" in irregular.cure
+    (irregular,) = checks.timing(time, shared=True)
+    assert "Keep [log.time]: another log or a table" in irregular.cure
+    (kept,) = checks.on_a_shared_clock(checks.timing(time))
+    assert kept.cure == irregular.cure
+
+
+def test_a_time_that_repeats_beside_another_log_is_kept_too():
+    time = np.floor(np.arange(1000) / 100.0 * 50) / 50
+    with pytest.raises(FoucaultError) as raised, checks.beside_another():
+        checks.timing(time)
+    assert "Keep [log.time]" in raised.value.cure and "Hz" not in raised.value.cure
+    with pytest.raises(FoucaultError) as raised:
+        checks.timing(time)
+    assert 'rate = "100' in raised.value.cure

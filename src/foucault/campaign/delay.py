@@ -15,6 +15,7 @@ from foucault.errors import error
 from foucault.estimate.delay.fit import BRACKET
 from foucault.files import read_text
 from foucault.logs import master as masters
+from foucault.logs.checks import beside_another, on_a_shared_clock
 from foucault.logs.layout import FileLayout
 from foucault.logs.master_description import MasterDescription
 from foucault.logs.raw import open_raw
@@ -54,7 +55,8 @@ def run(
         Called with the fraction done and what is being done.
     """
     slave = Path(slave)
-    source = read(slave, progress)
+    with beside_another():
+        source = read(slave, progress)
     log = source.log
     other: Log | MasterTable | None = getattr(log, "master", None)
     if other is not None:  # such a log has told what was noticed of its master
@@ -71,6 +73,7 @@ def run(
         other = other.from_place(latitude, source.site.get("height") or 0.0)
     progress(0.8, "matching")
     C_ms = None if mounting is None else np.asarray(matrix_of(*mounting))
+    log = replace(log, findings=on_a_shared_clock(log.findings))
     return find_delay(log, other, C_ms=C_ms, bracket=bracket, names=names)
 
 

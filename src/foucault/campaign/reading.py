@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from foucault import procedures
+from foucault import procedures, units
 from foucault.campaign import earlier
 from foucault.campaign.mistakes import all_finite, parse_at, validate
 from foucault.campaign.tables import (
@@ -229,12 +229,20 @@ def coefficient_kind(name: str, layout: Layout = imu.LAYOUT) -> str:
     return kinds[0]
 
 
+SURE = 1e-9
+"""No instrument is known to so small a part of the smallest unit that people use [1]."""
+
+
 def _prior(name: str, entry: PriorEntry, layout: Layout) -> tuple[float, float]:
     kind = coefficient_kind(name, layout)
     mean = parse_at(f'prior."{name}".mean', entry.mean, kind)
     sd = parse_at(f'prior."{name}".sd', entry.sd, kind)
     if not sd > 0:
         raise error("prior.sd", name=name, given=repr(entry.sd))
+    least, most = (units.factor(units.KINDS[kind].display[i], kind) for i in (0, -1))
+    # Squares of what is a billionth of the usual unit are lost beside any other variance.
+    if not least * SURE <= sd <= most / SURE:
+        raise error("prior.sure", name=name, given=repr(entry.sd))
     return mean, sd
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,6 +20,7 @@ from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error, finding
 from foucault.files import atomic, unwritable
+from foucault.logs.checks import beside_another
 from foucault.logs.streaming import OnDisk
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import Gauge, ImuModel
@@ -41,7 +43,8 @@ SESSION_CAMPAIGN = "campaign.toml"
 def read_log(campaign: Campaign, progress: Progress = silent) -> Any:
     """Read the log of a campaign; its findings follow those of the campaign file."""
     read = getattr(procedures.load(campaign.procedure), "read_log", logs.read)
-    log = read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
+    with beside_another() if campaign.master is not None else nullcontext():
+        log = read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
     if campaign.master is not None:
         log = procedures.load(campaign.procedure).with_master(log, campaign.master, campaign.folder)
     return replace(log, findings=_told(campaign) + log.findings)

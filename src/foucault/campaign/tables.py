@@ -19,6 +19,9 @@ from foucault.units import Quantity
 GRAVITY_LIMITS = (9.7, 9.9)
 """Anything outside is a mistake: gravity on the surface lies in 9.764 .. 9.834 [m/s^2]."""
 
+HEIGHT_LIMITS = (-500.0, 20e3)
+"""From the lowest land to the highest aircraft; beyond, km were m or feet a mistake [m]."""
+
 GRAVITY_ANOMALY = 500e-6
 """Largest believable departure from normal gravity, relative; anomalies reach 400 mGal."""
 
@@ -59,24 +62,25 @@ class SiteTable(_Table):
         default=None,
         ge=0,
         examples=["0.0004 m/s^2"],
-        description="Its standard uncertainty. Left out: none for gravity as given, 40 mGal for "
-        "normal gravity.",
+        description="Its standard uncertainty. Left out: that of the gravity model of the place, "
+        "40 mGal; a value of a gravimeter has its own, such as 0.00001 m/s^2.",
     )
 
     def site(self) -> earth.Site:
         """Return the site, with normal gravity where none is given."""
         if self.latitude is not None and abs(self.latitude) > np.pi / 2:
             raise error("site.latitude", given=np.degrees(self.latitude))
+        if not HEIGHT_LIMITS[0] <= self.height <= HEIGHT_LIMITS[1]:
+            raise error("site.height", given=self.height)
+        # A number without its uncertainty may be from anywhere: a map, a formula, another town.
+        sd = earth.NORMAL_GRAVITY_SD if self.gravity_sd is None else self.gravity_sd
         if self.gravity is None:
             if self.latitude is None:
                 raise error("site.unknown")
-            sd = earth.NORMAL_GRAVITY_SD if self.gravity_sd is None else self.gravity_sd
             return replace(earth.Site.at(self.latitude, self.height), gravity_sd=sd)
         if not GRAVITY_LIMITS[0] <= self.gravity <= GRAVITY_LIMITS[1]:
             raise error("site.gravity", given=self.gravity)
-        return earth.Site(
-            self.gravity, self.latitude, self.height, gravity_sd=self.gravity_sd or 0.0
-        )
+        return earth.Site(self.gravity, self.latitude, self.height, gravity_sd=sd)
 
     def findings(self) -> tuple[Finding, ...]:
         """Compare gravity as given with normal gravity."""

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from foucault.coefficients import CoefficientVector
 from foucault.models.layouts import is_cluster
 from foucault.models.references import clock_slope
 from foucault.result import Result, TimeBase
-from foucault.tables import Clock, Log
+from foucault.tables import Clock, FloatArray, Log
 
 WORDS = {
     "sensor": "the sensor's own oscillator",
@@ -27,7 +28,21 @@ def times_the_table(log: Log) -> bool:
     )
 
 
-def with_clock(result: Result, clock: Clock, *, turned: bool, summed: bool) -> Result:
+def stretched(log: Log, share: float) -> Log:
+    """Return the log as a clock that is fast by `share`, shape () [1], would have stamped it."""
+    start, fast = float(log.time[0]), 1.0 + share
+    slower = fast if log.sampled == "increment" else 1.0
+    return replace(
+        log,
+        time=start + (log.time - start) * fast,
+        gyro=None if log.gyro is None else log.gyro / slower,
+        accel=None if log.accel is None else log.accel / slower,
+    )
+
+
+def with_clock(
+    result: Result, clock: Clock, *, turned: bool, summed: bool, slope: FloatArray | None = None
+) -> Result:
     """Put what the clock of the log makes of the coefficients beside them, and say it.
 
     Parameters
@@ -40,9 +55,14 @@ def with_clock(result: Result, clock: Clock, *, turned: bool, summed: bool) -> R
         Whether the reference of the gyros is an angle over the time of the log.
     summed : bool
         Whether the readings are increments.
+    slope : ndarray, shape (n,), or None
+        Derivative of the coefficients with respect to the logarithm of the clock's rate, where it
+        does not follow from the two [SI].
     """
-    vector = result.coefficients
-    slope = np.where(vector.free, clock_slope(vector, turned=turned, summed=summed), 0.0)
+    vector, plain = result.coefficients, slope is None
+    if slope is None:
+        slope = clock_slope(vector, turned=turned, summed=summed)
+    slope = np.where(vector.free, slope, 0.0)
     finite = np.isfinite(slope) & (slope != 0.0)
     error = {
         name: float(v * clock.sd)
@@ -50,7 +70,8 @@ def with_clock(result: Result, clock: Clock, *, turned: bool, summed: bool) -> R
         if some
     }
     base = TimeBase(clock.source, clock.sd, clock.declared, error)
-    unseen = [_words(base, cluster=is_cluster(vector)), *(result.diagnostics.get("unseen") or ())]
+    sentence = _words(base, _what(base, vector) if plain else _most(base, vector))
+    unseen = [sentence, *(result.diagnostics.get("unseen") or ())]
     return replace(result, clock=base, diagnostics=result.diagnostics | {"unseen": unseen})
 
 
@@ -59,35 +80,43 @@ def in_words(result: Result) -> str:
     base = result.clock
     if base is None or not base.error:
         return ""
-    sizes = [abs(v) for n, v in base.error.items() if n.split(".")[1].endswith("scale")]
-    size = f"{max(sizes, default=base.sd) * 1e6:.3g} ppm"
-    triads = " and ".join(dict.fromkeys(n.partition(".")[0] for n in base.error))
+    names = {"gyro": "gyros", "accel": "accelerometers"}
+    heads = dict.fromkeys(name.partition(".")[0] for name in base.error)
+    triads = " and ".join(names[head] for head in heads if head in names)
     return (
-        f"sd in the log's own time; in seconds {WORDS[base.source]} adds {size} to the scale "
-        f"factors of {triads}."
+        f"sd in the log's own time; in seconds {WORDS[base.source]} adds {base.sd * 1e6:.3g} ppm "
+        f"to the {triads}: `sd in seconds` of the report."
     )
 
 
-def _words(base: TimeBase, *, cluster: bool) -> str:
+def _what(base: TimeBase, vector: CoefficientVector) -> str:
+    """Say which coefficients follow the clock, one by one."""
+    drift = ("drift rates", "gyro.drift.") if is_cluster(vector) else ("gyro biases", "gyro.bias.")
+    groups = (
+        ("torquer scale factors", "gyro.torquer_scale."), ("gyro scale factors", "gyro.scale."),
+        ("accelerometer scale factors", "accel.scale."), drift,
+    )  # fmt: skip
+    what = [what for what, start in groups if any(name.startswith(start) for name in base.error)]
+    return f"a clock that is 1 ppm fast is 1 ppm in all {' and '.join(what) or 'coefficients'}"
+
+
+def _most(base: TimeBase, vector: CoefficientVector) -> str:
+    """Say which coefficient the clock changes most, against its standard deviation."""
+    sd = dict(zip(vector.names, vector.sd.tolist(), strict=True))
+    share = {n: abs(e) / sd[n] for n, e in base.error.items() if sd[n] > 0}
+    worst = max(share, key=lambda n: share[n], default="")
+    return f"a clock of log and messages that is fast changes {worst} most"
+
+
+def _words(base: TimeBase, what: str) -> str:
     if not base.error:
         return (
             "A wrong time base: no reference of this session is counted by the clock of the log, "
             "so that it changes no coefficient."
         )
-    what = [
-        what
-        for what, start in (
-            ("torquer scale factors", "gyro.torquer_scale."),
-            ("gyro scale factors", "gyro.scale."),
-            ("accelerometer scale factors", "accel.scale."),
-            ("drift rates" if cluster else "gyro biases", "gyro.drift." if cluster else "gyro.b"),
-        )
-        if any(name.startswith(start) for name in base.error)
-    ]
     known = "declared" if base.declared else "taken for it; declare clock or clock_sd in [log]"
     return (
-        f"A wrong time base: a clock that is 1 ppm fast is 1 ppm in all "
-        f"{' and '.join(what) or 'coefficients'}. The time is that of {WORDS[base.source]}, "
+        f"A wrong time base: {what}. The time is that of {WORDS[base.source]}, "
         f"{base.sd * 1e6:.3g} ppm ({known}): part of every uncertainty in seconds, not of those in "
         "the log's own time."
     )

@@ -6,13 +6,17 @@ error. All else is a finding: it is reported with its likely cause, and the work
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models.temperature import KELVIN_IN_CELSIUS
+from foucault.symptoms import SYMPTOMS
 from foucault.tables import FloatArray
 from foucault.units import STANDARD_GRAVITY, ZERO_CELSIUS, factor, plain, span
 
@@ -130,7 +134,85 @@ def doubled(
     return keep, (finding("log.rows_doubled", count=len(rows)),)
 
 
-def timing(time: FloatArray, start: int = 0, zero: float | None = None) -> tuple[Finding, ...]:
+EARLIEST = 20
+"""Parts of a log of which each has stamps that came without delay [1]."""
+
+
+def even_rate(time: FloatArray) -> float | None:
+    """Return the rate of samples that are even while their stamps come late, N / T [Hz].
+
+    A host stamps what has waited, so that intervals say nothing of the rate: their median neither,
+    where samples come in bursts. Count over time does, if no sample is lost; then the earliest
+    stamps of every part of the log lie on one straight line.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Time of each sample; None is returned where samples are lost [s].
+    """
+    count = len(time) - 1
+    if count < 1 or not time[-1] > time[0]:
+        return None
+    # Line through the first and the last part, by their least delayed stamps.
+    index = np.arange(count + 1)
+    size = max(1, (count + 1) // EARLIEST)
+    off = time - time[0] - index * (time[-1] - time[0]) / count
+    first, last = int(np.argmin(off[:size])), count + 1 - size + int(np.argmin(off[-size:]))
+    period = float((time[last] - time[first]) / (last - first)) if last > first else 0.0
+    if not period > 0:
+        return None
+    late = time - time[0] - index * period
+    parts = late[: size * EARLIEST].reshape(-1, size) if count + 1 >= 25 * EARLIEST else late[None]
+    earliest = parts.min(axis=1)
+    waits = float(np.median(parts.max(axis=1) - earliest))
+    return 1.0 / period if np.ptp(earliest) <= max(2.0 * period, waits) else None
+
+
+def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
+    """Say whether a rate may take the place of a log's time, and which.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Time of each sample [s].
+    shared : bool
+        Whether something else is stamped by the same clock: a master, a second log, a table.
+    """
+    if shared:
+        return SHARED
+    rate = even_rate(time)
+    if rate is None:
+        return "No rate can take the place of [log.time]: samples are lost besides."
+    return (
+        "If the instrument samples evenly, loses nothing and only its time is coarse, replace "
+        f'[log.time] by rate = "{plain(rate, 6)} Hz" in [log]: their number over their time.'
+    )
+
+
+SHARED = "Keep [log.time]: another log or a table is stamped by the same clock."
+
+
+def on_a_shared_clock(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Take back the advice to replace a time that something else is stamped by too."""
+    cure = SYMPTOMS["log.irregular"].cure.format(advice=SHARED)
+    return tuple(replace(f, cure=cure) if f.code == "log.irregular" else f for f in findings)
+
+
+@contextmanager
+def beside_another() -> Iterator[None]:
+    """Read a log that shares its clock: what stops it does not advise another time either."""
+    try:
+        yield
+    except FoucaultError as problem:
+        if problem.code != "log.time_repeated":
+            raise
+        cure = SYMPTOMS[problem.code].cure.format(advice=SHARED)
+        raise FoucaultError(problem.code, problem.message, cure) from None
+
+
+def timing(
+    time: FloatArray, start: int = 0, zero: float | None = None, *, shared: bool = False
+) -> tuple[Finding, ...]:
     """Check that time runs forward, and look for gaps and an irregular rate.
 
     Parameters
@@ -141,6 +223,8 @@ def timing(time: FloatArray, start: int = 0, zero: float | None = None) -> tuple
         Number of the first row, where these are not the first of the log [1].
     zero : float or None
         Time that texts count from; None is that of the first sample given [s].
+    shared : bool
+        Whether something else is stamped by the same clock.
 
     Returns
     -------
@@ -156,10 +240,8 @@ def timing(time: FloatArray, start: int = 0, zero: float | None = None) -> tuple
         row = int(np.argmax(wrong)) + 1
         code = "log.time_repeated" if step[row - 1] == 0 else "log.time_backward"
         now, before = (moment(t - zero) for t in (time[row], time[row - 1]))
-        whole = float(time[-1] - time[0])
-        rate = plain((len(time) - 1) / whole, 5) if whole > 0 else "100"
         raise error(code, row=row + start, time=now, before=before, count=int(wrong.sum()),
-                    rate=rate)  # fmt: skip
+                    advice=rate_instead(time, shared=shared))  # fmt: skip
     nominal = float(np.median(step))
     gaps = step > GAP * nominal
     off = ~gaps & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
@@ -167,7 +249,9 @@ def timing(time: FloatArray, start: int = 0, zero: float | None = None) -> tuple
     if off.mean() > IRREGULAR[1]:
         low, high = np.quantile(step, (0.01, 0.99))
         words = {"nominal": span(nominal), "low": span(low), "high": span(high)}
-        found.append(finding("log.irregular", share=f"{100 * off.mean():.3g}", **words))
+        advice = rate_instead(time, shared=shared)
+        share = f"{100 * off.mean():.3g}"
+        found.append(finding("log.irregular", share=share, advice=advice, **words))
     if gaps.any():
         longest = int(np.argmax(step))
         found.append(

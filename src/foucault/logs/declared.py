@@ -57,9 +57,7 @@ def complete(
     return filled, tuple(name for name in blocks if name not in ("time", "clock"))
 
 
-def _over(
-    declared: Mapping[str, Any], description: LogDescription, path: Path
-) -> dict[str, Any]:
+def _over(declared: Mapping[str, Any], description: LogDescription, path: Path) -> dict[str, Any]:
     """Let what a description gives take the place of what a format declares, key by key."""
     out: dict[str, Any] = {
         name: dict(block) if isinstance(block, Mapping) else block

@@ -203,6 +203,11 @@ class LogDescription(FileLayout):
             raise error("log.no_file")
         return self
 
+    @property
+    def shared_clock(self) -> bool:
+        """Whether the angles of a table are another file, stamped by the same clock."""
+        return self.table is not None and self.table.file not in (None, self.file)
+
     def files(self) -> dict[str, tuple[str, ...]]:
         """Return each file with the blocks that are read from it, in order."""
         found: dict[str, list[str]] = {} if self.file is None else {self.file: []}

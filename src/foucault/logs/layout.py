@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from foucault.errors import FoucaultError, error
 from foucault.tables import Clock, FloatArray
-from foucault.units import CELSIUS, ZERO_CELSIUS, Quantity, Ratio, factor, parse
+from foucault.units import CELSIUS, KINDS, ZERO_CELSIUS, Quantity, Ratio, factor, parse
 
 ColumnName = int | str
 """A column by name, or by number from 0; text may start with "-" to flip the sign."""
@@ -32,16 +32,18 @@ def scaled_unit(text: str, kind: str) -> float:
         SI value of one [SI unit of the kind].
     """
     one = parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
-    if not SMALLEST_UNIT <= abs(one) <= 1 / SMALLEST_UNIT:
-        raise error("log.unit_size", unit=text, size=f"{one:.3g}")
+    if not 1 / MOST < abs(one) < MOST:
+        reading = "zero" if abs(one) < 1 else "too large"
+        raise error("unit.size", unit=text, kind=kind, reading=reading, example=KINDS[kind].example)
     return one
 
 
-SLOWEST, FASTEST = 1e-6, 1e7
-"""Sample rates are between these [Hz]."""
+MOST = 1e30
+"""No unit is as large in SI, and none as small as its inverse [SI]."""
 
-SMALLEST_UNIT = 1e-18
-"""Units are no smaller than this of the SI unit, and no larger than its inverse [1]."""
+RATES = (1e-4, 1e8)
+"""From a mean every few hours to the fastest converter [Hz]."""
+
 
 SPACES = ("space", "spaces", "whitespace")
 """Words for any number of spaces and tabs between two cells."""
@@ -95,7 +97,7 @@ def conversion(
     texts = (scale,) * axes if isinstance(scale, str) else scale
     of = _COUNT_EXAMPLES[block][2]
     scales = np.array([parse(text, of, f"[log.{block}] scale") for text in texts])
-    if np.any(scales == 0):
+    if not np.all((np.abs(scales) > 1 / MOST) & (np.abs(scales) < MOST)):
         raise error("log.scale_zero", block=block)
     return np.broadcast_to(zero, axes).astype(float), 1.0 / scales
 
@@ -286,5 +288,5 @@ class FileLayout(Block):
         """Refuse a sample rate beside a time column (`timed`), or one that is not positive."""
         if self.rate is not None and timed:
             raise error("log.time_and_rate")
-        if self.rate is not None and not SLOWEST <= self.rate <= FASTEST:
+        if self.rate is not None and not RATES[0] <= self.rate <= RATES[1]:
             raise error("log.rate", rate=f"{self.rate:g}")

@@ -297,7 +297,7 @@ def finished(
     if used.averaged is not None:
         log = means_log(data, kind, findings, source)
         return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
-    findings += checks.timing(time)
+    findings += checks.timing(time, shared=used.shared_clock)
     for name, block in triads.items():
         if block is not None:
             findings += axes.check(time, data[name], name, limits_si(block))

@@ -221,7 +221,7 @@ def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Itera
             zero = float(time[0])
             nominal = float(np.median(np.diff(time))) if len(time) > 1 else nominal
         seen = np.concatenate((before, time))
-        findings += checks.timing(seen, start - len(before), zero)
+        findings += checks.timing(seen, start - len(before), zero, shared=used.shared_clock)
         for name, block in triads.items():
             if block is not None:
                 told = axes.check(time, data[name], name, limits_si(block), zero)

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated.held_out import norm_columns
 from foucault.diagnose.hand_rotated.input import check_input, enough_rests
@@ -33,6 +34,7 @@ from foucault.estimate.hand_rotated import published as published_hand_rotated
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
+from foucault.models.references import gravity_error, with_references
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures import Progress, silent
 from foucault.procedures.hand_rotated import NEEDED, complete, simulate
@@ -160,9 +162,11 @@ def _published(data: SessionData, settings: Settings) -> Result:
         costs.append(gyro.chi_square / 2)
         status = gyro.status if status is Status.CONVERGED else status
     checks = judge.status_checks(status, len(data.accel_mean))
+    found = _joined(vectors)
+    error_of_g = gravity_error(found, data.site)
     return Result(
         procedure="hand_rotated_published",
-        coefficients=_joined(vectors),
+        coefficients=with_references(found, data.site),
         equation=EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,
@@ -170,7 +174,7 @@ def _published(data: SessionData, settings: Settings) -> Result:
         checks=checks,
         findings=(),
         status=status,
-        diagnostics={"costs": costs},
+        diagnostics={"costs": costs} | of_site(data.site.as_dict(), found.names, error_of_g),
     )
 
 

@@ -135,7 +135,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "[log] says neither which column of '{file}' is time nor the sample rate.",
      'Write rate = "100 Hz" in [log], or add [log.time] with column = "t" and unit = "s".'),
     ("log.rate", "error", "A sample rate that no log has",
-     "[log] rate = {rate} Hz is not between 1 uHz and 10 MHz.",
+     "[log] rate = {rate} Hz is not the rate of a log: those lie between 0.0001 Hz and 100 MHz.",
      'Write the sample rate, for example rate = "100 Hz".'),
     ("log.kind", "error", "A unit of increments for rates, or of rates for increments",
      "[log.{block}]: '{unit}' is a unit of {other}s, but kind is \"{kind}\".",
@@ -150,11 +150,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.scale_without_count", "error", "A count scale or zero for data that are not counts",
      "[log.{block}] has a scale or a zero, but its unit is '{unit}'.",
      'Write unit = "count", or leave scale and zero out.'),
-    ("log.unit_size", "error", "A unit of size zero, or beyond what numbers can hold",
-     "'{unit}' is {size} of the SI unit: no reading is measured in that.",
-     'Write the size of one count, such as "0.1 arcsec", or a unit alone, such as "rad/s".'),
     ("log.scale_zero", "error", "A count scale of zero",
-     "[log.{block}] scale has a zero.",
+     "[log.{block}] scale has a zero, or as good as one.",
      "Write the counts per unit from the maker's sheet; a negative scale turns the sign."),
     ("log.join_length", "error", "Two files of one log with different numbers of samples",
      "'{first}' has {n_first} samples but '{second}' has {n_second}.",
@@ -227,8 +224,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.time_repeated", "error", "The same time twice",
      "Row {row} of the data (from 0) has the same time as the row before, {time} s from the start, "
      "but other readings; {count} such rows in all.",
-     'If the clock is only too coarse, replace [log.time] by rate = "{rate} Hz" in [log], the mean '
-     "rate of this log; if rows of two logs are mixed, keep those of one."),
+     "{advice} If rows of two logs are mixed, keep those of one."),
     ("log.rows_doubled", "warning", "Rows written twice",
      "{count} rows repeat the row before them in every column, time included, and were left out.",
      "Nothing to do; the logger or the program that wrote the file stored them twice."),
@@ -253,8 +249,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.irregular", "warning", "An irregular sample rate",
      "The rate is irregular: {share} % of the intervals are more than 10 % off the usual "
      "{nominal} (1st to 99th percentile {low} to {high}).",
-     "Use the instrument's own clock as time; if it samples evenly and only its time is coarse, "
-     "replace [log.time] by rate in [log]."),
+     "Use the instrument's own clock as time. {advice}"),
     ("log.saturated", "warning", "A saturated axis",
      "{triad} {axis} is saturated; samples at the limit: {count}, the first {start} s from the "
      "start.",

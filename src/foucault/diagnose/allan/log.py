@@ -32,6 +32,7 @@ from foucault.diagnose.allan.deviation import (
 )
 from foucault.diagnose.rests import find_rests
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
+from foucault.logs.checks import rate_instead
 from foucault.tables import AXES, Log
 from foucault.units import convert, display_unit, plain
 
@@ -183,7 +184,7 @@ def _even(log: Log) -> tuple[Log, list[Finding]]:
     off = (np.abs(ratio - 1) > 0.1) & (ratio <= 1.5)
     if off.mean() > 0.01:
         share, nominal = f"{100 * off.mean():.3g}", f"{log.interval:.6g}"
-        raise error("allan.uneven", share=share, nominal=nominal)
+        raise error("allan.uneven", share=share, nominal=nominal, advice=rate_instead(log.time))
     if len(gaps) == 0:
         return log, []
     edges = np.concatenate([[0], gaps + 1, [len(log)]])

@@ -37,11 +37,11 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose.compare.gravity import of_site
+from foucault.diagnose.time_base import stretched, with_clock
 from foucault.diagnose.transfer import checks as judge
 from foucault.diagnose.transfer import findings, report
 from foucault.diagnose.transfer.checks import Evidence
-from foucault.diagnose.time_base import with_clock
-from foucault.errors import error
+from foucault.errors import FoucaultError, error
 from foucault.logs.master_description import MasterDescription
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION
@@ -69,7 +69,7 @@ from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR
 from foucault.procedures.transfer_alignment.settings import Settings as Settings
 from foucault.procedures.transfer_alignment.solution import Solution, bent, gravity_error, solved
 from foucault.result import Result, TableData, Verdict, provenance
-from foucault.tables import Log
+from foucault.tables import FloatArray, Log
 
 Master = MasterDescription
 
@@ -129,12 +129,43 @@ def calibrate(
         ``transfer.*``: no master, nothing in common, a delay or a gamma that cannot be.
     """
     started = clock.monotonic()
-    result = _calibrate(log, site, settings or Settings(), noise, prior or {}, progress, shown=True)
+    settings = settings or Settings()
+    result = _calibrate(log, site, settings, noise, prior or {}, progress, shown=True)
+    progress(0.9, "looking at the clock")
+    slope = _clock_slope(log, result, site, settings, noise, prior or {})
     progress(1.0, "done")
     seconds = clock.monotonic() - started
     result = replace(result, instrument=dict(instrument or {}),
                      provenance=provenance(log.source, seconds))  # fmt: skip
-    return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
+    summed = log.sampled == "increment"
+    return with_clock(result, log.clock, turned=True, summed=summed, slope=slope)
+
+
+FAST = 1e-4
+"""A clock so much too fast shows how the estimate hangs on it [1]."""
+
+
+def _clock_slope(
+    log: Log, result: Result, site: Site, settings: Settings, noise: ImuNoise | None,
+    given: Mapping[str, tuple[float, float]],
+) -> FloatArray | None:  # fmt: skip
+    """Return how the estimate changes with the clock that log and messages share, shape (n,).
+
+    What a flight ties to the velocity of a master is a mixture of its turns and of gravity, so that
+    it is tried: a clock that is fast for one of the two alone is a delay that drifts, and is seen.
+    """
+    if not isinstance(log, SlaveLog):
+        return None
+    start, table = float(log.time[0]), log.messages
+    later = replace(table, time=start + (table.time - start) * (1.0 + FAST))
+    fast = replace(stretched(log, FAST), master=later)
+    try:
+        other = _calibrate(fast, site, settings, noise, given, silent, shown=False).coefficients
+    except FoucaultError:
+        return None
+    if other.names != result.coefficients.names:
+        return None
+    return np.asarray((other.values - result.coefficients.values) / FAST)
 
 
 def trial(

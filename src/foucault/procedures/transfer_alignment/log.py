@@ -9,6 +9,7 @@ from foucault import logs
 from foucault.errors import error
 from foucault.files import sha256
 from foucault.logs import master as masters
+from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.master_description import MasterDescription
 from foucault.models.master import MasterTable
 from foucault.tables import Log
@@ -66,7 +67,7 @@ class SlaveLog(Log):
     ----------
     time, gyro, accel, temperature, averaged : ndarray
         Of the slave, as in `Log` [SI].
-    sampled, findings, source, table
+    sampled, findings, source, table, clock
         The same.
     master : MasterTable or None
         Messages of the master.
@@ -85,9 +86,9 @@ class SlaveLog(Log):
         master : MasterTable
             Messages of the master [SI].
         """
-        told = (*log.findings, *master.findings)
+        told = (*on_a_shared_clock(log.findings), *master.findings)
         return cls(log.time, log.gyro, log.accel, log.sampled, log.temperature, told, log.source,
-                   log.table, log.averaged, master)  # fmt: skip
+                   log.table, log.averaged, log.clock, master)  # fmt: skip
 
     @property
     def messages(self) -> MasterTable:

@@ -1,0 +1,206 @@
+"""Whether a wrong clock is known: its error of every procedure, against the log stamped anew."""
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+import make_guard
+from foucault import campaign, load_result, run_folder
+from foucault.cli.app import app
+from foucault.logs.description import LogDescription
+from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.noise import grade
+from foucault.models.references import clock_slope
+from foucault.procedures import hand_rotated
+from foucault.procedures.merged import merged
+from foucault.report import html
+from foucault.simulate.hand_rotated import draw_errors
+from foucault.tables import CLOCKS, Clock
+
+FAST = 1e-3
+
+
+def calibrated(made, **log):
+    made = made.with_keys(log=log) if log else made
+    with TemporaryDirectory() as folder:
+        return campaign.calibrate(made.write(Path(folder)))
+
+
+def stamped_fast(made):
+    time = made.with_columns(time=made.columns["time"] * (1 + FAST))
+    key = next((k for k in made.master if k.startswith("time")), None)
+    return replace(time, master={**made.master, key: made.master[key] * (1 + FAST)} if key else {})
+
+
+def as_increments(made):
+    return made if 'kind = "increment"' in made.text else make_guard._as_increments(made)
+
+
+def worst(made, of=1.0):
+    """Farthest shift from the one predicted, and the largest predicted, in standard deviations."""
+    right, wrong = calibrated(made), calibrated(stamped_fast(made))
+    names, sd = right.coefficients.names, right.coefficients.sd
+    shift = wrong.coefficients.values - right.coefficients.values
+    said = right.clock.of(names) * FAST / right.clock.sd
+    return np.nanmax(np.abs(shift - said) / sd), np.nanmax(np.abs(said) / sd)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("increments", [False, True])
+@pytest.mark.parametrize(
+    "name", ["hand_rotated", "six_position", "ferraris", "norm_observation", "turntable",
+             "rate_table"],
+)  # fmt: skip
+def test_stamps_that_are_fast_shift_what_the_time_base_says(name, increments):
+    made = make_guard.session(name)
+    off, said = worst(as_increments(made) if increments else made)
+    assert off < 0.4  # an edge of a rest may move by a sample
+    still = (name, increments) in (("six_position", False), ("rate_table", True))
+    assert said == 0 if name == "six_position" and not increments else said > (0.5 if still else 10)
+
+
+@pytest.mark.thorough
+def test_a_flight_knows_by_trial_what_its_clock_does():
+    off, said = worst(make_guard.session("transfer_alignment"))
+    assert off < 0.1 and said > 10
+
+
+def test_a_clock_scales_what_is_compared_with_angles_and_what_is_divided_by_time():
+    rng = np.random.default_rng(1)
+    vector = ImuModel().coefficients()
+    vector = vector.with_values(
+        dict(zip(vector.names, 1e-3 * rng.standard_normal(len(vector)), strict=True))
+    )
+    f, w, e = rng.standard_normal((50, 3)) * 9.8, rng.standard_normal((50, 3)), 1e-6
+    accel, gyro = ImuModel.from_coefficients(vector).measure(f, w)
+    for turned in (False, True):
+        for summed in (False, True):
+            slope = clock_slope(vector, turned=turned, summed=summed)
+            assert np.array_equal(vector.names, LAYOUT.names)
+            other = ImuModel.from_coefficients(replace(vector, values=vector.values + e * slope))
+            # What the instrument of that result would say of what the reference would claim.
+            a, g = other.measure(f, w / (1 + turned * e))
+            said = 1 + summed * e
+            assert np.allclose(a, accel / said, atol=1e-10)
+            assert np.allclose(g, gyro / said, atol=1e-10)
+
+
+def small(seed=3, clock=None, fast=0.0):
+    site = Site.at(0.8)
+    made = hand_rotated.simulate(
+        hand_rotated.Session(rests=14, rest_time=2, turn_time=1.5, rate=50),
+        model=draw_errors("mems", seed), noise=grade("mems", "grade").noise, site=site, seed=seed,
+    )  # fmt: skip
+    log = replace(made.log, time=made.log.time * (1 + fast))
+    if clock:
+        log = replace(log, clock=clock)
+    return hand_rotated.calibrate(log, site=site)
+
+
+def test_a_result_gives_the_sd_in_log_time_and_in_seconds():
+    result = small(clock=Clock.of("sensor"))
+    scale = result.coefficients.layout.index("gyro.scale.x")
+    own, seconds = result.coefficients.sd, result.in_seconds.sd
+    assert own[scale] < 2e-4 and abs(seconds[scale] - 0.01) < 2e-4
+    cov = result.in_seconds.cov
+    y = result.coefficients.layout.index("gyro.scale.y")
+    assert cov[scale, y] / (seconds[scale] * seconds[y]) > 0.999  # one cause, common to all gyros
+    bias = result.coefficients.layout.index("accel.bias.x")
+    assert seconds[bias] == own[bias]
+    assert any("time base" in words and "1e+04 ppm" in words
+               for words in result.diagnostics["unseen"])  # fmt: skip
+    page = html(result)
+    assert "sd in seconds" in page and "clock of the log" in page and "time base" in page
+
+
+def test_a_clock_within_its_sd_is_inside_in_seconds_and_declared_too_small_is_not():
+    exact = small()
+    for clock, inside in ((Clock.of("sensor"), True), (Clock.of("host", 1e-4), False)):
+        wrong = small(clock=clock, fast=1e-3)
+        off = wrong.coefficients.values - exact.coefficients.values
+        z = np.abs(off / wrong.in_seconds.sd)
+        assert (z.max() < 1) == inside
+
+
+def test_the_folder_keeps_both_and_old_results_load(tmp_path):
+    result = small()
+    run_folder.save(result, tmp_path / "run")
+    again = load_result(tmp_path / "run")
+    assert again.clock == result.clock
+    assert np.array_equal(again.in_seconds.cov, result.in_seconds.cov)
+    import json
+
+    file = tmp_path / "run" / "result.json"
+    document = json.loads(file.read_text())
+    row = next(r for r in document["coefficients"] if r["name"] == "gyro.scale.x")
+    assert row["sd_seconds"] > row["sd"]
+    del document["clock"]
+    for row in document["coefficients"]:
+        del row["sd_seconds"], row["display_sd_seconds"]
+    file.write_text(json.dumps(document))
+    old = load_result(tmp_path / "run")
+    assert old.clock is None and np.array_equal(old.in_seconds.cov, old.coefficients.cov)
+
+
+LOG = {"file": "log.csv", "gyro": {"unit": "rad/s"}, "accel": {"unit": "g"}}
+
+
+@pytest.mark.parametrize(
+    ("keys", "source", "sd"),
+    [
+        ({"rate": "100 Hz"}, "sensor", 1e-2),
+        ({"time": {"unit": "s"}}, "host", 1e-4),
+        ({"time": {"unit": "s"}, "clock": "disciplined"}, "disciplined", 1e-6),
+        ({"time": {"unit": "s"}, "clock": "sensor"}, "sensor", 1e-2),
+        ({"rate": "100 Hz", "clock": "host", "clock_sd": "20 ppm"}, "host", 2e-5),
+        ({"rate": "100 Hz", "clock_sd": "0.5 %"}, "sensor", 5e-3),
+    ],
+)
+def test_the_source_of_the_time_says_how_far_it_is_trusted(keys, source, sd):
+    base = LogDescription.model_validate({**LOG, **keys}).time_base
+    assert (base.source, base.declared) == (source, "clock_sd" in keys)
+    assert base.sd == pytest.approx(sd)
+
+
+def test_every_source_has_a_size():
+    assert CLOCKS == {"sensor": 1e-2, "host": 1e-4, "disciplined": 1e-6}
+
+
+def hashed(name, result):
+    return name, name, replace(result, provenance={"input": {"sha256": name}})
+
+
+def test_sessions_of_one_kind_of_clock_merge_in_its_time_and_others_in_seconds():
+    one, two = small(3), replace(small(3), clock=None)
+    both = merged([hashed("a", one), hashed("b", one)])
+    without = merged([hashed("a", two), hashed("b", two)])
+    assert np.allclose(both.coefficients.cov, without.coefficients.cov, rtol=1e-9)
+    assert both.clock.source == "host"
+    apart = merged([hashed("a", one), hashed("b", small(3, Clock.of("sensor")))])
+    scale = apart.coefficients.layout.index("gyro.scale.x")
+    assert apart.clock.source == "several"
+    assert apart.coefficients.sd[scale] == pytest.approx(1e-4, rel=0.3)  # the better clock
+    assert all(c.passed for c in apart.checks if c.name.startswith("agreement"))
+
+
+def test_two_loggers_that_differ_by_their_clocks_agree():
+    one, other = small(3), small(3, fast=3e-4)
+    checks = merged([hashed("a", one), hashed("b", other)]).checks
+    assert all(c.passed for c in checks if c.name.startswith("agreement"))
+    one, other = replace(one, clock=None), replace(other, clock=None)
+    alone = merged([hashed("a", one), hashed("b", other)])
+    assert not all(c.passed for c in alone.checks if c.name.startswith("agreement"))
+
+
+def test_the_command_line_says_which_sd_it_prints(tmp_path):
+    from typer.testing import CliRunner
+
+    path = make_guard.session("hand_rotated").write(tmp_path)
+    said = CliRunner().invoke(app, ["calibrate", str(path), "-o", str(tmp_path / "run")]).output
+    assert (
+        "sd in the log's own time; in seconds the crystal of a host or logger adds 100 ppm" in said
+    )
