@@ -33,6 +33,18 @@ follow one another until `SCHEMA` is reached. Version 1 is the first, so there i
 """
 
 
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""A number of JSON: a text that looks like one is none."""
+
+Size = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+"""A number that is no less than zero, such as a standard deviation."""
+
+Flag = Annotated[bool, Field(strict=True)]
+
+AGREES = 1e-6
+"""Part by which a standard deviation may differ from the root of its variance, as rounding [1]."""
+
+
 class CoefficientRow(BaseModel):
     """One coefficient: value and sd in the SI unit `unit`, and as people read them."""
 
@@ -41,13 +53,13 @@ class CoefficientRow(BaseModel):
     meaning: str
     kind: str = Field(description="What is measured, for instance 'angular rate'; fixes the unit")
     unit: str = Field(description="SI unit of value, sd and prior_sd")
-    value: float | None = Field(description="null where the computation met no finite number")
-    sd: float | None = Field(description="Standard deviation; null where unknown")
-    free: bool = Field(description="true where estimated, false where held at its value")
-    prior_sd: float | None = Field(description="Standard deviation of the prior; null for none")
+    value: Number | None = Field(description="null where the computation met no finite number")
+    sd: Size | None = Field(description="Standard deviation; null where unknown")
+    free: Flag = Field(description="true where estimated, false where held at its value")
+    prior_sd: Size | None = Field(description="Standard deviation of the prior; null for none")
     display_unit: str
-    display_value: float | None
-    display_sd: float | None
+    display_value: Number | None
+    display_sd: Size | None
 
     @model_validator(mode="after")
     def _unit_is_si(self) -> Self:
@@ -62,7 +74,7 @@ class Covariance(BaseModel):
     """Covariance of the coefficients, in the products of their SI units."""
 
     names: list[str] = Field(description="Coefficient of each row and column")
-    matrix: list[list[float | None]]
+    matrix: list[list[Number | None]]
 
 
 class VerdictRow(BaseModel):
@@ -76,10 +88,10 @@ class CheckRow(BaseModel):
     """One test of the result. `low` or `high` is null where there is no limit on that side."""
 
     name: str
-    value: float | None
-    low: float | None
-    high: float | None
-    passed: bool
+    value: Number | None
+    low: Number | None
+    high: Number | None
+    passed: Flag
     sentence: str
     fails: Level = Field(description="Level the verdict falls to when the check fails")
 
@@ -113,11 +125,11 @@ class TemperatureFunction(BaseModel):
 
     name: str
     unit: str = Field(description="SI unit of the coefficient")
-    weights: list[float] = Field(
+    weights: list[Number] = Field(
         description="polynomial: those of (T - reference)^k, k = 0, 1, ... [unit/K^k]; piecewise "
         "linear: the values at the knots [unit]"
     )
-    scatter: float | None = Field(
+    scatter: Size | None = Field(
         description="sd about the function from one session to the next [unit]; null where unknown"
     )
 
@@ -126,12 +138,12 @@ class TemperatureDocument(BaseModel):
     """The coefficients as functions of temperature, in the order of `coefficients`."""
 
     kind: Literal["polynomial", "piecewise linear"]
-    reference: float = Field(description="temperature of `coefficients` and of T - reference [K]")
-    low: float = Field(description="below this temperature nothing is known [K]")
-    high: float = Field(description="above this temperature nothing is known [K]")
-    knots: list[float] = Field(description="of piecewise linear functions, else empty [K]")
+    reference: Number = Field(description="temperature of `coefficients` and of T - reference [K]")
+    low: Number = Field(description="below this temperature nothing is known [K]")
+    high: Number = Field(description="above this temperature nothing is known [K]")
+    knots: list[Number] = Field(description="of piecewise linear functions, else empty [K]")
     functions: list[TemperatureFunction]
-    covariance: list[list[float]] = Field(
+    covariance: list[list[Number]] = Field(
         description="of all weights, those of a function side by side"
     )
 
@@ -161,10 +173,10 @@ class Site(TypedDict, total=False):
     """Where the instrument stood."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
-    gravity: Annotated[float | None, Field(description="local gravity [m/s^2]")]
+    gravity: Annotated[Number | None, Field(description="local gravity [m/s^2]")]
     gravity_source: Annotated[str | None, Field(description="'given' or 'normal gravity'")]
-    latitude: Annotated[float | None, Field(description="geodetic, positive north [rad]")]
-    height: Annotated[float | None, Field(description="above the ellipsoid [m]")]
+    latitude: Annotated[Number | None, Field(description="geodetic, positive north [rad]")]
+    height: Annotated[Number | None, Field(description="above the ellipsoid [m]")]
 
 
 class Instrument(TypedDict, total=False):
@@ -178,7 +190,7 @@ class Instrument(TypedDict, total=False):
     note: Annotated[str | None, Field(description="anything else")]
 
 
-Range = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+Range = Annotated[list[Number | None], Field(min_length=2, max_length=2)]
 
 
 class Validity(TypedDict, total=False):
@@ -188,8 +200,8 @@ class Validity(TypedDict, total=False):
     accel: Annotated[Range | None, Field(description="specific force of any axis [m/s^2]")]
     gyro: Annotated[Range | None, Field(description="angular rate of any axis [rad/s]")]
     temperature: Annotated[Range | None, Field(description="lowest and highest [K]")]
-    temperature_mean: Annotated[float | None, Field(description="mean over the session [K]")]
-    rate: Annotated[float | None, Field(description="sample rate of the log [Hz]")]
+    temperature_mean: Annotated[Number | None, Field(description="mean over the session [K]")]
+    rate: Annotated[Number | None, Field(description="sample rate of the log [Hz]")]
     sampled: Annotated[str | None, Field(description="'rate' or 'increment'")]
 
 
@@ -203,7 +215,7 @@ class Provenance(TypedDict, total=False):
     ]
     seed: Annotated[int | None, Field(description="seed of random numbers; null where unused")]
     created: Annotated[str | None, Field(description="date and time, ISO 8601 with offset")]
-    seconds: Annotated[float | None, Field(description="duration of the computation [s]")]
+    seconds: Annotated[Number | None, Field(description="duration of the computation [s]")]
 
 
 class ResultDocument(BaseModel):
@@ -244,6 +256,12 @@ class ResultDocument(BaseModel):
                 raise ValueError("covariance.names differ from the names of the coefficients")
             if [len(r) for r in self.covariance.matrix] != [len(names)] * len(names):
                 raise ValueError(f"covariance.matrix must have {len(names)} x {len(names)} numbers")
+            for i, row in enumerate(self.coefficients):
+                variance = self.covariance.matrix[i][i]
+                if row.sd is None or variance is None or variance < 0:
+                    continue  # a negative variance is told as such
+                if not math.isclose(row.sd, math.sqrt(variance), rel_tol=AGREES, abs_tol=1e-300):
+                    raise ValueError(f"sd of {row.name} is not the root of its variance")
         if self.temperature is not None and [f.name for f in self.temperature.functions] != names:
             raise ValueError("temperature.functions differ from the names of the coefficients")
         return self

@@ -119,7 +119,11 @@ def load_result(path: str | Path, *, with_tables: bool = True) -> Result:
     doc = _validated(file, _read_json(file))
     listed = doc.tables if with_tables else {}
     result = result_of(doc, {n: _load_table(file, n, r.model_dump()) for n, r in listed.items()})
-    problem = covariance_problem(result.coefficients)
+    vector, warm = result.coefficients, result.temperature
+    problem = covariance_problem(vector.cov, vector.names)
+    if warm is not None and not problem:
+        terms = [f"{n}, term {k}" for n in vector.names for k in range(warm.weights.shape[1])]
+        problem = covariance_problem(warm.cov, terms)
     if problem:
         raise error("result.covariance", file=file, problem=problem)
     return result

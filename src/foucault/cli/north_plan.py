@@ -228,7 +228,7 @@ def _compensation(path: Path | None) -> Compensation:
 
     if path is None:
         return Compensation()
-    result = load_result(path, with_tables=False)
+    result = load_result(path, with_tables=False).numbers()
     if result.procedure != "north_seeking":
         raise error("north.other_result", file=path, given=result.procedure)
     return Compensation(result.coefficients, str(result.instrument.get("serial") or ""))

@@ -233,6 +233,7 @@ def usable(result: Result, force: bool) -> None:
     if result.verdict.level is Level.UNUSABLE and not force:
         reasons = " ".join(result.verdict.reasons) or "No reason is given."
         raise error("export.unusable", reasons=reasons)
+    result.numbers()
 
 
 def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
