@@ -435,7 +435,9 @@ def test_a_result_that_was_tampered_with(folder, change, words):
 
 def test_numbers_larger_than_any(folder):
     text = (folder / "result.json").read_text()
-    (folder / "result.json").write_text(re.sub(r'"value": [^,]*,', '"value": 1e999,', text, 1))
+    (folder / "result.json").write_text(
+        re.sub(r'"value": [^,]*,', '"value": 1e999,', text, count=1)
+    )
     assert "coefficients.0.value: " in refused(folder).message
 
 

@@ -22,7 +22,7 @@ from foucault.campaign.tables import (
 )
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
-from foucault.files import read_text
+from foucault.files import parse_toml, read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
@@ -131,7 +131,7 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     """Read a campaign from `text`; `path` is where it would lie, `calibrates` as for `load`."""
     path = Path(path)
     try:
-        raw = tomllib.loads(text)
+        raw = parse_toml(text)
     except tomllib.TOMLDecodeError as problem:
         if path.suffix.lower() != ".toml":
             raise error("campaign.other_file", path=path, name=path.name) from None

@@ -134,11 +134,18 @@ for _module in (
 
 def _interrupted() -> typer.Exit:
     print("interrupted: a result that was there before is intact", file=sys.stderr)
-    return typer.Exit(BY_INTERRUPT)
+    return typer.Exit(_BY.get("signal", BY_INTERRUPT))
 
 
-def _on_interrupt(_signal: int, _frame: Any) -> None:
+_BY: dict[str, int] = {}
+"""What has ended the program: "signal" -> its exit code."""
+
+
+def _on_interrupt(number: int, _frame: Any) -> None:
     INTERRUPTED.set()
+    _BY["signal"] = 128 + number
+    if number != signal.SIGINT:  # whoever asks again does not want to wait
+        signal.signal(number, signal.SIG_DFL)
     raise KeyboardInterrupt
 
 
@@ -149,4 +156,8 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     signal.signal(signal.SIGINT, _on_interrupt)
+    for name in ("SIGTERM", "SIGHUP"):  # what is half written goes, as with Ctrl-C
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _on_interrupt)
     app()

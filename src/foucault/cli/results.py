@@ -46,8 +46,10 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> Result:
     """Calibrate and write the run folder; what was there stays until the new result is whole."""
     from foucault import campaign as campaigns
     from foucault import report, run_folder
+    from foucault.files import alone, beside
 
-    with screen.progress() as tell:
+    with alone(folder), screen.progress() as tell:
+        run_folder.keep_a_campaign(folder, campaign.text)
         result = campaigns.calibrate(campaign, tell)
         tell(0.9, "writing the report")
         # Asked to write beside the campaign, leave that file as its author wrote it.
@@ -55,7 +57,8 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> Result:
         own = kept.exists() and kept.samefile(campaign.path)
         text = campaign.text if own else campaigns.resolved(campaign, folder)
         run_folder.save(result, folder, text)
-        report.write(folder)
+        with beside(folder):
+            report.write(folder)
     return result
 
 

@@ -40,11 +40,13 @@ def montecarlo(
     Errors against their standard deviations and against the bound.
     """
     from foucault.campaign import study
+    from foucault.files import alone, beside
     from foucault.report import study as study_report
 
     screen: Screen = ctx.obj
     described = load_or_template(what)
     with (
+        alone(output),
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
         screen.progress() as tell,
     ):
@@ -57,7 +59,8 @@ def montecarlo(
             progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
         )
     about = study.load(output)[1]
-    report = study_report.write(result, about, output / "report.html")
+    with beside(output):
+        report = study_report.write(result, about, output / "report.html")
     rows = result.rows()
     bound = any(math.isfinite(row["rms_over_bound"]) for row in rows)
     screen.table(

@@ -39,6 +39,9 @@ FAMILIES = tuple(dict.fromkeys(family(name) for name in ALL.names))
 LINEAR = tuple(f for f in FAMILIES if f.endswith((".bias", ".scale", ".misalignment")))
 """The families every receiver with two full matrices and two biases can take."""
 
+EXPORTED = b"Calibration by foucault"
+"""With this every exported file begins to say what it is."""
+
 OWN_AXES = "right-forward-up"
 AXES: dict[str, FloatArray] = {
     OWN_AXES: np.eye(3),
@@ -132,7 +135,7 @@ def about(result: Result, axes: str, signs: str = "") -> list[str]:
     given = {key: result.instrument.get(key) for key in ("name", "serial")}
     instrument = ", ".join(f"{key} {value}" for key, value in given.items() if value)
     lines = [
-        f"Calibration by foucault {(made.get('versions') or {}).get('foucault', '')}".rstrip()
+        f"{EXPORTED.decode()} {(made.get('versions') or {}).get('foucault', '')}".rstrip()
         + f", procedure {result.procedure}"
         + (f", {made['created']}" if made.get("created") else "")
         + ".",

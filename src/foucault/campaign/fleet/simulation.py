@@ -12,7 +12,7 @@ import numpy.typing as npt
 from foucault import procedures
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign
-from foucault.campaign.running import SESSION_CAMPAIGN, with_own_log, with_seed
+from foucault.campaign.running import SESSION_CAMPAIGN, keep_recorded, with_own_log, with_seed
 from foucault.campaign.writing import log_table
 from foucault.errors import error
 from foucault.files import atomic, unwritable
@@ -104,6 +104,7 @@ def save(
         The campaign file written; `foucault fleet` takes it as it is.
     """
     folder = Path(folder)
+    keep_recorded(folder, TRUTH_FILE, (MEANS_FILE, SESSION_CAMPAIGN))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
