@@ -205,14 +205,34 @@ class Validity(TypedDict, total=False):
     sampled: Annotated[str | None, Field(description="'rate' or 'increment'")]
 
 
+class Input(TypedDict, total=False):
+    """A log that a result was made from."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    file: Annotated[str | None, Field(description="its name")]
+    sha256: Annotated[str | None, Field(description="its fingerprint")]
+    description: Annotated[dict[str, JsonValue] | None, Field(description="how it was read")]
+
+
+class Given(TypedDict, total=False):
+    """What was known before a session."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    given: Annotated[
+        dict[str, Annotated[list[Number | None], Field(min_length=2, max_length=2)]],
+        Field(description="mean and standard deviation of coefficients or groups [SI]"),
+    ]
+    inputs: Annotated[list[Input], Field(description="logs of the earlier result")]
+
+
 class Provenance(TypedDict, total=False):
     """What the result was made from and with."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     versions: Annotated[dict[str, str], Field(description="package name to version")]
-    inputs: Annotated[
-        list[dict[str, JsonValue]], Field(description="input files: file, sha256, size, ...")
-    ]
+    inputs: Annotated[list[Input], Field(description="input files: file, sha256, size, ...")]
+    input: Annotated[Input | None, Field(description="the log of a session")]
+    prior: Annotated[Given | None, Field(description="what was known before the session")]
     seed: Annotated[int | None, Field(description="seed of random numbers; null where unused")]
     created: Annotated[str | None, Field(description="date and time, ISO 8601 with offset")]
     seconds: Annotated[Number | None, Field(description="duration of the computation [s]")]

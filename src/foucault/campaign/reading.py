@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from foucault import procedures
 from foucault.campaign import earlier
-from foucault.campaign.mistakes import all_finite, parse_at, validate
+from foucault.campaign.mistakes import all_finite, countable, parse_at, validate
 from foucault.campaign.tables import (
     CampaignFile,
     PriorEntry,
@@ -150,6 +150,10 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     common = {k: v for k, v in file.simulate.items() if k in SimulateTable.model_fields}
     session = {k: v for k, v in file.simulate.items() if k not in common}
     common = dict(getattr(module, "SIMULATE", {})) | common
+    told = validate(module.Settings, settings, ("procedure",), ("name",))
+    simulated = validate(module.Session, session, ("simulate",), SimulateTable.model_fields)
+    countable(told, ("procedure",))
+    countable(simulated, ("simulate",))
     return Campaign(
         path=path,
         text=text,
@@ -158,11 +162,11 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         log=file.log,
         master=_master(str(name), file.master),
         procedure=str(name),
-        settings=validate(module.Settings, settings, ("procedure",), ("name",)),
+        settings=told,
         noise=None if file.noise is None else file.noise.noise(),
         prior={key: _prior(key, entry, layout_of(str(name))) for key, entry in file.prior.items()},
         simulate=validate(SimulateTable, common, ("simulate",)),
-        session=validate(module.Session, session, ("simulate",), SimulateTable.model_fields),
+        session=simulated,
         wanted=_wanted(str(name), file.optimise),
         tables=file,
         earlier=before,

@@ -98,7 +98,9 @@ def plan(
             help='Compare only this order, such as palindrome or "8 positions"; may be repeated.',
         ),
     ] = None,
-    cycles: Annotated[int, typer.Option(help="How often each order of stops is repeated.")] = 1,
+    cycles: Annotated[
+        int, typer.Option(help="How often each order of stops is repeated.", min=1, max=100_000)
+    ] = 1,
     output: words.TableIfWanted = None,
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""

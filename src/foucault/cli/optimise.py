@@ -37,12 +37,12 @@ def optimise(
     ctx: typer.Context,
     what: words.CampaignOrName,
     output: words.ContinuedFolder,
-    restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1)] = 32,
+    restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1, max=1_000_000)] = 32,
     evaluations: Annotated[
         int | None,
         typer.Option(
             help="Plans that each restart judges; left out, 4000, or fewer where each takes long.",
-            min=1,
+            min=1, max=1_000_000_000,
         ),
     ] = None,
     time_limit: Annotated[
@@ -55,7 +55,7 @@ def optimise(
     size: Annotated[
         int,
         typer.Option(
-            "--round", min=2,
+            "--round", min=2, max=100_000,
             help="Restarts in a round, of which later ones continue the best plans; on a cluster, "
             "a multiple of its workers.",
         ),

@@ -92,6 +92,21 @@ def report(
     ],
 ) -> None:
     """Write the report again from what the folder holds."""
+    from foucault.errors import error
+
+    screen: Screen = ctx.obj
+    try:
+        file = _page(folder)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as problem:
+        # What lies there has the keys of a result, but not what its procedure writes.
+        reason = f"{type(problem).__name__} {problem}"
+        raise error("result.no_page", folder=folder, reason=reason) from problem
+    screen.say(f"Wrote {file}.")
+    screen.data({"report": str(file)})
+
+
+def _page(folder: Path) -> Path:
+    """Write the page of whatever command has written the folder."""
     from foucault import report as reports
     from foucault.campaign import found, optimisation, study
     from foucault.campaign.comparison import folder as comparison_folder
@@ -103,7 +118,6 @@ def report(
     from foucault.report import study as study_page
     from foucault.run_folder import REPORT_FILE
 
-    screen: Screen = ctx.obj
     if (folder / north_folder.NORTH_FILE).is_file():
         file = north.write(north_folder.load(folder), folder / REPORT_FILE)
     elif (folder / navigation_folder.NAVIGATION_FILE).is_file():
@@ -118,8 +132,7 @@ def report(
         file = study_page.write(*study.load(folder), folder / REPORT_FILE)
     else:
         file = reports.write(folder)
-    screen.say(f"Wrote {file}.")
-    screen.data({"report": str(file)})
+    return file
 
 
 def demo(

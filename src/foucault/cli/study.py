@@ -29,7 +29,9 @@ def montecarlo(
     ctx: typer.Context,
     what: words.CampaignOrName,
     output: words.ContinuedFolder,
-    trials: Annotated[int, typer.Option("-n", "--trials", help="Number of trials.", min=2)] = 500,
+    trials: Annotated[
+        int, typer.Option("-n", "--trials", help="Number of trials.", min=2, max=1_000_000)
+    ] = 500,
     seed: words.Seed = 0,
     workers: cluster.Workers = None,
     scheduler: cluster.Scheduler = None,

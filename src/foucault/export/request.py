@@ -18,6 +18,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import SizeEffect
 from foucault.result import Level, Result
+from foucault.run_folder import RESULT_FILE
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription, Triad
@@ -153,10 +154,15 @@ def _beside(known: Mapping[str, Any]) -> list[str]:
     mounting = known.get("mounting")
     if not isinstance(mounting, Mapping):  # on faces, it is how each axis was clamped
         return []
-    rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in mounting["C_ms"])
+    try:
+        rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in mounting["C_ms"])
+        late = f"{1e3 * known['delay']['used']:.3f} ms late."
+    except (KeyError, TypeError, ValueError):
+        problem = "diagnostics.mounting and diagnostics.delay are not numbers"
+        raise error("result.invalid", file=RESULT_FILE, problems=problem) from None
     return [
         f"Beside it, and no part of the correction: x_master = C_ms x_slave, {OWN_AXES} both, C_ms "
-        f"= ({rows}); messages of the master come {1e3 * known['delay']['used']:.3f} ms late."
+        f"= ({rows}); messages of the master come {late}"
     ]
 
 

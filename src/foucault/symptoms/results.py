@@ -58,6 +58,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "By the result of {procedure} the three {triad} axes lie in a plane: readings cannot be "
      "turned into what is true.",
      "Restore the file as it was written, or calibrate again."),
+    ("result.no_page", "error",
+     "A folder whose tables or diagnostics are not those of its command",
+     "'{folder}' cannot be shown as a page: what is in it is not what its command writes "
+     "({reason}).",
+     "Restore the folder as it was written, or run the command again."),
     ("result.table_missing", "error",
      "A table of the run folder is missing",
      "Table '{table}' of '{file}' is missing: there is no '{path}'.",
