@@ -5,11 +5,23 @@ import hashlib
 import os
 import resource
 import signal
+import subprocess
+import sys
+import tomllib
 
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.files import atomic, sha256
+from foucault.files import (
+    alone,
+    atomic,
+    beside,
+    keep_others,
+    parse_json,
+    parse_toml,
+    read_text,
+    sha256,
+)
 
 
 def names(folder):
@@ -45,7 +57,7 @@ def test_disk_full_is_one_clear_error(tmp_path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert caught.value.code == "output.unwritable"
     assert str(caught.value) == (
-        f"'{target}' cannot be written: No space left on device. Nothing was changed; what was "
+        f"'{target}' cannot be written: No space left on device. A file of this name that was "
         "there before is intact. Free some space, or choose a folder that exists and that you "
         "may write to."
     )
@@ -100,3 +112,166 @@ def test_other_files_that_fail_inside_are_not_blamed_on_the_output(tmp_path):
 def test_sha256(tmp_path):
     (tmp_path / "x").write_bytes(b"abc" * 1_000_000)
     assert sha256(tmp_path / "x") == hashlib.sha256(b"abc" * 1_000_000).hexdigest()
+
+
+def test_temporary_names_cannot_be_guessed_and_follow_no_link(tmp_path, monkeypatch):
+    seen = set()
+    for _ in range(3):
+        with atomic(tmp_path / "x.csv") as temporary:
+            seen.add(temporary.name)
+    assert len(seen) == 3
+    monkeypatch.setattr("secrets.token_hex", lambda n: "known")
+    (tmp_path / "victim").write_text("mine")
+    (tmp_path / ".partial-known-x.csv").symlink_to(tmp_path / "victim")
+    with pytest.raises(FoucaultError, match="File exists"), atomic(tmp_path / "x.csv"):
+        pass
+    assert (tmp_path / "victim").read_text() == "mine"
+    assert (tmp_path / ".partial-known-x.csv").is_symlink()  # not ours to remove
+
+
+def test_a_file_that_is_replaced_keeps_who_may_read_it(tmp_path):
+    target = tmp_path / "result.json"
+    with atomic(target) as temporary:
+        temporary.write_text("new")
+    umask = os.umask(0)
+    os.umask(umask)
+    assert target.stat().st_mode & 0o777 == 0o666 & ~umask
+    target.chmod(0o600)
+    with atomic(target) as temporary:
+        assert temporary.stat().st_mode & 0o777 == 0o600
+        temporary.write_text("newer")
+    assert target.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_device_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(FoucaultError, match="it is no ordinary file"), atomic(tmp_path / "pipe"):
+        pass
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_long_name(tmp_path):
+    with atomic(tmp_path / ("a" * 251 + ".csv")) as temporary:
+        temporary.write_text("new")
+    assert names(tmp_path) == ["a" * 251 + ".csv"]
+    target = tmp_path / ("a" * 5000)
+    with pytest.raises(FoucaultError, match="File name too long") as caught, atomic(target):
+        pass
+    assert len(caught.value.message) < 1000
+
+
+def test_only_earlier_outputs_are_replaced(tmp_path):
+    mine, out = tmp_path / "campaign.toml", tmp_path / "calibration.h"
+    mine.write_text("[log]\n")
+    keep_others(out, [b"Calibration by"])  # nothing there
+    out.write_text("/* Calibration by foucault */")
+    keep_others(out, [b"Calibration by"], [mine])
+    with pytest.raises(FoucaultError) as caught:
+        keep_others(mine, [b"Calibration by"])
+    assert caught.value.code == "output.other"
+    assert "is no earlier output of this command; it may hold your work." in caught.value.message
+    (tmp_path / "link").symlink_to(out)
+    with pytest.raises(FoucaultError) as caught:
+        keep_others(tmp_path / "link", [b"Calibration by"], [out])
+    assert caught.value.code == "output.input"
+    assert "is read for this: writing it would destroy it." in caught.value.message
+
+
+@pytest.mark.parametrize(
+    "text", ["x = " + "[" * 5000 + "]" * 5000, "[" + "a." * 5000 + "a]", "x = 1" + "0" * 5000]
+)
+def test_toml_that_nobody_means(text):
+    with pytest.raises(tomllib.TOMLDecodeError):
+        parse_toml(text)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[" * 900 + "]" * 900, "1" + "0" * 5000, "{"])
+def test_json_that_nobody_means(text):
+    with pytest.raises(ValueError):
+        parse_json(text)
+    assert parse_json("[" * 60 + "]" * 60)
+
+
+def test_a_text_that_is_none(tmp_path):
+    with (tmp_path / "log.csv").open("wb") as stream:
+        stream.truncate(1 << 40)  # of holes
+    with pytest.raises(OSError, match="longer than 16 MB"):
+        read_text(tmp_path / "log.csv")
+
+
+PROGRAM = """
+import signal, sys, time
+from pathlib import Path
+from foucault.files import atomic
+def slow(*_):
+    with atomic(Path(sys.argv[-1]) / "log.csv") as part:
+        part.write_text("half")
+        print("writing", flush=True)
+        time.sleep(60)
+import foucault.campaign
+foucault.campaign.simulate = slow
+sys.argv = ["foucault", "demo", "-o", sys.argv[-1]]
+from foucault.cli import main
+main()
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_nothing_is_left_of_a_run_that_is_told_to_end(tmp_path, how):
+    run = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(tmp_path)], stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    with run:
+        _ends(run, tmp_path, how)
+
+
+def _ends(run, tmp_path, how):
+    assert run.stdout.readline() == "writing\n", run.communicate(timeout=30)
+    assert [n.startswith(".partial-") for n in names(tmp_path)] == [True]
+    run.send_signal(how)
+    _, said = run.communicate(timeout=30)
+    assert names(tmp_path) == []
+    assert run.returncode == 128 + how
+    assert "a result that was there before is intact" in said
+    assert "Traceback" not in said
+
+
+def test_a_folder_is_one_runs_at_a_time(tmp_path):
+    with alone(tmp_path / "a" / "run"):
+        with pytest.raises(FoucaultError) as caught, alone(tmp_path / "a" / "run"):
+            pass
+        assert caught.value.code == "output.busy"
+        assert "Another run of foucault is writing into" in caught.value.message
+        (tmp_path / "a" / "run" / "result.json").write_text("{}")
+    assert names(tmp_path / "a" / "run") == ["result.json"]
+    with alone(tmp_path / "a" / "run"):  # and again
+        pass
+    with alone(tmp_path / "b" / "run"):
+        pass
+    assert names(tmp_path) == ["a"]  # an empty folder is removed again
+
+
+def test_a_killed_run_holds_nobody_up(tmp_path):
+    program = (
+        "import os, sys; from foucault.files import alone\n"
+        "with alone(sys.argv[1]): print(os.listdir(sys.argv[1])); sys.stdout.flush(); os._exit(9)"
+    )
+    run = [sys.executable, "-c", program, str(tmp_path)]
+    done = subprocess.run(run, capture_output=True, text=True, check=False)
+    assert done.returncode == 9
+    assert names(tmp_path) == [".foucault.lock"]
+    with alone(tmp_path):
+        pass
+    assert names(tmp_path) == []
+
+
+def test_a_page_that_does_not_fit_loses_no_result(tmp_path):
+    with pytest.raises(FoucaultError) as caught, beside(tmp_path), atomic(tmp_path / "page"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert caught.value.code == "output.no_report"
+    assert caught.value.message.startswith(
+        f"The result is whole and lies in '{tmp_path}', but without its report: "
+    )
+    assert "No space left on device" in caught.value.message

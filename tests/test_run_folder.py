@@ -395,3 +395,70 @@ def test_table_changed(folder):
     problem = refused(folder)
     assert problem.code == "result.table_changed"
     assert "Table 'rests'" in problem.message and "is not the one that was saved" in problem.message
+
+
+def first(**changed):
+    return lambda doc: doc["coefficients"][0].update(**changed)
+
+
+def variance(value):
+    def change(doc):
+        doc["covariance"]["matrix"][0][0] = value
+
+    return change
+
+
+DAMAGED = {
+    "a text for a number": (first(value="0.25"), "coefficients.0.value: "),
+    "yes for a flag": (first(free="yes"), "coefficients.0.free: "),
+    "true for a number": (first(value=True), "coefficients.0.value: "),
+    "a negative sd": (first(sd=-1e-4), "coefficients.0.sd: "),
+    "a negative prior": (first(prior_sd=-1.0), "coefficients.0.prior_sd: "),
+    "another sd": (first(sd=1.0), "sd of accel.bias.x is not the root of its variance"),
+    "a text in the covariance": (variance("1e-8"), "covariance.matrix.0.0: "),
+    "a negative variance": (variance(-1e-8), "the variance of accel.bias.x is negative"),
+    "no variance": (variance(None), None),
+    "a text for gravity": (lambda d: d["site"].update(gravity="9.8"), "site.gravity: "),
+}
+
+
+@pytest.mark.parametrize(("change", "words"), DAMAGED.values(), ids=DAMAGED)
+def test_a_result_that_was_tampered_with(folder, change, words):
+    edit(folder, change)
+    if words is None:  # unknown, as where a direction was not seen
+        assert np.isnan(load_result(folder).coefficients.sd[0])
+        return
+    problem = refused(folder)
+    assert problem.code in ("result.invalid", "result.covariance")
+    assert words in problem.message
+
+
+def test_numbers_larger_than_any(folder):
+    text = (folder / "result.json").read_text()
+    (folder / "result.json").write_text(
+        re.sub(r'"value": [^,]*,', '"value": 1e999,', text, count=1)
+    )
+    assert "coefficients.0.value: " in refused(folder).message
+
+
+def test_what_is_not_known_is_not_applied(folder):
+    edit(folder, first(value=None, display_value=None))
+    result = load_result(folder)
+    with pytest.raises(FoucaultError) as caught:
+        _ = result.model
+    assert caught.value.code == "result.unknown"
+    assert caught.value.message == ("The result of hand-rotated has no number for accel.bias.x.")
+
+
+def test_axes_in_a_plane_are_not_applied(folder):
+    def change(doc):
+        for row in doc["coefficients"]:
+            if row["name"] == "gyro.scale.x":
+                row.update(value=-1.0)
+            elif row["name"].startswith("gyro.misalignment"):
+                row.update(value=0.0)
+
+    edit(folder, change)
+    with pytest.raises(FoucaultError, match="the three gyro axes lie in a plane") as caught:
+        _ = load_result(folder).model
+    assert caught.value.code == "result.singular"

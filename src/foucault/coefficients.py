@@ -271,25 +271,25 @@ def _columns(lines: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
     )
 
 
-def covariance_problem(vector: CoefficientVector) -> str | None:
-    """Say why the covariance of `vector` cannot be one, or return None where it can.
+def covariance_problem(cov: FloatArray | None, names: Sequence[str]) -> str | None:
+    """Say why `cov`, shape (n, n), of coefficients `names` is no covariance; None where it is.
 
     Coefficients whose variance is unknown (NaN) or zero (held) are left out.
     """
-    if vector.cov is None:
+    if cov is None:
         return None
-    sd2 = np.diag(vector.cov)
+    sd2 = np.diag(cov)
     if (sd2 < 0).any():
-        return f"the variance of {vector.names[int(np.nanargmin(sd2))]} is negative"
+        return f"the variance of {names[int(np.nanargmin(sd2))]} is negative"
     keep = np.flatnonzero(np.isfinite(sd2) & (sd2 > 0))
     sd = np.sqrt(sd2[keep])
-    correlation = vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd)
+    correlation = cov[np.ix_(keep, keep)] / np.outer(sd, sd)
     if not np.isfinite(correlation).all():
         return "a covariance between two coefficients of known variance is null"
     skew = np.abs(correlation - correlation.T)
     if skew.max(initial=0.0) > COVARIANCE_TOLERANCE:
         i, j = np.unravel_index(int(np.argmax(skew)), skew.shape)
-        pair = f"{vector.names[keep[i]]} and {vector.names[keep[j]]}"
+        pair = f"{names[keep[i]]} and {names[keep[j]]}"
         return f"it is not symmetric between {pair}"
     if keep.size and np.linalg.eigvalsh(correlation)[0] < -COVARIANCE_TOLERANCE:
         return "a combination of coefficients has a negative variance"

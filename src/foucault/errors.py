@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from pathlib import PurePath
 
 from foucault.symptoms import SYMPTOMS
 
@@ -100,7 +101,8 @@ def finding(code: str, **values: object) -> Finding:
 def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:
     """Return message and cure; damaged files hold words that no screen does."""
     row = SYMPTOMS[code]
-    short = {k: _LONG.sub(r"\1 ... \2", v) if isinstance(v, str) else v for k, v in values.items()}
+    said = {k: str(v) if isinstance(v, PurePath | Exception) else v for k, v in values.items()}
+    short = {k: _LONG.sub(r"\1 ... \2", v) if isinstance(v, str) else v for k, v in said.items()}
     message, cure = (_LARGE.sub(_plain, t.format(**short)) for t in (row.message, row.cure))
     return message, cure
 

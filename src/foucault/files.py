@@ -3,16 +3,31 @@
 from __future__ import annotations
 
 import codecs
+import errno
 import hashlib
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+import secrets
+import stat
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from foucault.errors import FoucaultError, error
+
+HEAD = 4096
+"""So much of the beginning of a file tells what it is [byte]."""
+
+LONGEST_TEXT = 16 << 20
+"""Longest text that a person writes, such as a campaign with a list of positions [byte]."""
+
+DEEPEST = 64
+"""So many tables and lists inside one another say more than anybody can mean [1]."""
+
+TOO_DEEP = f"tables or lists are nested more than {DEEPEST} deep"
 
 
 @contextmanager
@@ -39,22 +54,43 @@ def atomic(path: str | Path) -> Iterator[Path]:
         ``output.unwritable``: disk full, read-only, no permission, no such folder.
     """
     target = Path(path)
-    # The process number keeps two runs that write the same file out of each other's way.
-    temporary = target.with_name(f".partial-{os.getpid()}-{target.name}")
+    # A name that nobody can guess, so that nobody can wait for it with a link of theirs.
+    temporary = target.with_name(f".partial-{secrets.token_hex(8)}-{target.name[-100:]}")
+    made = False
     try:
-        if target.is_dir():
-            raise IsADirectoryError(None, "it is a folder", str(target))
-        temporary.touch()  # an unwritable folder shows before hours of work, not after
+        mode = _mode(target)
+        # An unwritable folder shows before hours of work, not after.
+        flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY
+        os.close(os.open(temporary, flags, 0o666 if mode is None else 0o600))
+        made = True
         yield temporary
+        if mode is not None:
+            temporary.chmod(mode)
         temporary.replace(target)
     except OSError as problem:
-        _remove(temporary)
+        _remove(temporary, made)
         if problem.filename is not None and _elsewhere(str(problem.filename), target):
             raise  # some other file failed inside the block; not ours to explain
         raise unwritable(target, problem) from problem
+    except UnicodeEncodeError:
+        _remove(temporary, made)
+        raise unwritable(target, OSError("a name in it is not Unicode")) from None
     except BaseException:
-        _remove(temporary)
+        _remove(temporary, made)
         raise
+
+
+def _mode(target: Path) -> int | None:
+    """Return who may do what with the file that is there; None where there is none."""
+    try:
+        there = target.stat()
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(there.st_mode):
+        raise IsADirectoryError(None, "it is a folder", str(target))
+    if not stat.S_ISREG(there.st_mode):  # a device, a pipe: it must not become a file
+        raise OSError(None, "it is no ordinary file", str(target))
+    return stat.S_IMODE(there.st_mode)
 
 
 def unwritable(path: str | Path, problem: OSError) -> FoucaultError:
@@ -104,10 +140,124 @@ def _elsewhere(name: str, target: Path) -> bool:
     return Path(name).absolute().parent != target.absolute().parent
 
 
-def _remove(temporary: Path) -> None:
-    # Where the folder itself is out of reach there is nothing of ours in it.
-    with suppress(OSError):
-        temporary.unlink(missing_ok=True)
+def _remove(temporary: Path, made: bool) -> None:
+    if made:
+        with suppress(OSError):  # where the folder itself is out of reach by now
+            temporary.unlink(missing_ok=True)
+
+
+LOCK = ".foucault.lock"
+"""File in a folder that a command is writing; the system lets go of it when the command ends."""
+
+
+@contextmanager
+def alone(folder: str | Path) -> Iterator[None]:
+    """Hold a folder, so that no other run writes into it at the same time.
+
+    The folder is made where it does not exist; one that stays empty is removed again. What a
+    killed run has left holds nobody up: the system, not the file, knows who holds it.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder.
+
+    Raises
+    ------
+    FoucaultError
+        ``output.busy``: another run writes into it; ``output.unwritable``.
+    """
+    folder = Path(folder)
+    try:
+        made = [p for p in (folder, *folder.parents) if not p.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        stream = _held(folder)
+    except OSError as problem:
+        raise unwritable(folder, problem) from problem
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            (folder / LOCK).unlink(missing_ok=True)
+        stream.close()
+        with suppress(OSError):  # something was written
+            for path in made:
+                path.rmdir()
+
+
+def _held(folder: Path) -> IO[bytes]:
+    """Return the open lock file, which nobody else holds."""
+    while True:
+        stream = (folder / LOCK).open("ab")
+        try:
+            _lock(stream)
+        except (BlockingIOError, PermissionError):
+            stream.close()
+            raise error("output.busy", folder=folder) from None
+        except OSError:  # a file system without locks
+            return stream
+        try:
+            if os.path.samestat(os.fstat(stream.fileno()), (folder / LOCK).stat()):
+                return stream
+        except FileNotFoundError:  # whoever held it has just removed it
+            pass
+        stream.close()
+
+
+def _lock(stream: IO[bytes]) -> None:
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        import msvcrt
+
+        msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        return
+    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+@contextmanager
+def beside(folder: str | Path) -> Iterator[None]:
+    """Say, where the block cannot write its page, that the result in `folder` is whole."""
+    try:
+        yield
+    except FoucaultError as problem:
+        if problem.code != "output.unwritable":
+            raise
+        raise error("output.no_report", folder=folder, problem=problem.message) from problem
+
+
+def keep_others(
+    path: str | Path, signs: Iterable[bytes], inputs: Iterable[str | Path] = ()
+) -> None:
+    """Refuse to replace a file that is an input, or no earlier output of the same kind.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file that will be written.
+    signs : iterable of bytes
+        What the beginning of an output of this kind has in it, one of them at least.
+    inputs : iterable of str or Path
+        Files that are read.
+
+    Raises
+    ------
+    FoucaultError
+        ``output.input``, ``output.other``.
+    """
+    path = Path(path)
+    try:
+        if not path.is_file():
+            return  # nothing, or what cannot be written at all
+        for one in inputs:
+            if Path(one).exists() and path.samefile(one):
+                raise error("output.input", path=path)
+        with path.open("rb") as stream:
+            head = stream.read(HEAD)
+    except OSError as problem:
+        raise unwritable(path, problem) from problem
+    if head and not any(sign in head for sign in signs):
+        raise error("output.other", path=path)
 
 
 def decoded(content: bytes) -> str:
@@ -127,20 +277,69 @@ def decoded(content: bytes) -> str:
 
 
 def read_text(path: str | Path) -> str:
-    """Read a text that a person wrote, in any encoding that `decoded` knows."""
-    return decoded(Path(path).read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
+    """Read a text that a person wrote, in any encoding that `decoded` knows.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, or is longer than any text of a person: a log, a device.
+    """
+    with Path(path).open("rb") as stream:
+        content = stream.read(LONGEST_TEXT + 1)
+    if len(content) > LONGEST_TEXT:
+        reason = f"it is longer than {LONGEST_TEXT >> 20} MB, so no text of a person"
+        raise OSError(errno.EFBIG, reason, str(path))
+    return decoded(content).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_document(file: Path, schema: str) -> dict[str, Any]:
     """Read a JSON document of ours; refuse what is none, or of another schema."""
     try:
-        about = json.loads(file.read_text(encoding="utf-8"))
+        about = parse_json(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as problem:
         raise error("result.not_json", file=file, problem=problem) from None
     if not isinstance(about, dict) or about.get("schema") != schema:
         given = about.get("schema") if isinstance(about, dict) else None
         raise error("result.schema", file=file, given=f"has schema {given!r}", allowed=schema)
     return about
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return what a TOML text says; `tomllib.TOMLDecodeError` for whatever cannot be read."""
+    try:
+        said = tomllib.loads(text)
+        _not_too_deep(said)
+    except tomllib.TOMLDecodeError:
+        raise
+    except RecursionError:
+        raise tomllib.TOMLDecodeError(TOO_DEEP) from None
+    except ValueError as problem:  # a whole number of thousands of digits
+        raise tomllib.TOMLDecodeError(str(problem)) from None
+    return said
+
+
+def parse_json(text: str, **options: Any) -> Any:
+    """Return what a JSON text says; `ValueError` for whatever cannot be read."""
+    try:
+        said = json.loads(text, **options)
+        _not_too_deep(said)
+    except RecursionError:
+        raise ValueError(TOO_DEEP) from None
+    return said
+
+
+def _not_too_deep(value: Any) -> None:
+    level = [value]
+    for _ in range(DEEPEST):
+        level = [
+            inner
+            for outer in level
+            if isinstance(outer, dict | list)
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+        ]
+        if not level:
+            return
+    raise RecursionError(TOO_DEEP)
 
 
 def plain_json(value: Any) -> Any:

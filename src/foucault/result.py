@@ -19,7 +19,7 @@ from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, Status, error
 from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
-from foucault.models.layouts import model_of
+from foucault.models.layouts import model_of, of_sensors
 from foucault.models.size_effect import SizeEffect
 from foucault.models.temperature import TemperatureModel
 from foucault.symptoms import DOUBTS
@@ -132,6 +132,10 @@ class Estimate:
     weights: FloatArray
     weakest: tuple[str, ...] = ()
     alone: CoefficientVector | None = None
+
+
+SINGULAR = 1e8
+"""Condition number of a matrix of scale factors and misalignments that no instrument has [1]."""
 
 
 class Level(StrEnum):
@@ -319,12 +323,35 @@ class Result:
     @property
     def model(self) -> ImuModel | ClusterModel:
         """The error model with these coefficients, but for what takes several samples to see."""
-        return model_of(self.coefficients)
+        return model_of(self.numbers().coefficients)
 
     @property
     def size_effect(self) -> SizeEffect:
         """Lever arms and delay of the accelerometers, which `apply` takes away too."""
         return SizeEffect.of(self.coefficients)
+
+    def numbers(self) -> Result:
+        """Return the result itself, which has a number for every coefficient of the instrument.
+
+        Raises
+        ------
+        FoucaultError
+            ``result.unknown``: the computation met no finite number for some of them;
+            ``result.singular``: three axes of a triad lie in a plane.
+        """
+        vector = of_sensors(self.coefficients)
+        lost = [n for n, v in zip(vector.names, vector.values, strict=True) if not np.isfinite(v)]
+        if lost:
+            more = f" and {len(lost) - 6} more" if len(lost) > 6 else ""
+            raise error(
+                "result.unknown", procedure=self.procedure, names=", ".join(lost[:6]) + more
+            )
+        model = model_of(self.coefficients)
+        if isinstance(model, ImuModel):
+            for triad, matrix in (("accel", model.accel_matrix), ("gyro", model.gyro_matrix)):
+                if not np.linalg.cond(matrix) < SINGULAR:
+                    raise error("result.singular", procedure=self.procedure, triad=triad)
+        return self
 
     def apply(self, log: Log) -> Log:
         """Remove the calibrated errors from a log.

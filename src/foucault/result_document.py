@@ -33,6 +33,18 @@ follow one another until `SCHEMA` is reached. Version 1 is the first, so there i
 """
 
 
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""A number of JSON: a text that looks like one is none."""
+
+Size = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+"""A number that is no less than zero, such as a standard deviation."""
+
+Flag = Annotated[bool, Field(strict=True)]
+
+AGREES = 1e-6
+"""Part by which a standard deviation may differ from the root of its variance, as rounding [1]."""
+
+
 class CoefficientRow(BaseModel):
     """One coefficient: value and sd in the SI unit `unit`, and as people read them."""
 
@@ -41,19 +53,19 @@ class CoefficientRow(BaseModel):
     meaning: str
     kind: str = Field(description="What is measured, for instance 'angular rate'; fixes the unit")
     unit: str = Field(description="SI unit of value, sd and prior_sd")
-    value: float | None = Field(description="null where the computation met no finite number")
-    sd: float | None = Field(
+    value: Number | None = Field(description="null where the computation met no finite number")
+    sd: Size | None = Field(
         description="Standard deviation in the log's own time; null where unknown"
     )
-    free: bool = Field(description="true where estimated, false where held at its value")
-    prior_sd: float | None = Field(description="Standard deviation of the prior; null for none")
+    free: Flag = Field(description="true where estimated, false where held at its value")
+    prior_sd: Size | None = Field(description="Standard deviation of the prior; null for none")
     display_unit: str
-    display_value: float | None
-    display_sd: float | None
-    sd_seconds: float | None = Field(
+    display_value: Number | None
+    display_sd: Size | None
+    sd_seconds: Size | None = Field(
         None, description="Standard deviation in seconds: with that of the log's clock"
     )
-    display_sd_seconds: float | None = None
+    display_sd_seconds: Size | None = None
 
     @model_validator(mode="after")
     def _unit_is_si(self) -> Self:
@@ -68,16 +80,16 @@ class Covariance(BaseModel):
     """Covariance of the coefficients, in the products of their SI units."""
 
     names: list[str] = Field(description="Coefficient of each row and column")
-    matrix: list[list[float | None]]
+    matrix: list[list[Number | None]]
 
 
 class ClockDocument(BaseModel):
     """What the clock of the log adds to the uncertainty, as one cause; `sd` is without it."""
 
     source: str = Field(description="Whose clock: 'sensor', 'host', 'disciplined' or 'several'")
-    sd: float = Field(ge=0, description="Relative standard deviation of its rate [1]")
-    declared: bool = Field(description="true where declared, false where usual for the source")
-    error: dict[str, float] = Field(
+    sd: Size = Field(description="Relative standard deviation of its rate [1]")
+    declared: Flag = Field(description="true where declared, false where usual for the source")
+    error: dict[str, Number] = Field(
         description="Coefficient -> its error per standard deviation of the clock [SI unit of it]; "
         "the covariance in seconds is `covariance` plus its outer product"
     )
@@ -94,10 +106,10 @@ class CheckRow(BaseModel):
     """One test of the result. `low` or `high` is null where there is no limit on that side."""
 
     name: str
-    value: float | None
-    low: float | None
-    high: float | None
-    passed: bool
+    value: Number | None
+    low: Number | None
+    high: Number | None
+    passed: Flag
     sentence: str
     fails: Level = Field(description="Level the verdict falls to when the check fails")
 
@@ -131,11 +143,11 @@ class TemperatureFunction(BaseModel):
 
     name: str
     unit: str = Field(description="SI unit of the coefficient")
-    weights: list[float] = Field(
+    weights: list[Number] = Field(
         description="polynomial: those of (T - reference)^k, k = 0, 1, ... [unit/K^k]; piecewise "
         "linear: the values at the knots [unit]"
     )
-    scatter: float | None = Field(
+    scatter: Size | None = Field(
         description="sd about the function from one session to the next [unit]; null where unknown"
     )
 
@@ -144,12 +156,12 @@ class TemperatureDocument(BaseModel):
     """The coefficients as functions of temperature, in the order of `coefficients`."""
 
     kind: Literal["polynomial", "piecewise linear"]
-    reference: float = Field(description="temperature of `coefficients` and of T - reference [K]")
-    low: float = Field(description="below this temperature nothing is known [K]")
-    high: float = Field(description="above this temperature nothing is known [K]")
-    knots: list[float] = Field(description="of piecewise linear functions, else empty [K]")
+    reference: Number = Field(description="temperature of `coefficients` and of T - reference [K]")
+    low: Number = Field(description="below this temperature nothing is known [K]")
+    high: Number = Field(description="above this temperature nothing is known [K]")
+    knots: list[Number] = Field(description="of piecewise linear functions, else empty [K]")
     functions: list[TemperatureFunction]
-    covariance: list[list[float]] = Field(
+    covariance: list[list[Number]] = Field(
         description="of all weights, those of a function side by side"
     )
 
@@ -179,10 +191,10 @@ class Site(TypedDict, total=False):
     """Where the instrument stood."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
-    gravity: Annotated[float | None, Field(description="local gravity [m/s^2]")]
+    gravity: Annotated[Number | None, Field(description="local gravity [m/s^2]")]
     gravity_source: Annotated[str | None, Field(description="'given' or 'normal gravity'")]
-    latitude: Annotated[float | None, Field(description="geodetic, positive north [rad]")]
-    height: Annotated[float | None, Field(description="above the ellipsoid [m]")]
+    latitude: Annotated[Number | None, Field(description="geodetic, positive north [rad]")]
+    height: Annotated[Number | None, Field(description="above the ellipsoid [m]")]
 
 
 class Instrument(TypedDict, total=False):
@@ -196,7 +208,7 @@ class Instrument(TypedDict, total=False):
     note: Annotated[str | None, Field(description="anything else")]
 
 
-Range = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+Range = Annotated[list[Number | None], Field(min_length=2, max_length=2)]
 
 
 class Validity(TypedDict, total=False):
@@ -206,9 +218,29 @@ class Validity(TypedDict, total=False):
     accel: Annotated[Range | None, Field(description="specific force of any axis [m/s^2]")]
     gyro: Annotated[Range | None, Field(description="angular rate of any axis [rad/s]")]
     temperature: Annotated[Range | None, Field(description="lowest and highest [K]")]
-    temperature_mean: Annotated[float | None, Field(description="mean over the session [K]")]
-    rate: Annotated[float | None, Field(description="sample rate of the log [Hz]")]
+    temperature_mean: Annotated[Number | None, Field(description="mean over the session [K]")]
+    rate: Annotated[Number | None, Field(description="sample rate of the log [Hz]")]
     sampled: Annotated[str | None, Field(description="'rate' or 'increment'")]
+
+
+class Input(TypedDict, total=False):
+    """A log that a result was made from."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    file: Annotated[str | None, Field(description="its name")]
+    sha256: Annotated[str | None, Field(description="its fingerprint")]
+    description: Annotated[dict[str, JsonValue] | None, Field(description="how it was read")]
+
+
+class Given(TypedDict, total=False):
+    """What was known before a session."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    given: Annotated[
+        dict[str, Annotated[list[Number | None], Field(min_length=2, max_length=2)]],
+        Field(description="mean and standard deviation of coefficients or groups [SI]"),
+    ]
+    inputs: Annotated[list[Input], Field(description="logs of the earlier result")]
 
 
 class Provenance(TypedDict, total=False):
@@ -216,12 +248,12 @@ class Provenance(TypedDict, total=False):
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     versions: Annotated[dict[str, str], Field(description="package name to version")]
-    inputs: Annotated[
-        list[dict[str, JsonValue]], Field(description="input files: file, sha256, size, ...")
-    ]
+    inputs: Annotated[list[Input], Field(description="input files: file, sha256, size, ...")]
+    input: Annotated[Input | None, Field(description="the log of a session")]
+    prior: Annotated[Given | None, Field(description="what was known before the session")]
     seed: Annotated[int | None, Field(description="seed of random numbers; null where unused")]
     created: Annotated[str | None, Field(description="date and time, ISO 8601 with offset")]
-    seconds: Annotated[float | None, Field(description="duration of the computation [s]")]
+    seconds: Annotated[Number | None, Field(description="duration of the computation [s]")]
 
 
 class ResultDocument(BaseModel):
@@ -266,6 +298,12 @@ class ResultDocument(BaseModel):
                 raise ValueError("covariance.names differ from the names of the coefficients")
             if [len(r) for r in self.covariance.matrix] != [len(names)] * len(names):
                 raise ValueError(f"covariance.matrix must have {len(names)} x {len(names)} numbers")
+            for i, row in enumerate(self.coefficients):
+                variance = self.covariance.matrix[i][i]
+                if row.sd is None or variance is None or variance < 0:
+                    continue  # a negative variance is told as such
+                if not math.isclose(row.sd, math.sqrt(variance), rel_tol=AGREES, abs_tol=1e-300):
+                    raise ValueError(f"sd of {row.name} is not the root of its variance")
         if self.temperature is not None and [f.name for f in self.temperature.functions] != names:
             raise ValueError("temperature.functions differ from the names of the coefficients")
         return self

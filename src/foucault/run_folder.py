@@ -27,7 +27,7 @@ import numpy as np
 
 from foucault import tables
 from foucault.errors import FoucaultError, error
-from foucault.files import atomic, unwritable
+from foucault.files import HEAD, atomic, keep_others, parse_json, read_text, unwritable
 from foucault.result import Result, TableData
 
 if TYPE_CHECKING:
@@ -39,6 +39,9 @@ RESULT_FILE = "result.json"
 CAMPAIGN_FILE = "campaign.toml"
 REPORT_FILE = "report.html"
 TABLE_FOLDER = "tables"
+
+RESOLVED = b"# The campaign with every default filled in"
+"""So begins the campaign of a run."""
 
 _TABLE_NAME = re.compile(r"\w+\.[0-9a-f]{8}\.parquet")
 
@@ -64,15 +67,57 @@ def save(result: Result, folder: str | Path, campaign_text: str | None = None) -
 
     folder = Path(folder)
     doc = document(result)
+    keep_a_campaign(folder, campaign_text)
+    made: list[Path] = []
     try:
         (folder / TABLE_FOLDER).mkdir(parents=True, exist_ok=True)
         for name, table in result.tables.items():
-            doc["tables"][name] = _save_table(folder, name, table)
+            doc["tables"][name] = _save_table(folder, name, table, made)
         _commit(folder, doc, campaign_text)
+    except BaseException as problem:
+        for file in made:  # the result in place has no use for them
+            with suppress(OSError):
+                file.unlink()
+        if isinstance(problem, OSError):
+            raise unwritable(folder, problem) from problem
+        raise
+    with suppress(OSError):  # the result is whole; what cannot be removed is only in the way
         _remove_stale(folder, doc)
-    except OSError as problem:
-        raise unwritable(folder, problem) from problem
     return folder / RESULT_FILE
+
+
+def keep_a_campaign(folder: Path, campaign_text: str | None) -> None:
+    """Refuse to replace a campaign or a result.json that no run has written.
+
+    Parameters
+    ----------
+    folder : Path
+        Where a result will be written.
+    campaign_text : str or None
+        The campaign that will lie beside it, or the one that is read.
+
+    Raises
+    ------
+    FoucaultError
+        ``output.other``.
+    """
+    keep_others(folder / RESULT_FILE, [b'"foucault.result/'])
+    file = folder / CAMPAIGN_FILE
+    if not file.is_file():
+        return
+    there = file.read_bytes()
+    same = campaign_text is not None and read_text(file) == campaign_text
+    if not (same or RESOLVED in there[:HEAD] or _sha256(there) == _said(folder)):
+        raise error("output.other", path=file)
+
+
+def _said(folder: Path) -> str:
+    """Return the fingerprint of the campaign that the result in a folder names, if any."""
+    try:
+        doc = parse_json((folder / RESULT_FILE).read_text(encoding="utf-8"))
+        return str(doc["campaign"]["sha256"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
 
 
 def clear(folder: str | Path) -> None:
@@ -119,7 +164,11 @@ def load_result(path: str | Path, *, with_tables: bool = True) -> Result:
     doc = _validated(file, _read_json(file))
     listed = doc.tables if with_tables else {}
     result = result_of(doc, {n: _load_table(file, n, r.model_dump()) for n, r in listed.items()})
-    problem = covariance_problem(result.coefficients)
+    vector, warm = result.coefficients, result.temperature
+    problem = covariance_problem(vector.cov, vector.names)
+    if warm is not None and not problem:
+        terms = [f"{n}, term {k}" for n in vector.names for k in range(warm.weights.shape[1])]
+        problem = covariance_problem(warm.cov, terms)
     if problem:
         raise error("result.covariance", file=file, problem=problem)
     return result
@@ -148,13 +197,14 @@ def _commit(folder: Path, doc: dict[str, Any], campaign_text: str | None) -> Non
         result_file.write_text(text + "\n", encoding="utf-8")
 
 
-def _save_table(folder: Path, name: str, table: TableData) -> dict[str, Any]:
+def _save_table(folder: Path, name: str, table: TableData, made: list[Path]) -> dict[str, Any]:
     data = _parquet(name, table)
     digest = _sha256(data)
     file = f"{TABLE_FOLDER}/{name}.{digest[:8]}.parquet"
     if not ((folder / file).is_file() and _sha256((folder / file).read_bytes()) == digest):
         with atomic(folder / file) as temporary:
             temporary.write_bytes(data)
+        made.append(folder / file)
     rows = len(next(iter(table.values()))) if table else 0
     return {"file": file, "rows": rows, "sha256": digest}
 
@@ -205,8 +255,8 @@ def _read_json(file: Path) -> dict[str, Any]:
         raise ValueError(f"{constant} is not JSON")
 
     try:
-        doc = json.loads(file.read_text(encoding="utf-8"), parse_constant=refuse)
-    except ValueError as problem:
+        doc = parse_json(file.read_text(encoding="utf-8"), parse_constant=refuse)
+    except (OSError, ValueError) as problem:
         raise error("result.not_json", file=file, problem=problem) from problem
     if not isinstance(doc, dict):
         raise error("result.not_json", file=file, problem="it holds no object")

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from foucault.errors import error
+
 if TYPE_CHECKING:
     from foucault.errors import Finding
 
@@ -236,6 +238,27 @@ class TableColumns:
             None if self.rate is None else self.rate[rows],
             None if self.position is None else self.position[rows],
         )
+
+
+MOST_SAMPLES = 20_000_000
+"""Longest log that is simulated: 55 hours at 100 Hz [1]."""
+
+SAMPLE_SIZE = 200
+"""What a sample takes while it is simulated, in all columns and their halfway stages [byte]."""
+
+
+def whole_samples(count: float) -> int:
+    """Return `count`, shape () [1], as a number of samples that can be simulated.
+
+    Raises
+    ------
+    FoucaultError
+        ``program.samples``: more than any memory holds.
+    """
+    if not count <= MOST_SAMPLES:
+        size = SAMPLE_SIZE * count / 1e9
+        raise error("program.samples", count=count, size=size, most=MOST_SAMPLES)
+    return int(count)
 
 
 @dataclass(frozen=True)

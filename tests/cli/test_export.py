@@ -221,4 +221,4 @@ def test_export_to_where_nothing_can_be_written(tmp_path: Path, result: Result) 
     save(result, tmp_path / "run")
     done = run("export", tmp_path / "run", "--to", "c", "-o", tmp_path / "no" / "c.h")
     assert done.exit_code == 1
-    assert "cannot be written: No such file or directory. Nothing was changed" in done.stderr
+    assert "cannot be written: No such file or directory. A file of this name" in done.stderr

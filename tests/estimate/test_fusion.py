@@ -181,3 +181,26 @@ def test_an_uncertainty_that_is_too_small_is_noticed():
     assert got.chi_square > chi_square_limits(got.dof)[1]
     wide = [replace(s, vector=replace(s.vector, cov=16 * s.vector.cov)) for s in some]
     assert fused(*wide).chi_square == pytest.approx(got.chi_square / 16, rel=1e-6)
+
+
+@pytest.mark.parametrize("loose", [0.0, 1e-12])
+def test_combinations_that_the_model_fixes_are_no_degrees_of_freedom(loose):
+    """Twelve coefficients of which four are sums of others: differences have eight."""
+    rng = np.random.default_rng(11)
+    names = LAYOUT.names[:12]
+    turned = np.vstack([np.eye(8), rng.standard_normal((4, 8))])
+    total, dofs = 0.0, set()
+    for _ in range(60):
+        truth, some = rng.standard_normal(8), []
+        for _ in range(2):
+            root = np.linalg.qr(rng.standard_normal((8, 8)))[0] * rng.uniform(0.3, 3, 8)
+            own = truth + root @ rng.standard_normal(8)
+            P = turned @ (root @ root.T) @ turned.T
+            P += loose * np.diag(np.diag(P))  # rounding of a file
+            some.append(Known(CoefficientVector(LAYOUT.subset(names), turned @ own, P)))
+        step = fused(*some)
+        total += step.chi_square
+        dofs.add(step.dof)
+    assert dofs == {8}
+    low, high = chi_square_limits(60 * 8, 0.01)
+    assert low < total < high

@@ -322,11 +322,27 @@ def test_a_fault_late_in_the_log_leaves_what_was_there(
     log = a_log()
     accel = log.accel.copy()
     accel[900] = np.nan
-    (tmp_path / "out.parquet").write_text("old")
+    apply(linear, tmp_path, log)
+    before = (tmp_path / "out.parquet").read_bytes()
     with pytest.raises(FoucaultError, match="row 900"):
         apply(linear, tmp_path, replace(log, accel=accel))
-    assert (tmp_path / "out.parquet").read_text() == "old"
+    assert (tmp_path / "out.parquet").read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "out.parquet"]
+
+
+@pytest.mark.parametrize("name", ["flight.csv", "flight.csv.gz", "flight.parquet", "flight.npz"])
+def test_a_recorded_log_is_not_written_over(linear: Result, tmp_path: Path, name: str) -> None:
+    write(a_log(), tmp_path / name)
+    before = (tmp_path / name).read_bytes()
+    with pytest.raises(FoucaultError, match="no earlier output of this command") as caught:
+        apply(linear, tmp_path, a_log(), name)
+    assert caught.value.code == "output.other"
+    assert (tmp_path / name).read_bytes() == before
+    apply(linear, tmp_path, a_log(), name, force=True)
+    calibrated = (tmp_path / name).read_bytes()
+    assert calibrated != before
+    apply(linear, tmp_path, a_log(), name)  # its own, again
+    assert (tmp_path / name).read_bytes() == calibrated
 
 
 # What is freed goes back at once: the peak is what was held, not what a pool kept.

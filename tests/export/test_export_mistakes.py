@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.export import write
+from foucault.export import RECEIVERS, write
 from foucault.result import Level, Result
 from make_terms import with_terms
 
@@ -83,11 +83,19 @@ def test_numbers_that_are_none_are_never_exported(tmp_path: Path) -> None:
 
 def test_a_target_that_cannot_be_written(tmp_path: Path) -> None:
     result = with_terms("gyro.bias")
-    (tmp_path / "old.h").write_text("old")
+    (tmp_path / "old.h").write_text("mine")
     with pytest.raises(FoucaultError, match="cannot be written: No such file or directory"):
         write(result, "c", tmp_path / "missing" / "x.h")
     with pytest.raises(FoucaultError, match="it is a folder"):
         write(result, "c", tmp_path)
+    with pytest.raises(FoucaultError, match="no earlier output of this command") as caught:
+        write(result, "c", tmp_path / "old.h")
+    assert caught.value.code == "output.other"
+    assert (tmp_path / "old.h").read_text() == "mine"
+    write(result, "c", tmp_path / "old.h", force=True)
+    for receiver in RECEIVERS:  # an earlier export of any kind
+        drop = [] if receiver in ("c", "python", "json", "csv", "imucal", "px4") else ["gyro.bias"]
+        write(result, receiver, tmp_path / "old.h", drop=drop)
     write(result, "c", tmp_path / "old.h")
     assert (tmp_path / "old.h").read_text().startswith("/*")
 

@@ -13,7 +13,7 @@ from foucault.campaign.mistakes import validate
 from foucault.campaign.source import read
 from foucault.errors import error
 from foucault.estimate.delay.fit import BRACKET
-from foucault.files import read_text
+from foucault.files import parse_toml, read_text
 from foucault.logs import master as masters
 from foucault.logs.checks import beside_another, on_a_shared_clock
 from foucault.logs.layout import FileLayout
@@ -81,7 +81,7 @@ def _second(path: Path, progress: Progress) -> Log | MasterTable:
     """Read a master, or a second log."""
     if path.suffix == ".toml" and path.is_file():
         try:
-            said = tomllib.loads(read_text(path))
+            said = parse_toml(read_text(path))
         except tomllib.TOMLDecodeError as problem:
             raise error("campaign.syntax", path=path, reason=problem) from None
         if isinstance(said.get("master"), dict):

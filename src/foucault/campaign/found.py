@@ -15,7 +15,7 @@ import numpy.typing as npt
 from foucault import units
 from foucault.diagnose.foresight import Limit
 from foucault.errors import Finding, error, finding
-from foucault.files import atomic
+from foucault.files import atomic, parse_json
 from foucault.plans.optimise import Comparison, Space, compare
 
 FloatArray = npt.NDArray[np.float64]
@@ -252,7 +252,7 @@ def load(folder: str | Path) -> Found:
     """
     path = Path(folder) / FOUND_FILE
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
+        raw = parse_json(path.read_text(encoding="utf-8"))
         plain = {f.name: _frozen(raw[f.name]) for f in fields(Found)}
         for name, kind in (("findings", Finding), ("needs", Limit), ("reference_needs", Limit)):
             plain[name] = tuple(kind(**item) for item in plain[name])

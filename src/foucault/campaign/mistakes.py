@@ -61,6 +61,30 @@ def validate(
         raise _first(problem, model, raw, where, also) from None
 
 
+MOST = 100_000
+"""More of anything, rests or repetitions, than a session has [1]."""
+
+
+def countable(table: BaseModel, where: tuple[str, ...]) -> None:
+    """Refuse counts that no session has, before anything is made so many times.
+
+    Parameters
+    ----------
+    table : BaseModel
+        What is planned.
+    where : tuple of str
+        Keys that lead to the table.
+    """
+    for name in type(table).model_fields:
+        value = getattr(table, name)
+        for item in value if isinstance(value, tuple | list) else (value,):
+            if isinstance(item, BaseModel):
+                countable(item, (*where, name))
+            elif isinstance(item, int) and abs(item) > MOST and name != "seed":
+                key = ".".join((*where, name))
+                raise error("program.count", key=key, given=f"{item:g}", most=MOST)
+
+
 def _first(
     problem: ValidationError,
     model: type[BaseModel],

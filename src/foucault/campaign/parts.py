@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from foucault import monte_carlo
 from foucault.errors import error
-from foucault.files import atomic, unwritable
+from foucault.files import atomic, parse_json, unwritable
 
 Progress = Callable[[int, int], None]
 Columns = dict[str, npt.NDArray[Any]]
@@ -204,7 +204,7 @@ def opened(
 def asked_of(folder: str | Path, file: str, schema: str) -> dict[str, Any] | None:
     """Return what was asked in a folder, or None where `file` is not there or of another schema."""
     try:
-        asked: dict[str, Any] = json.loads((Path(folder) / file).read_text(encoding="utf-8"))
+        asked: dict[str, Any] = parse_json((Path(folder) / file).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return asked if isinstance(asked, dict) and asked.get("schema") == schema else None

@@ -23,7 +23,7 @@ from foucault.campaign.running import simulate
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, finding
 from foucault.escape import csv_cell
-from foucault.files import atomic
+from foucault.files import atomic, keep_others
 from foucault.models.noise import grade
 
 PLAN = ("plan", "rate", "segment", "steps", "positions")
@@ -122,6 +122,7 @@ def write(foresight: Foresight, path: str | Path) -> None:
     path : str or Path
         File to write.
     """
+    keep_others(path, [",".join(HEADINGS).encode()])
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(HEADINGS)

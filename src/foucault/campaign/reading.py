@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from foucault import procedures, units
 from foucault.campaign import earlier
-from foucault.campaign.mistakes import all_finite, parse_at, validate
+from foucault.campaign.mistakes import all_finite, countable, parse_at, validate
 from foucault.campaign.tables import (
     CampaignFile,
     PriorEntry,
@@ -22,7 +22,7 @@ from foucault.campaign.tables import (
 )
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
-from foucault.files import read_text
+from foucault.files import parse_toml, read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
@@ -131,7 +131,7 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     """Read a campaign from `text`; `path` is where it would lie, `calibrates` as for `load`."""
     path = Path(path)
     try:
-        raw = tomllib.loads(text)
+        raw = parse_toml(text)
     except tomllib.TOMLDecodeError as problem:
         if path.suffix.lower() != ".toml":
             raise error("campaign.other_file", path=path, name=path.name) from None
@@ -152,6 +152,10 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     common = {k: v for k, v in file.simulate.items() if k in SimulateTable.model_fields}
     session = {k: v for k, v in file.simulate.items() if k not in common}
     common = dict(getattr(module, "SIMULATE", {})) | common
+    told = validate(module.Settings, settings, ("procedure",), ("name",))
+    simulated = validate(module.Session, session, ("simulate",), SimulateTable.model_fields)
+    countable(told, ("procedure",))
+    countable(simulated, ("simulate",))
     return Campaign(
         path=path,
         text=text,
@@ -160,11 +164,11 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         log=file.log,
         master=_master(str(name), file.master),
         procedure=str(name),
-        settings=validate(module.Settings, settings, ("procedure",), ("name",)),
+        settings=told,
         noise=None if file.noise is None else file.noise.noise(),
         prior={key: _prior(key, entry, layout_of(str(name))) for key, entry in file.prior.items()},
         simulate=validate(SimulateTable, common, ("simulate",)),
-        session=validate(module.Session, session, ("simulate",), SimulateTable.model_fields),
+        session=simulated,
         wanted=_wanted(str(name), file.optimise),
         tables=file,
         earlier=before,

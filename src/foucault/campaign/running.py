@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -210,6 +211,23 @@ def _instrument(campaign: Campaign, seed: int) -> ImuModel | ClusterModel:
     return model_of(drawn.with_values(given))
 
 
+def keep_recorded(folder: Path, truth: str, files: Iterable[str]) -> None:
+    """Refuse to simulate over files that no simulation has written: no truth lies beside them.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the simulated files will lie.
+    truth : str
+        Name of the file with the truth.
+    files : iterable of str
+        Names of the others.
+    """
+    for name in files:
+        if (folder / name).exists() and not (folder / truth).exists():
+            raise error("output.other", path=folder / name)
+
+
 def save_session(session: Session, folder: str | Path) -> Path:
     """Write a simulated session as a user would have it, with the truth beside it.
 
@@ -226,6 +244,7 @@ def save_session(session: Session, folder: str | Path) -> Path:
         The campaign file written; `calibrate` takes it as it is.
     """
     folder = Path(folder)
+    keep_recorded(folder, TRUTH_FILE, (SESSION_LOG, SESSION_CAMPAIGN))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:

@@ -42,7 +42,7 @@ class Source:
 
 def calibration_of(path: Path) -> tuple[Result, dict[str, str]]:
     """Return the calibration of a run folder or result.json, with its file and hash."""
-    result = run_folder.load_result(path, with_tables=False)
+    result = run_folder.load_result(path, with_tables=False).numbers()
     file = path / run_folder.RESULT_FILE if path.is_dir() else path
     made = result.provenance | {"file": str(file)}
     return replace(result, provenance=made), {"file": str(file), "sha256": sha256(file)}

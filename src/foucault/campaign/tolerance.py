@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from foucault.campaign.mistakes import parse_at
 from foucault.errors import error, suggestion
-from foucault.files import read_text
+from foucault.files import parse_toml, read_text
 from foucault.models.layouts import EVERY
 
 FloatArray = npt.NDArray[np.float64]
@@ -205,7 +205,7 @@ def load(path: str | Path) -> Tolerance:
 def parse(text: str, path: str | Path = "tolerance.toml") -> Tolerance:
     """Read a tolerance from `text`; `path` is where it would lie."""
     try:
-        raw = tomllib.loads(text)
+        raw = parse_toml(text)
     except tomllib.TOMLDecodeError as problem:
         raise error("tolerance.syntax", path=path, reason=problem) from None
     lines = _joined(raw)

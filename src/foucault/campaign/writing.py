@@ -19,6 +19,7 @@ from foucault.campaign.fields import dotted, kind_of
 from foucault.campaign.reading import Campaign
 from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
 from foucault.escape import commented, toml_text
+from foucault.run_folder import RESOLVED
 from foucault.tables import IndexedLog, Log
 
 _HEAD = """\
@@ -243,7 +244,7 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
     if tables.site.gravity is None:
         note = f"# gravity: {campaign.site.gravity!r} m/s^2, {campaign.site.gravity_source}"
     parts = [
-        "# The campaign with every default filled in, in SI units.",
+        f"{RESOLVED.decode()}, in SI units.",
         _table("instrument", campaign.instrument),
         _table("site", site) + note,
         _table("log", log),

@@ -7,6 +7,7 @@ import signal
 import sys
 import traceback
 from io import TextIOWrapper
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -34,7 +35,7 @@ from foucault.cli import (
     words,
 )
 from foucault.cli.screen import INTERRUPTED, Screen
-from foucault.errors import FoucaultError
+from foucault.errors import FoucaultError, error
 
 BAD_INPUT, BY_INTERRUPT, FAULT = 1, 130, 70
 
@@ -86,9 +87,42 @@ class _Program(TyperGroup):
                 raise
             if INTERRUPTED.is_set():  # what was cut short may fail in its own way
                 raise _interrupted() from None
-            traceback.print_exc()
-            print("\nThis is a fault in foucault: please report it.", file=sys.stderr)
-            raise typer.Exit(FAULT) from None
+            known = _of_the_system(problem)
+            ctx.obj.error(known or _fault(problem))
+            raise typer.Exit(BAD_INPUT if known else FAULT) from None
+
+
+def _of_the_system(problem: BaseException) -> FoucaultError | None:
+    """Return what the system could not do in words, None where it is not to blame."""
+    if isinstance(problem, MemoryError):
+        return error("program.memory", reason=str(problem) or "no size is known")
+    if isinstance(problem, RecursionError):
+        return error("program.nested")
+    if isinstance(problem, UnicodeError | OSError) or "null byte" in str(problem):
+        name = getattr(problem, "filename", None)
+        reason = getattr(problem, "strerror", None) or str(problem) or type(problem).__name__
+        return error("program.file", path=name or "A file that was named", reason=reason)
+    return None
+
+
+def _fault(problem: BaseException) -> FoucaultError:
+    """Return what is needed to find a fault, and keep the whole of it in a file."""
+    import tempfile
+
+    calls = [f for f in traceback.extract_tb(problem.__traceback__) if "foucault" in f.filename]
+    where = f"{Path(calls[-1].filename).name}, line {calls[-1].lineno}" if calls else "nowhere"
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="foucault-", suffix=".txt", delete=False, encoding="utf-8",
+            errors="replace",
+        ) as file:  # fmt: skip
+            traceback.print_exception(problem, file=file)
+        kept = file.name
+    except OSError:
+        kept = "nowhere, for it could not be written"
+    return error(
+        "program.fault", kind=type(problem).__name__, reason=problem, where=where, file=kept
+    )
 
 
 app = typer.Typer(
@@ -134,11 +168,18 @@ for _module in (
 
 def _interrupted() -> typer.Exit:
     print("interrupted: a result that was there before is intact", file=sys.stderr)
-    return typer.Exit(BY_INTERRUPT)
+    return typer.Exit(_BY.get("signal", BY_INTERRUPT))
 
 
-def _on_interrupt(_signal: int, _frame: Any) -> None:
+_BY: dict[str, int] = {}
+"""What has ended the program: "signal" -> its exit code."""
+
+
+def _on_interrupt(number: int, _frame: Any) -> None:
     INTERRUPTED.set()
+    _BY["signal"] = 128 + number
+    if number != signal.SIGINT:  # whoever asks again does not want to wait
+        signal.signal(number, signal.SIG_DFL)
     raise KeyboardInterrupt
 
 
@@ -149,4 +190,8 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     signal.signal(signal.SIGINT, _on_interrupt)
+    for name in ("SIGTERM", "SIGHUP"):  # what is half written goes, as with Ctrl-C
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _on_interrupt)
     app()

@@ -59,7 +59,7 @@ PACKAGES = ("foucault", "numpy", "scipy", "numba")
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Workers = Annotated[
-    int | None, typer.Option(help="Threads; as many as processors if left out.", min=1)
+    int | None, typer.Option(help="Threads; as many as processors if left out.", min=1, max=1024)
 ]
 Scheduler = Annotated[
     str | None,
@@ -67,7 +67,7 @@ Scheduler = Annotated[
 ]
 LocalCluster = Annotated[
     int | None,
-    typer.Option(help="Compute in so many processes of this machine, by Dask.", min=1),
+    typer.Option(help="Compute in so many processes of this machine, by Dask.", min=1, max=1024),
 ]
 
 

@@ -60,6 +60,7 @@ def compare(
     from foucault.campaign import comparison
     from foucault.campaign import tolerance as tolerances
     from foucault.campaign.comparison import folder as comparison_folder
+    from foucault.files import alone, beside
     from foucault.report import compare as page
     from foucault.run_folder import REPORT_FILE
 
@@ -70,8 +71,10 @@ def compare(
     about = comparison_folder.document(found, time.monotonic() - started)
     written: dict[str, str] = {}
     if output is not None:
-        comparison_folder.save(about, output)
-        file = page.write(about, output / REPORT_FILE)
+        with alone(output):
+            comparison_folder.save(about, output)
+            with beside(output):
+                file = page.write(about, output / REPORT_FILE)
         written = {"folder": str(output), "report": str(file)}
     _show(screen, found)
     if written:

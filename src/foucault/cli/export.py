@@ -52,7 +52,8 @@ def apply(
         bool,
         typer.Option(
             "--force",
-            help="Go on with an unusable result, that of another instrument, or a second time.",
+            help="Go on with an unusable result, that of another instrument, or a second time; "
+            "replace a file that is no calibrated log.",
         ),
     ] = False,
     outside: Annotated[
@@ -77,6 +78,7 @@ def apply(
         raise error("temperature.outside_choice", given=outside)
     with screen.progress() as tell:
         tell(0.0, "reading the result")
+        _not_an_input(output, result, log)
         calibrated = _of_an_imu(load_result(result, with_tables=False))
         description, folder, instrument = _described(calibrated, result, log)
         done = calibrate_log(
@@ -121,7 +123,12 @@ def export(
             "forward-right-down or forward-left-up."
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Go on with an unusable result.")] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Go on with an unusable result; replace a file that is no export."
+        ),
+    ] = False,
     at: Annotated[
         str | None,
         typer.Option(
@@ -134,6 +141,7 @@ def export(
     from foucault.run_folder import load_result
 
     screen: Screen = ctx.obj
+    _not_an_input(output, result)
     calibrated = load_result(result, with_tables=False)
     if at is not None:
         calibrated = calibrated.at(parsed({"at": at})["at"])
@@ -142,6 +150,16 @@ def export(
     screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
     _doubts(screen, calibrated)
     screen.data({"output": str(output), "to": to, "verdict": calibrated.verdict.level})
+
+
+def _not_an_input(output: Path, result: Path, log: Path | None = None) -> None:
+    """Refuse to write over what is read, even where anything else may be replaced."""
+    from foucault.files import keep_others
+    from foucault.run_folder import CAMPAIGN_FILE, RESULT_FILE
+
+    folder = result if result.is_dir() else result.parent
+    inputs = [result, folder / RESULT_FILE, folder / CAMPAIGN_FILE, *([log] if log else [])]
+    keep_others(output, [b""], inputs)
 
 
 def _doubts(screen: Screen, result: Result) -> None:

@@ -52,13 +52,14 @@ def fleet(
     from foucault.campaign import fleet as fleets
     from foucault.campaign import tolerance as tolerances
     from foucault.campaign.fleet import folder as fleet_folder
+    from foucault.files import alone, beside
     from foucault.report import fleet as page
     from foucault.report import write
     from foucault.run_folder import REPORT_FILE
 
     screen: Screen = ctx.obj
     limits = None if tolerance is None else tolerances.load(tolerance)
-    with screen.progress() as tell:
+    with alone(output), screen.progress() as tell:
         table = fleets.run(
             campaigns.load(campaign), output, tolerance=limits,
             report=write if reports else None,
@@ -66,7 +67,8 @@ def fleet(
         )  # fmt: skip
         tell(0.97, "writing the page")
         about = fleet_folder.about(output)
-        written = page.write(table, about, output / REPORT_FILE)
+        with beside(output):
+            written = page.write(table, about, output / REPORT_FILE)
     _show(screen, table, about)
     screen.say(f"Report: {written}", f"Table: {output / fleet_folder.TABLE_FILE}")
     screen.data({"folder": str(output), "report": str(written)} | about)

@@ -27,11 +27,14 @@ def merge(
     """
     from foucault import report, run_folder
     from foucault.campaign import earlier
+    from foucault.files import alone, beside
 
     screen: Screen = ctx.obj
     result = earlier.merge(results)
-    run_folder.save(result, output)
-    file = report.write(output)
+    with alone(output):
+        run_folder.save(result, output)
+        with beside(output):
+            file = report.write(output)
     level = result.verdict.level
     screen.say("", result.coefficients)
     screen.findings(result.findings)

@@ -138,13 +138,16 @@ def navigate(
 def _kept(found: Any, folder: Path | None) -> NavigationRecord:
     """Write the folder, if one is wanted."""
     from foucault.campaign.navigation import folder as navigation_folder
+    from foucault.files import alone, beside
     from foucault.report import navigation as page
     from foucault.run_folder import REPORT_FILE
 
     if folder is None:
         return navigation_folder.record(found)
-    record = navigation_folder.save(found, folder)
-    page.write(record, folder / REPORT_FILE)
+    with alone(folder):
+        record = navigation_folder.save(found, folder)
+        with beside(folder):
+            page.write(record, folder / REPORT_FILE)
     return record
 
 

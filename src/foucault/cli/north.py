@@ -135,13 +135,16 @@ def _refuse_both(unknown: bool, given: list[str | None]) -> None:
 def _kept(survey: Any, folder: Path | None) -> NorthRecord:
     """Write the folder, if one is wanted."""
     from foucault.campaign.north import folder as north_folder
+    from foucault.files import alone, beside
     from foucault.report import north as page
     from foucault.run_folder import REPORT_FILE
 
     if folder is None:
         return north_folder.record(survey)
-    record = north_folder.save(survey, folder)
-    page.write(record, folder / REPORT_FILE)
+    with alone(folder):
+        record = north_folder.save(survey, folder)
+        with beside(folder):
+            page.write(record, folder / REPORT_FILE)
     return record
 
 

@@ -98,7 +98,9 @@ def plan(
             help='Compare only this order, such as palindrome or "8 positions"; may be repeated.',
         ),
     ] = None,
-    cycles: Annotated[int, typer.Option(help="How often each order of stops is repeated.")] = 1,
+    cycles: Annotated[
+        int, typer.Option(help="How often each order of stops is repeated.", min=1, max=100_000)
+    ] = 1,
     output: words.TableIfWanted = None,
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""
@@ -228,7 +230,7 @@ def _compensation(path: Path | None) -> Compensation:
 
     if path is None:
         return Compensation()
-    result = load_result(path, with_tables=False)
+    result = load_result(path, with_tables=False).numbers()
     if result.procedure != "north_seeking":
         raise error("north.other_result", file=path, given=result.procedure)
     return Compensation(result.coefficients, str(result.instrument.get("serial") or ""))

@@ -37,12 +37,12 @@ def optimise(
     ctx: typer.Context,
     what: words.CampaignOrName,
     output: words.ContinuedFolder,
-    restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1)] = 32,
+    restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1, max=1_000_000)] = 32,
     evaluations: Annotated[
         int | None,
         typer.Option(
             help="Plans that each restart judges; left out, 4000, or fewer where each takes long.",
-            min=1,
+            min=1, max=1_000_000_000,
         ),
     ] = None,
     time_limit: Annotated[
@@ -55,7 +55,7 @@ def optimise(
     size: Annotated[
         int,
         typer.Option(
-            "--round", min=2,
+            "--round", min=2, max=100_000,
             help="Restarts in a round, of which later ones continue the best plans; on a cluster, "
             "a multiple of its workers.",
         ),
@@ -69,6 +69,7 @@ def optimise(
     from foucault.campaign import optimisation
     from foucault.cli.sessions import load_or_template
     from foucault.errors import error
+    from foucault.files import alone, beside
     from foucault.report import optimisation as report
 
     screen: Screen = ctx.obj
@@ -78,6 +79,7 @@ def optimise(
     campaign = load_or_template(what)
     there = optimisation.finished(output)
     with (
+        alone(output),
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
         screen.progress() as tell,
     ):
@@ -86,7 +88,8 @@ def optimise(
             seed=seed, size=size, map=map_,
             progress=lambda done, total: tell(done / total, f"restart {done} of {total}"),
         )  # fmt: skip
-    page = report.write(found, output / "report.html")
+    with beside(output):
+        page = report.write(found, output / "report.html")
     _tell(screen, found)
     if there:
         screen.say(f"Went on from {there} of these restarts, which were in the folder.")

@@ -49,8 +49,10 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> Result:
     """Calibrate and write the run folder; what was there stays until the new result is whole."""
     from foucault import campaign as campaigns
     from foucault import report, run_folder
+    from foucault.files import alone, beside
 
-    with screen.progress() as tell:
+    with alone(folder), screen.progress() as tell:
+        run_folder.keep_a_campaign(folder, campaign.text)
         result = campaigns.calibrate(campaign, tell)
         tell(0.9, "writing the report")
         # Asked to write beside the campaign, leave that file as its author wrote it.
@@ -58,7 +60,8 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> Result:
         own = kept.exists() and kept.samefile(campaign.path)
         text = campaign.text if own else campaigns.resolved(campaign, folder)
         run_folder.save(result, folder, text)
-        report.write(folder)
+        with beside(folder):
+            report.write(folder)
     return result
 
 
@@ -92,6 +95,21 @@ def report(
     ],
 ) -> None:
     """Write the report again from what the folder holds."""
+    from foucault.errors import error
+
+    screen: Screen = ctx.obj
+    try:
+        file = _page(folder)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as problem:
+        # What lies there has the keys of a result, but not what its procedure writes.
+        reason = f"{type(problem).__name__} {problem}"
+        raise error("result.no_page", folder=folder, reason=reason) from problem
+    screen.say(f"Wrote {file}.")
+    screen.data({"report": str(file)})
+
+
+def _page(folder: Path) -> Path:
+    """Write the page of whatever command has written the folder."""
     from foucault import report as reports
     from foucault.campaign import found, optimisation, study
     from foucault.campaign.comparison import folder as comparison_folder
@@ -103,7 +121,6 @@ def report(
     from foucault.report import study as study_page
     from foucault.run_folder import REPORT_FILE
 
-    screen: Screen = ctx.obj
     if (folder / north_folder.NORTH_FILE).is_file():
         file = north.write(north_folder.load(folder), folder / REPORT_FILE)
     elif (folder / navigation_folder.NAVIGATION_FILE).is_file():
@@ -118,8 +135,7 @@ def report(
         file = study_page.write(*study.load(folder), folder / REPORT_FILE)
     else:
         file = reports.write(folder)
-    screen.say(f"Wrote {file}.")
-    screen.data({"report": str(file)})
+    return file
 
 
 def demo(

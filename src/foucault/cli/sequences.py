@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,10 +69,10 @@ def sequence_of(name: str) -> CalibrationSequence:
 
 
 def _is_campaign(path: Path) -> bool:
-    from foucault.files import read_text
+    from foucault.files import parse_toml, read_text
 
     try:
-        return "procedure" in tomllib.loads(read_text(path))
+        return "procedure" in parse_toml(read_text(path))
     except (OSError, ValueError):
         return False  # the reader of sequences says why
 

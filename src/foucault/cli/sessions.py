@@ -58,7 +58,9 @@ def simulate(
     instruments: Annotated[
         int | None,
         typer.Option(
-            help="Simulate so many instruments, as means in one file; one if left out.", min=1
+            help="Simulate so many instruments, as means in one file; one if left out.",
+            min=1,
+            max=1_000_000,
         ),
     ] = None,
 ) -> None:

@@ -29,7 +29,9 @@ def montecarlo(
     ctx: typer.Context,
     what: words.CampaignOrName,
     output: words.ContinuedFolder,
-    trials: Annotated[int, typer.Option("-n", "--trials", help="Number of trials.", min=2)] = 500,
+    trials: Annotated[
+        int, typer.Option("-n", "--trials", help="Number of trials.", min=2, max=1_000_000)
+    ] = 500,
     seed: words.Seed = 0,
     workers: cluster.Workers = None,
     scheduler: cluster.Scheduler = None,
@@ -40,11 +42,13 @@ def montecarlo(
     Errors against their standard deviations and against the bound.
     """
     from foucault.campaign import study
+    from foucault.files import alone, beside
     from foucault.report import study as study_report
 
     screen: Screen = ctx.obj
     described = load_or_template(what)
     with (
+        alone(output),
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
         screen.progress() as tell,
     ):
@@ -57,7 +61,8 @@ def montecarlo(
             progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
         )
     about = study.load(output)[1]
-    report = study_report.write(result, about, output / "report.html")
+    with beside(output):
+        report = study_report.write(result, about, output / "report.html")
     rows = result.rows()
     bound = any(math.isfinite(row["rms_over_bound"]) for row in rows)
     screen.table(

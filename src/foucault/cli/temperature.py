@@ -89,6 +89,7 @@ def temperature(
     To calibrations at several temperatures, to a slow ramp, or to both.
     """
     from foucault import report, run_folder
+    from foucault.files import alone, beside
     from foucault.procedures import temperature as procedure
 
     screen: Screen = ctx.obj
@@ -99,7 +100,7 @@ def temperature(
         visited=in_order,
         **parsed({"reference": reference, "margin": margin}),
     )
-    with screen.progress() as tell:
+    with alone(output), screen.progress() as tell:
         tell(0.0, "reading the results")
         sessions = _sessions(results, at or [])
         ramps = [_ramp(path, tell) for path in ramp or []]
@@ -107,7 +108,8 @@ def temperature(
         result = procedure.calibrate(sessions, settings, ramps)
         tell(0.8, "writing the report")
         run_folder.save(result, output)
-        page = report.write(output)
+        with beside(output):
+            page = report.write(output)
     _show(screen, result, sessions)
     screen.say(f"Report: {page}")
     screen.data({"folder": str(output), "report": str(page), "result": _document(output)})

@@ -44,6 +44,9 @@ LEAST = 1e-6
 DEPENDENT = 1e-10
 """Relative variance below which a combination of coefficients is fixed by the model [1]."""
 
+FIXED = 1e-8
+"""Relative variance of a difference that the model allows no other value, and rounding [1]."""
+
 ALL_SHARED = 1e-6
 """Part of the variance in a combination of coefficients that is never shared [1]."""
 
@@ -178,7 +181,20 @@ def fused(first: Known, second: Known) -> Fused:
     chi_square = float(np.sum(z**2 / (share * (1 - share))[both]))
     vector = _vector(layout, values * unit, cov * np.outer(unit, unit), one, two)
     known = Known(vector, {**second.means, **first.means}, {**second.sources, **first.sources})
-    return Fused(known, chi_square, int(both.sum()), _change(one, vector, known.sources.values()))
+    dof = max(int(both.sum()) - _fixed(one, two), 0)
+    return Fused(known, chi_square, dof, _change(one, vector, known.sources.values()))
+
+
+def _fixed(one: CoefficientVector, two: CoefficientVector) -> int:
+    """Return how many combinations the model fixes in both, so that they cannot differ."""
+    names = [name for name in one.names if name in two.layout]
+    if not names:
+        return 0
+    a, b = one.chosen(names), two.chosen(names)
+    assert a.cov is not None and b.cov is not None
+    unit = np.minimum(a.sd, b.sd)
+    values = np.linalg.eigvalsh((a.cov + b.cov) / np.outer(unit, unit))
+    return int(np.sum(values < FIXED * values[-1]))
 
 
 def _smallest_sd(name: str, *vectors: CoefficientVector) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.escape import json_remark
 from foucault.logs import own, streaming
 from foucault.models.imu import ImuModel
@@ -86,7 +86,8 @@ def calibrate_log(
     sha256 : str
         Fingerprint of the result file, to be kept in the log.
     force : bool
-        Go on where the result is unusable or of another instrument.
+        Go on where the result is unusable or of another instrument, or where a file is replaced
+        that is no calibrated log.
     hold : bool
         Where coefficients change with temperature and the log is outside their range, take those
         at the end of the range, instead of an error.
@@ -102,6 +103,8 @@ def calibrate_log(
         _fits(result, description, instrument or {})
     if any((Path(folder) / name).resolve() == Path(path).resolve() for name in description.files()):
         raise error("apply.onto_itself", path=path)
+    if not (force or _ours(Path(path))):
+        raise error("output.other", path=path)
     if hold and result.temperature is None:
         raise error("temperature.option", option="--outside")
     seen = _Seen(result)
@@ -109,6 +112,20 @@ def calibrate_log(
     remarks = {own.CALIBRATED_KEY: _made_by(result, sha256)}
     samples = own.write_blocks(_calibrated(result, logs, seen, force, hold), path, remarks)
     return Applied(Path(path), samples, seen.findings())
+
+
+def _ours(path: Path) -> bool:
+    """Whether nothing stands there but a log that was calibrated before."""
+    from foucault.logs.description import LogDescription
+    from foucault.logs.raw import open_raw
+
+    if not path.is_file() or not path.stat().st_size:
+        return True
+    try:
+        marker = open_raw(path, LogDescription.model_validate({"file": path.name})).marker
+    except FoucaultError:  # it needs a description even to be opened
+        return False
+    return own.CALIBRATED in marker
 
 
 def _fits(result: Result, description: LogDescription, instrument: Mapping[str, Any]) -> None:

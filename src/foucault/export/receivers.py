@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foucault.errors import error, suggestion
-from foucault.export.request import OWN_AXES, request, usable
-from foucault.files import atomic
+from foucault.export.request import EXPORTED, OWN_AXES, request, usable
+from foucault.files import atomic, keep_others
 from foucault.models.layouts import is_cluster
 from foucault.models.noise import ImuNoise
 from foucault.result import Result
@@ -63,13 +63,15 @@ def write(
     log : LogDescription or None
         How the calibrated log was read, for receivers of raw counts.
     force : bool
-        Export a result that is not usable.
+        Export a result that is not usable, and replace a file that is no earlier export.
 
     Returns
     -------
     Path
         The file written.
     """
+    if not force:
+        keep_others(path, [EXPORTED])
     if receiver not in RECEIVERS:
         hint = suggestion(receiver, RECEIVERS)
         raise error("export.receiver", given=receiver, hint=hint, allowed=", ".join(RECEIVERS))

@@ -18,6 +18,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import SizeEffect
 from foucault.result import Level, Result
+from foucault.run_folder import RESULT_FILE
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription, Triad
@@ -38,6 +39,9 @@ FAMILIES = tuple(dict.fromkeys(family(name) for name in ALL.names))
 
 LINEAR = tuple(f for f in FAMILIES if f.endswith((".bias", ".scale", ".misalignment")))
 """The families every receiver with two full matrices and two biases can take."""
+
+EXPORTED = b"Calibration by foucault"
+"""With this every exported file begins to say what it is."""
 
 OWN_AXES = "right-forward-up"
 AXES: dict[str, FloatArray] = {
@@ -132,7 +136,7 @@ def about(result: Result, axes: str, signs: str = "") -> list[str]:
     given = {key: result.instrument.get(key) for key in ("name", "serial")}
     instrument = ", ".join(f"{key} {value}" for key, value in given.items() if value)
     lines = [
-        f"Calibration by foucault {(made.get('versions') or {}).get('foucault', '')}".rstrip()
+        f"{EXPORTED.decode()} {(made.get('versions') or {}).get('foucault', '')}".rstrip()
         + f", procedure {result.procedure}"
         + (f", {made['created']}" if made.get("created") else "")
         + ".",
@@ -150,10 +154,15 @@ def _beside(known: Mapping[str, Any]) -> list[str]:
     mounting = known.get("mounting")
     if not isinstance(mounting, Mapping):  # on faces, it is how each axis was clamped
         return []
-    rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in mounting["C_ms"])
+    try:
+        rows = ", ".join(f"({', '.join(f'{x:.9f}' for x in row)})" for row in mounting["C_ms"])
+        late = f"{1e3 * known['delay']['used']:.3f} ms late."
+    except (KeyError, TypeError, ValueError):
+        problem = "diagnostics.mounting and diagnostics.delay are not numbers"
+        raise error("result.invalid", file=RESULT_FILE, problems=problem) from None
     return [
         f"Beside it, and no part of the correction: x_master = C_ms x_slave, {OWN_AXES} both, C_ms "
-        f"= ({rows}); messages of the master come {1e3 * known['delay']['used']:.3f} ms late."
+        f"= ({rows}); messages of the master come {late}"
     ]
 
 
@@ -233,6 +242,7 @@ def usable(result: Result, force: bool) -> None:
     if result.verdict.level is Level.UNUSABLE and not force:
         reasons = " ".join(result.verdict.reasons) or "No reason is given."
         raise error("export.unusable", reasons=reasons)
+    result.numbers()
 
 
 def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:

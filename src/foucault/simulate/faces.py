@@ -25,6 +25,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.rotation import aligning, exp, log
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.noise import sampled_log
+from foucault.tables import whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -143,7 +144,7 @@ def simulate(
         Seed of the noise [1].
     """
     starts, ends = plan.edges
-    n = int(np.floor(ends[-1] * rate + 1e-9)) + 1
+    n = whole_samples(np.floor(ends[-1] * rate + 1e-9)) + 1
     readout = sampled_log(
         partial(_truth, plan, site), samples=n, rate=rate, sampled=sampled,
         model=model, noise=noise, rng=np.random.default_rng(seed),

@@ -21,7 +21,7 @@ from foucault.models.noise import ImuNoise, grade
 from foucault.models.rotation import exp, log
 from foucault.plans.hand_rotated import HandPlan
 from foucault.simulate.noise import sampled_log
-from foucault.tables import Log
+from foucault.tables import Log, whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def simulate(
     seed : int, shape ()
         Seed of the noise [1].
     """
-    n = int(np.floor(plan.duration * rate)) + 1
+    n = whole_samples(np.floor(plan.duration * rate)) + 1
     readout = sampled_log(
         partial(_truth, plan, site), samples=n, rate=rate, sampled=sampled,
         model=model, noise=noise, rng=np.random.default_rng(seed),

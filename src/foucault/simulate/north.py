@@ -21,7 +21,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
 from foucault.simulate.noise import draw_noise, quantise
 from foucault.simulate.wandering import mean_noise
-from foucault.tables import IndexedLog
+from foucault.tables import IndexedLog, whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -322,7 +322,7 @@ def _means(plan: NorthPlan, wrong: FloatArray) -> _Rows:
 def _samples(plan: NorthPlan, wrong: FloatArray, rate: float) -> _Rows:
     """Return a row per sample, on one grid of time; those of the pauses are not logged."""
     m = len(plan.setups)
-    each = round(plan.motion.length * rate)
+    each = whole_samples(m * np.round(plan.motion.length * rate)) // m
     apart = each + round(plan.pause * rate)
     number = np.arange(m)[:, None] * apart + np.arange(each)
     parts = [plan.motion.at(np.arange(each) / rate, one) for one in wrong]

@@ -32,7 +32,7 @@ from foucault.plans.manoeuvres import Rotate
 from foucault.plans.profiles import Profile
 from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.simulate.noise import noisy_log
-from foucault.tables import Log
+from foucault.tables import Log, whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -157,7 +157,7 @@ def simulate_systematic(
     told = sequence.on_samples(rate)
     done = _disturbed(told, table, rng)
     felt = _Felt(done, site.gravity, earth_rate_n(site.latitude), model, places)
-    time = np.arange(-1, round(done.duration * rate) + 1) / rate
+    time = np.arange(-1, whole_samples(np.round(done.duration * rate)) + 1) / rate
     accel, gyro = felt.means(time)
     if delay:
         accel, _ = felt.means(time - delay)

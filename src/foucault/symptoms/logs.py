@@ -8,7 +8,7 @@ from __future__ import annotations
 # fmt: off
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("output.unwritable", "error", "Disk full, read-only or missing folder, no permission",
-     "'{path}' cannot be written: {reason}. Nothing was changed; what was there before is intact.",
+     "'{path}' cannot be written: {reason}. A file of this name that was there before is intact.",
      "Free some space, or choose a folder that exists and that you may write to."),
     ("log.cannot_write", "error", "A log file name with a suffix that is not written",
      "'{path}': logs are written as {allowed}.",

@@ -26,7 +26,7 @@ import numpy as np
 
 from foucault.diagnose.compare.comparable import Entry
 from foucault.errors import FoucaultError, error, suggestion
-from foucault.files import read_text, sha256
+from foucault.files import parse_toml, read_text, sha256
 from foucault.result import Result
 from foucault.run_folder import RESULT_FILE, load_result
 
@@ -95,7 +95,7 @@ def _named(path: Path) -> list[Named]:
     if path.suffix.lower() != ".toml":
         return [Named(path)]
     try:
-        said = tomllib.loads(read_text(path))
+        said = parse_toml(read_text(path))
     except (OSError, tomllib.TOMLDecodeError) as problem:
         raise error("compare.list", path=path, reason=str(problem)) from None
     rows = said.get("result")

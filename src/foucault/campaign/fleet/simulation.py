@@ -12,7 +12,7 @@ import numpy.typing as npt
 from foucault import procedures
 from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign
-from foucault.campaign.running import SESSION_CAMPAIGN, with_own_log, with_seed
+from foucault.campaign.running import SESSION_CAMPAIGN, keep_recorded, with_own_log, with_seed
 from foucault.campaign.writing import log_table
 from foucault.errors import error
 from foucault.files import atomic, unwritable
@@ -21,6 +21,7 @@ from foucault.models.noise import grade
 from foucault.procedures.on_table.session import TableSession, TableSettings, draw_rig, plan_of
 from foucault.simulate.table.fleet import table_of_means, truth_of
 from foucault.simulate.table.readings import Fleet, SimulatedReadings, simulate_readings
+from foucault.tables import whole_samples
 
 MEANS_FILE, TRUTH_FILE = "means.parquet", "truth.parquet"
 
@@ -51,6 +52,8 @@ def simulate(campaign: Campaign, instruments: int, seed: int | None = None) -> S
     seed = campaign.simulate.seed if seed is None else seed
     draws = [int(s) for s in np.random.SeedSequence(seed).generate_state(4)]
     typical = grade(campaign.simulate.grade, "simulate.grade")
+    plan = plan_of(campaign.settings, session)
+    whole_samples(instruments * len(plan))  # before memory is taken
     fleet = Fleet.draw(campaign.simulate.grade, instruments, draws[0])
     fleet = _with_given(fleet, campaign)
     rig = draw_rig(session, draws[1])
@@ -65,7 +68,7 @@ def simulate(campaign: Campaign, instruments: int, seed: int | None = None) -> S
         heading=rig.heading,
     )
     return simulate_readings(
-        plan_of(campaign.settings, session), models=fleet, noise=campaign.noise or typical.noise,
+        plan, models=fleet, noise=campaign.noise or typical.noise,
         site=campaign.site, rig=rig, interval=1.0 / session.rate, seed=draws[3],
     )  # fmt: skip
 
@@ -104,6 +107,7 @@ def save(
         The campaign file written; `foucault fleet` takes it as it is.
     """
     folder = Path(folder)
+    keep_recorded(folder, TRUTH_FILE, (MEANS_FILE, SESSION_CAMPAIGN))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from foucault.diagnose.north.dwells import PIECE, PIECES
 from foucault.errors import error, suggestion
-from foucault.files import atomic
+from foucault.files import atomic, keep_others
 from foucault.models.dwells import Dwells
 
 FloatArray = npt.NDArray[np.float64]
@@ -312,6 +312,7 @@ def write_stops(order: Order, total: float, move: float, path: str | Path) -> No
         raise error("north_plan.no_stops", name=order.name)
     rows = zip(np.degrees(order.index), order.stops(total, move), order.from_north, strict=True)
     lines = [",".join((*HEADINGS, "counted from"))]
+    keep_others(path, [lines[0].encode()])
     lines += [f"{a:.6f},{t:.3f},{'north' if n else 'forward'}" for a, t, n in rows]
     with atomic(path) as temporary:
         temporary.write_text("\n".join([*lines, ""]), encoding="utf-8")

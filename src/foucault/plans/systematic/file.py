@@ -34,7 +34,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from foucault.errors import FoucaultError, error, suggestion
-from foucault.files import read_text
+from foucault.files import parse_toml, read_text
 from foucault.plans.manoeuvres import TABLE_AXES, Rest, Rotate
 from foucault.plans.systematic.built_in import gimbal_sequence
 from foucault.plans.systematic.sequence import (
@@ -180,7 +180,7 @@ def read_sequence(path: str | Path) -> CalibrationSequence:
 def parse_sequence(text: str, path: str | Path = "sequence.toml") -> CalibrationSequence:
     """Read a sequence from `text`; `path` is where it would lie."""
     try:
-        raw = tomllib.loads(text)
+        raw = parse_toml(text)
     except tomllib.TOMLDecodeError as problem:
         raise error("sequence.file", path=path, why=str(problem)) from None
     try:

@@ -15,7 +15,7 @@ import numpy as np
 
 from foucault.errors import error
 from foucault.escape import csv_cell, toml_text
-from foucault.files import atomic
+from foucault.files import atomic, keep_others
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.sequence import (
     DIRECTIONS,
@@ -117,6 +117,7 @@ def write_steps(sequence: CalibrationSequence, path: str | Path) -> None:
         File to write.
     """
     path = Path(path)
+    keep_others(path, [",".join(HEADINGS).encode(), b"\n[[action]]\n"])
     if path.suffix.lower() == ".toml":
         text = _toml(sequence)
     else:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import error
-from foucault.files import atomic, read_text
+from foucault.files import atomic, keep_others, read_text
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -31,6 +31,7 @@ def write_positions(
     headings : tuple of str
         Names of the angles.
     """
+    keep_others(path, [",".join(headings).encode() + b"\n"])
     lines = [",".join(headings), *(",".join(f"{a:.9f}" for a in row) for row in np.degrees(angles))]
     with atomic(path) as temporary:
         temporary.write_text("\n".join([*lines, ""]), encoding="utf-8")

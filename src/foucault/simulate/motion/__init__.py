@@ -33,7 +33,7 @@ from foucault.plans.manoeuvres import Plan, Start
 from foucault.simulate.motion.path import Path, level_rate, path_of
 from foucault.simulate.motion.pieces import Kinematics, Piece, pieces_of
 from foucault.simulate.noise import noisy_log, sampled_log
-from foucault.tables import Log
+from foucault.tables import Log, whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 Reading = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
@@ -303,7 +303,7 @@ def simulate_motion(
     motion, labels = motion_of(
         plan, start, headings=headings, gravity_offset=gravity_offset, lead=1.0 / rate
     )
-    samples = int(np.floor(motion.end * rate + 1e-9)) + 1
+    samples = whole_samples(np.floor(motion.end * rate + 1e-9)) + 1
     rng = np.random.default_rng(seed)
     if sampled == "rate":
         log = sampled_log(

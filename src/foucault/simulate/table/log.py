@@ -39,7 +39,7 @@ from foucault.models.turntable import (
 )
 from foucault.simulate.noise import sampled_log
 from foucault.simulate.table.readings import Rig, SimulatedReadings, simulate_readings
-from foucault.tables import Log, TableColumns
+from foucault.tables import Log, TableColumns, whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -162,7 +162,7 @@ def simulate(
     rng = np.random.default_rng(seed)
     position, true_rate = (drawn[0] for drawn in rig.draw(plan, 1, rng))
     said, true, edges = _motions(plan, position, true_rate, move_rate)
-    n = int(np.floor(said.end * rate)) + 1
+    n = whole_samples(np.floor(said.end * rate)) + 1
     readout = sampled_log(
         partial(_felt, true, rig, site), samples=n, rate=rate, sampled=sampled,
         model=model, noise=noise, rng=rng,

@@ -24,6 +24,7 @@ from foucault.models.master import MasterTable
 from foucault.models.noise import TriadNoise
 from foucault.simulate.motion import Motion
 from foucault.simulate.noise import draw_noise
+from foucault.tables import whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 Three = tuple[float, float, float]
@@ -151,7 +152,7 @@ def messages(
     period = 1.0 / link.rate
     # Ticks are not aligned with the samples of the slave.
     first = np.ceil(link.offset / period) + rng.random()
-    count = int(np.floor(((1 + link.drift) * end + link.offset) / period - first)) + 1
+    count = whole_samples(np.floor(((1 + link.drift) * end + link.offset) / period - first)) + 1
     clock = period * (first + np.arange(count))
     valid = (clock - link.offset) / (1 + link.drift)
     late = link.delay + link.jitter * np.clip(rng.standard_normal(count), -3.0, 3.0)

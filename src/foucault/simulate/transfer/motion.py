@@ -23,6 +23,7 @@ from foucault.models.earth import EARTH_RATE, earth_rate_n, gravity_n
 from foucault.models.geodesy import displaced, east_north_up, ecef
 from foucault.plans.manoeuvres import Segment, Start
 from foucault.simulate.motion import Motion, TrueTrajectory, motion_of
+from foucault.tables import whole_samples
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def carried(
         From the master to the point, frame m [m].
     """
     motion, labels = motion_of(plan, start, lead=1.0 / rate)
-    time = np.arange(-1, int(np.floor(motion.end * rate + 1e-9)) + 1) / rate
+    time = np.arange(-1, whole_samples(np.floor(motion.end * rate + 1e-9)) + 1) / rate
     arm = np.array(lever)
     f, w = motion.truth(time)
     master = motion.trajectory(time)
