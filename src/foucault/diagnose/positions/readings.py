@@ -219,6 +219,7 @@ def _averaged(
         np.array([w.turns for w in windows]),
         ends[:, 0], ends[:, 2] - ends[:, 0],
         mean["accel"], mean["gyro"], noise["accel"], noise["gyro"], data.interval,
+        data.increments,
     )  # fmt: skip
     return readings, {k: x[1::2] - x[::2] for k, x in both.items() if x is not None}
 
