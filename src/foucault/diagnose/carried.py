@@ -40,7 +40,9 @@ PASSES = 50
 """Most times that the lines are weighed by what was found of them [1]."""
 
 
-def white_and_carried(parts: Sequence[FloatArray], interval: float) -> tuple[FloatArray, FloatArray]:
+def white_and_carried(
+    parts: Sequence[FloatArray], interval: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the density of white noise and the variance of carried rounding, each shape (3,).
 
     Parameters
@@ -105,7 +107,9 @@ def _fitted(power: FloatArray, design: FloatArray, count: FloatArray) -> FloatAr
     return three[0] if three[1] - two[1] > SLOW / 2 else out
 
 
-def _likeliest(power: FloatArray, design: FloatArray, count: FloatArray) -> tuple[FloatArray, float]:
+def _likeliest(
+    power: FloatArray, design: FloatArray, count: FloatArray
+) -> tuple[FloatArray, float]:
     """Maximise -sum count (log S + power/S), S = design @ parts: least squares weighed by 1/S."""
     from scipy.optimize import nnls
 

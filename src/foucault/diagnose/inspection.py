@@ -157,5 +157,9 @@ def turns_among(
 def _axes(x: FloatArray | None, interval: float, rests: Rests, counts: bool) -> Axes | None:
     if x is None:
         return None
-    noise = np.sqrt(measure_noise(x, interval, rests, increments=counts).psd) if len(rests) else np.full(3, np.nan)
+    noise = (
+        np.sqrt(measure_noise(x, interval, rests, increments=counts).psd)
+        if len(rests)
+        else np.full(3, np.nan)
+    )
     return Axes(x.mean(axis=0), x.std(axis=0), x.min(axis=0), x.max(axis=0), noise)

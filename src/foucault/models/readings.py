@@ -115,9 +115,7 @@ def mean_variance(
     x = np.maximum(time / noise.correlation_time, 1e-6)
     markov = 2 * (x + np.expm1(-x)) / x**2
     out = (
-        noise.white**2 / time
-        + noise.bias_instability**2 * markov
-        + noise.random_walk**2 * time / 3
+        noise.white**2 / time + noise.bias_instability**2 * markov + noise.random_walk**2 * time / 3
     )
     if increments:
         out += 2 * carried_rounding(noise.quantisation, interval) / time**2

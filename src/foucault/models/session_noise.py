@@ -67,9 +67,7 @@ class SessionNoise:
             object.__setattr__(self, name, np.maximum(getattr(self, name), QUIETEST**2))
 
     @classmethod
-    def declared(
-        cls, noise: ImuNoise, interval: float, increments: bool = False
-    ) -> SessionNoise:
+    def declared(cls, noise: ImuNoise, interval: float, increments: bool = False) -> SessionNoise:
         """Take the noise as declared; rounding to steps acts as white noise, but of increments.
 
         Parameters

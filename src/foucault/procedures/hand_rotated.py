@@ -293,7 +293,11 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
     if log.gyro is None:
         zero = np.zeros(3)
         return SessionNoise(
-            accel.psd_of_mean, zero, zero, ImuNoise(), accel_rounding=accel.rounding,
+            accel.psd_of_mean,
+            zero,
+            zero,
+            ImuNoise(),
+            accel_rounding=accel.rounding,
             accel_carried=accel.carried,
         )
     gyro = measure_noise(log.gyro, log.interval, rests, increments=counts)

@@ -139,5 +139,7 @@ def quantise(x: FloatArray, step: float, *, carried: bool = False) -> FloatArray
     if step <= 0:
         return x
     if carried:
-        return np.asarray(np.diff(np.round(np.cumsum(x / step, axis=0)), axis=0, prepend=0.0) * step)
+        return np.asarray(
+            np.diff(np.round(np.cumsum(x / step, axis=0)), axis=0, prepend=0.0) * step
+        )
     return np.asarray(np.round(x / step) * step)
