@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.rests import Rests, find_rests, measure_noise, rest_table
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding
 from foucault.tables import AXES, Log
 
@@ -84,6 +85,7 @@ def inspect(log: Log) -> Inspection:
     """
     if log.averaged is not None:
         return _means(log)
+    log = without_spikes(log)
     rests = find_rests(log)
     rows = rest_table(log, rests)
     turning = turns_among(log, rests, rows)

@@ -131,6 +131,10 @@ def quiet_sd(sd: FloatArray) -> float:
     return float(np.percentile(seen, 5)) if len(seen) else 1.0
 
 
+APART = 0.2
+"""Rest and motion differ by this much at least, in decades of the mean level [1]."""
+
+
 def split(level: FloatArray) -> float:
     """Return the level that splits the log-levels into the two most distinct classes [1].
 
@@ -149,7 +153,11 @@ def split(level: FloatArray) -> float:
     above = below[-1] - below
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = mean_below / below - (mean_below[-1] - mean_below) / above
-    between = np.nan_to_num(below * above * gap**2)
+    # What is left of one heap when it is cut in two differs less than rest and motion do: a few
+    # windows far above a long rest would else be outvoted by the scatter of the rest.
+    between = np.nan_to_num(np.where(np.abs(gap) < APART, 0.0, below * above * gap**2))
+    if not between.any():
+        return float(10 ** (x.max() + 0.3))
     best = np.flatnonzero(between >= between.max() * (1 - 1e-9))
     return float(10 ** edges[1 + int(best.mean())])  # middle of an empty valley
 

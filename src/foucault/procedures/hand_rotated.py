@@ -44,6 +44,7 @@ from foucault.diagnose.rests import (
     rest_levels,
     rest_table,
 )
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.hand_rotated import likelihood
@@ -201,6 +202,7 @@ def calibrate(
     if not settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.05, "finding the rests")
+    log = without_spikes(log)
     rests = find_rests(
         log, window=settings.window, threshold=settings.threshold, shortest=settings.shortest
     )

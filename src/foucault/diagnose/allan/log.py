@@ -31,6 +31,7 @@ from foucault.diagnose.allan.deviation import (
     measure,
 )
 from foucault.diagnose.rests import find_rests
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.tables import AXES, Log
 from foucault.units import convert, display_unit, plain
@@ -88,8 +89,9 @@ def measure_log(
         that moves [s].
     """
     names = _chosen(log, axes)
+    log = without_spikes(log)
     part, told = _part_at_rest(log, rest)
-    findings = list(told)
+    findings = [*(f for f in log.findings if f.code == "log.spikes"), *told]
     channels, stuck = {}, None
     for name in names:
         triad, axis = name.split(".")

@@ -25,6 +25,7 @@ from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north import calibration_report as shown
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, stops, units_first
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import error
 from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.attitude import Known
@@ -120,6 +121,7 @@ def calibrate(
     started = clock.monotonic()
     settings = settings or Settings()
     progress(0.1, "finding the dwells")
+    log = without_spikes(log)
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     _require_readings(log, dwells)
     told = stops(dwells, Known(site.gravity))

@@ -23,6 +23,7 @@ from foucault.diagnose.north.input import late_index, require_plausible, stops, 
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import without
 from foucault.diagnose.north.validity import contradicted, other_conditions
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, error, finding
 from foucault.estimate.north.attitude import Fixes, Known, level_square, solve
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
@@ -153,6 +154,7 @@ def find_north(
         calibration, accelerometers_before(settings, prior or {}), about
     )
     progress(0.1, "finding the dwells")
+    log = without_spikes(log)
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     if calibration is not None:
         dwells = without(dwells, calibration.diagnostics.get("stop_offsets") or {})

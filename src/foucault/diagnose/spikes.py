@@ -1,0 +1,124 @@
+"""Single readings that are far from those before and after: spikes of a converter or a link.
+
+A reading is compared with the median of those around it. Motion takes longer than two samples, or
+shakes its neighbours too; what stands alone is no motion, and neither cuts a rest nor enters its
+mean. Steps of the output are no spikes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from foucault.diagnose.rests import resolution
+from foucault.errors import finding
+from foucault.tables import AXES, FloatArray, IndexedLog, Log
+
+AROUND = 11
+"""Samples whose median a reading is compared with [1]."""
+
+BLOCK = 64
+"""Samples that tell how much readings scatter [1]."""
+
+FAR = 8.0
+"""A spike is so many robust standard deviations off: no noise reaches it in a year [1]."""
+
+STEPS = 4.0
+"""And so many steps of the output, at least [1]."""
+
+BACK = 3
+"""Readings so many samples apart are compared first: more than a spike is long [1]."""
+
+CALM = 3.0
+"""Spikes are looked for where readings scatter by less than this much more than usual at rest: a
+hand that turns an instrument or puts it down makes peaks of its own [1]."""
+
+LONGEST = 2
+"""Samples of a spike, at most; what lasts longer is motion [1]."""
+
+
+L = TypeVar("L", Log, IndexedLog)
+
+
+def without_spikes(log: L) -> L:
+    """Return the log with spikes replaced by what is around them, and a finding that counts them.
+
+    Parameters
+    ----------
+    log : Log or IndexedLog
+        Readings; rows that are means, and logs with missing readings, are left as they are [SI].
+    """
+    if log.averaged is not None or len(log) < 2 * BLOCK:
+        return log
+    new: dict[str, FloatArray] = {}
+    seen: list[tuple[int, float, str]] = []
+    for name in ("gyro", "accel"):
+        x = getattr(log, name)
+        if x is None or not np.isfinite(x).all():
+            continue
+        columns = x.reshape(len(x), -1)
+        sizes = spike_sizes(columns)
+        bad = sizes.any(axis=1)
+        if not bad.any():
+            continue
+        good = np.flatnonzero(~bad)
+        cleaned = columns.copy()
+        for column in cleaned.T:
+            column[bad] = np.interp(np.flatnonzero(bad), good, column[good])
+        new[name] = cleaned.reshape(x.shape)
+        for row, k in zip(*np.nonzero(sizes), strict=True):
+            axis = name if columns.shape[1] == 1 else f"{name}.{AXES[k]}"
+            seen.append((int(row), float(sizes[row, k]), axis))
+    if not seen:
+        return log
+    row = min(each[0] for each in seen)
+    _, size, axis = max(each for each in seen if each[0] == row)
+    told = finding(
+        "log.spikes", count=len({each[0] for each in seen}), axis=axis, size=f"{size:.2g}",
+        axes=", ".join(sorted({each[2] for each in seen})), time=f"{log.time[row]:.9g}",
+    )  # fmt: skip
+    return replace(log, findings=(*log.findings, told), **new)
+
+
+def spike_sizes(x: FloatArray) -> FloatArray:
+    """Return how far each reading is off if it is a spike, else 0, in sd of the noise, (n, k) [1].
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, k)
+        Readings of some axes [unit].
+    """
+    out = np.zeros(x.shape)
+    half = AROUND // 2
+    window = np.arange(-half, half + 1)
+    for i, column in enumerate(x.T):
+        apart = np.abs(column[BACK:] - column[:-BACK])
+        scale = np.maximum(_scatter(apart), 1e-9 * np.abs(column).max(initial=0.0))
+        calm = scale <= CALM * np.percentile(scale, 5)
+        # Where all readings are alike there is no noise to compare with, but steps.
+        limit = np.maximum(FAR * scale, STEPS * resolution(column))
+        # A spike is far from what is before it, and from what is after it; at an end from one.
+        far = np.minimum(np.append(np.full(BACK, np.inf), apart), np.append(apart, [np.inf] * BACK))
+        rows = np.flatnonzero((far > limit) & calm)
+        around = np.pad(column, half, mode="reflect")[half + rows[:, None] + window]
+        off = np.abs(around - np.median(around, axis=1)[:, None])
+        # It stands alone: what shakes the instrument shakes it for a while.
+        bound = limit[rows][:, None]
+        alone = (off[:, half] > limit[rows]) & ((off > bound / 2).sum(axis=1) <= LONGEST)
+        out[rows[alone], i] = off[alone, half] / (limit[rows[alone]] / FAR)
+    return out
+
+
+def _scatter(apart: FloatArray) -> FloatArray:
+    """Return the robust standard deviation around each sample, the largest of three blocks."""
+    n = len(apart) + BACK
+    count = len(apart) // BLOCK
+    # Of a sensor that reads one value mostly, what is seldom is not seen in the median. The
+    # difference of two readings scatters by sqrt(2).
+    at = round(0.9 * BLOCK)
+    blocks = np.partition(apart[: count * BLOCK].reshape(count, BLOCK), at, axis=1)
+    block = blocks[:, at] / (1.645 * 2**0.5)
+    near = np.maximum.reduce([block, np.append(block[1:], 0), np.append(0, block[:-1])])
+    return np.asarray(near[np.minimum(np.arange(n) // BLOCK, count - 1)])
