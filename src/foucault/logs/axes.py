@@ -75,7 +75,7 @@ def check(
     if len(time) < 10:
         return ()
     zero = float(time[0]) if zero is None else zero
-    needed = max(10, int(np.ceil(STUCK_TIME / float(np.median(np.diff(time))))))
+    needed = long_enough(float(np.median(np.diff(time))))
     found = []
     for i, axis in enumerate(AXES):
         x = np.ascontiguousarray(values[:, i])
@@ -93,6 +93,17 @@ def check(
             words["start"] = moment(time[first] - zero)
             found.append(finding("log.saturated", count=count, **words))
     return tuple(found)
+
+
+def long_enough(interval: float) -> int:
+    """Return the number of samples that do not repeat one reading by chance [1].
+
+    Parameters
+    ----------
+    interval : float
+        Sample interval [s].
+    """
+    return max(10, int(np.ceil(STUCK_TIME / interval)))
 
 
 def _runs(x: FloatArray) -> _Runs:
@@ -162,6 +173,28 @@ def _stuck(
         if length >= LONGER * usual_run and (moved[~still] >= 3 * usual).all():
             return int(first), int(first + length)
     return None
+
+
+def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
+    """Return the first and the last row of a time in which a noisy signal repeats one reading.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Readings of one sensor that others do not tell anything of [unit].
+    needed : int, shape ()
+        So many rows do not read the same by chance [1].
+    """
+    runs = _runs(np.ascontiguousarray(x))
+    chosen = runs.length >= needed
+    rest = len(x) - int(runs.length[chosen].sum())
+    if not chosen.any() or rest < needed or runs.count - int(chosen.sum()) < 0.5 * rest:
+        return None
+    k = int(np.argmax(runs.length))
+    usual = int(runs.length[~chosen].max(initial=CLIPPED_RUN - 1))
+    if runs.length[k] < LONGER * usual or not _noisy(x):
+        return None
+    return int(runs.first[k]), int(runs.first[k] + runs.length[k] - 1)
 
 
 def _noisy(x: FloatArray) -> bool:

@@ -19,7 +19,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.north import fix_checks as judge
 from foucault.diagnose.north.causes import causes
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
-from foucault.diagnose.north.input import late_index, require_plausible, stops, units_first
+from foucault.diagnose.north.input import alive, late_index, require_plausible, stops, units_first
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import without
 from foucault.diagnose.north.validity import contradicted, other_conditions
@@ -155,12 +155,14 @@ def find_north(
     )
     progress(0.1, "finding the dwells")
     log = without_spikes(log)
+    stuck = alive(log)
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     if calibration is not None:
         dwells = without(dwells, calibration.diagnostics.get("stop_offsets") or {})
     known = _known(site, settings, dwells)
     told = (
         *log.findings,
+        *stuck,
         *dwells.findings,
         *told,
         *stops(dwells, known),
