@@ -14,13 +14,13 @@ import numpy as np
 
 from foucault.diagnose.rests import resolution
 from foucault.errors import finding
-from foucault.tables import AXES, FloatArray, IndexedLog, Log
+from foucault.tables import AXES, FloatArray, IndexedLog, IntArray, Log
 
-AROUND = 11
-"""Samples whose median a reading is compared with [1]."""
+AROUND = 20
+"""So many samples before a reading and after it tell what it should be [1]."""
 
-BLOCK = 64
-"""Samples that tell how much readings scatter [1]."""
+BLOCK = 32
+"""Samples that tell how much readings scatter at rest [1]."""
 
 FAR = 8.0
 """A spike is so many robust standard deviations off: no noise reaches it in a year [1]."""
@@ -91,34 +91,40 @@ def spike_sizes(x: FloatArray) -> FloatArray:
         Readings of some axes [unit].
     """
     out = np.zeros(x.shape)
-    half = AROUND // 2
-    window = np.arange(-half, half + 1)
     for i, column in enumerate(x.T):
-        apart = np.abs(column[BACK:] - column[:-BACK])
-        scale = np.maximum(_scatter(apart), 1e-9 * np.abs(column).max(initial=0.0))
-        calm = scale <= CALM * np.percentile(scale, 5)
-        # Where all readings are alike there is no noise to compare with, but steps.
-        limit = np.maximum(FAR * scale, STEPS * resolution(column))
-        # A spike is far from what is before it, and from what is after it; at an end from one.
-        far = np.minimum(np.append(np.full(BACK, np.inf), apart), np.append(apart, [np.inf] * BACK))
-        rows = np.flatnonzero((far > limit) & calm)
-        around = np.pad(column, half, mode="reflect")[half + rows[:, None] + window]
-        off = np.abs(around - np.median(around, axis=1)[:, None])
-        # It stands alone: what shakes the instrument shakes it for a while.
-        bound = limit[rows][:, None]
-        alone = (off[:, half] > limit[rows]) & ((off > bound / 2).sum(axis=1) <= LONGEST)
-        out[rows[alone], i] = off[alone, half] / (limit[rows[alone]] / FAR)
+        apart = column[BACK:] - column[:-BACK]
+        least = np.maximum(STEPS * resolution(column), 1e-9 * np.abs(column).max(initial=0.0))
+        quiet = _quiet(np.abs(apart))
+        # A spike is far from what is before it and from what is after it, on the same side; at an
+        # end of the log from one of them.
+        after = np.append(-apart, np.zeros(BACK))
+        before = np.append(after[:BACK], apart)
+        after[-BACK:] = before[-BACK:]
+        far = np.minimum(np.abs(before), np.abs(after)) > max(0.8 * FAR * quiet, least)
+        rows = np.flatnonzero(far & (before * after > 0))
+        around = np.pad(column, AROUND, mode="reflect")
+        for some in np.array_split(rows, 1 + len(rows) // 100_000):
+            out[some, i] = _sizes(around, some, quiet, least)
     return out
 
 
-def _scatter(apart: FloatArray) -> FloatArray:
-    """Return the robust standard deviation around each sample, the largest of three blocks."""
-    n = len(apart) + BACK
-    count = len(apart) // BLOCK
-    # Of a sensor that reads one value mostly, what is seldom is not seen in the median. The
-    # difference of two readings scatters by sqrt(2).
-    at = round(0.9 * BLOCK)
-    blocks = np.partition(apart[: count * BLOCK].reshape(count, BLOCK), at, axis=1)
-    block = blocks[:, at] / (1.645 * 2**0.5)
-    near = np.maximum.reduce([block, np.append(block[1:], 0), np.append(0, block[:-1])])
-    return np.asarray(near[np.minimum(np.arange(n) // BLOCK, count - 1)])
+def _quiet(apart: FloatArray) -> float:
+    """Return the standard deviation of the noise where it is quiet."""
+    # Of a sensor that reads one value mostly, what is seldom is not seen in the median.
+    count, at = len(apart) // BLOCK, round(0.9 * BLOCK)
+    blocks = np.partition(apart[: count * BLOCK].reshape(count, BLOCK), at, axis=1)[:, at]
+    seen = blocks[blocks > 0] / (1.645 * 2**0.5)  # a difference of two scatters by sqrt(2)
+    return float(np.percentile(seen, 5)) if len(seen) else 0.0
+
+
+def _sizes(around: FloatArray, rows: IntArray, quiet: float, least: float) -> FloatArray:
+    """Judge some readings by what is around each; `around` is padded by `AROUND` on both sides."""
+    near = around[rows[:, None] + np.arange(2 * AROUND + 1)]
+    off = np.abs(near - np.median(near, axis=1)[:, None])
+    at = round(0.9 * (2 * AROUND + 1))
+    scale = np.partition(off, at, axis=1)[:, at] / 1.645
+    limit = np.maximum(FAR * scale, least)
+    # It stands alone: what shakes the instrument shakes it for a while.
+    lonely = (off > 0.5 * limit[:, None]).sum(axis=1) <= LONGEST
+    spike = lonely & (off[:, AROUND] > limit) & (scale <= CALM * quiet)
+    return np.where(spike, FAR * off[:, AROUND] / np.maximum(limit, 1e-300), 0.0)
