@@ -374,7 +374,10 @@ def _spike(made: Session) -> Session | None:
     step = np.abs(np.diff(x))
     scatter = np.convolve(step, np.ones(101), "same")
     k = 60 + int(np.argmin(scatter[60:-60]))
-    x[k] += 20 * np.median(step[k - 50 : k + 50]) / (0.6745 * 2**0.5)
+    size = 20 * np.median(step[k - 50 : k + 50]) / (0.6745 * 2**0.5)
+    if size == 0:  # commands have no noise
+        return None
+    x[k] += size
     return made.with_columns(**{GYRO[2]: x})
 
 

@@ -600,7 +600,7 @@ def test_what_no_reading_can_show():
         assert all(v.level is Level.PASS for v in survey.verdicts)
 
 
-# -- sensors that read nothing ----------------------------------------------------------------------
+# -- sensors that read nothing ---------------------------------------------------------------------
 
 
 def sampled(accel=2, seed=1):

@@ -168,7 +168,7 @@ def _stuck(
         moved = np.ptp(values[first : first + length, others], axis=0)
         still = moved == 0
         # Neighbours that are as still: a log without noise, or they were lost together.
-        if still.any() and (len(constant) > 1 or still.all() or not _noisy(x)):
+        if still.any() and (len(constant) > 1 or still.all() or not noisy(x)):
             return None
         if length >= LONGER * usual_run and (moved[~still] >= 3 * usual).all():
             return int(first), int(first + length)
@@ -192,13 +192,19 @@ def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
         return None
     k = int(np.argmax(runs.length))
     usual = int(runs.length[~chosen].max(initial=CLIPPED_RUN - 1))
-    if runs.length[k] < LONGER * usual or not _noisy(x):
+    if runs.length[k] < LONGER * usual or not noisy(x):
         return None
     return int(runs.first[k]), int(runs.first[k] + runs.length[k] - 1)
 
 
-def _noisy(x: FloatArray) -> bool:
-    """Tell whether a signal goes up and down from sample to sample, as noise does."""
+def noisy(x: FloatArray) -> bool:
+    """Tell whether a signal goes up and down from sample to sample, as noise does.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Readings of one sensor [unit].
+    """
     step = np.diff(x)
     step = step[step != 0]
     return len(step) > 2 and float(np.mean(step[1:] * step[:-1] < 0)) > ALTERNATES

@@ -12,7 +12,7 @@ import numpy as np
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north.attitude import Known, compensated
 from foucault.estimate.north.reduction import UNSEEN, Pairs, turn_rate
-from foucault.logs.axes import long_enough, moment, standstill
+from foucault.logs.axes import long_enough, moment, noisy, standstill
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation
@@ -53,7 +53,8 @@ def alive(log: IndexedLog) -> tuple[Finding, ...]:
         Readings [SI].
     """
     columns = [("gyro", "gyro", log.gyro)]
-    if log.accel is not None:
+    # A log that is free of noise, as made up ones are, has no stuck accelerometers.
+    if log.accel is not None and (log.averaged is not None or noisy(log.gyro)):
         names = ("accelerometer",) if log.accel.shape[1] == 1 else SIDES
         columns += [("accel", *each) for each in zip(names, log.accel.T, strict=True)]
     needed = ROWS if log.averaged is not None else long_enough(log.interval)
