@@ -351,6 +351,46 @@ def _dead(made: Session, triad: tuple[str, ...]) -> Session:
     return made.with_columns(**{name: np.full(len(made.columns[name]), 0.0)})
 
 
+def _lost(made: Session) -> Session | None:
+    """Let two gyros repeat their last reading from the middle on."""
+    if GYRO[0] not in made.columns:
+        return None
+    out = {name: made.columns[name].astype(float) for name in GYRO[1:]}
+    for x in out.values():
+        x[len(x) // 2 :] = x[len(x) // 2]
+    return made.with_columns(**out)
+
+
+def _sampled(made: Session) -> bool:
+    """Tell whether the rows are samples, not means, and enough of them."""
+    return GYRO[0] in made.columns and len(made.columns["time"]) > 400 and "dwell" not in made.text
+
+
+def _spike(made: Session) -> Session | None:
+    """Add 20 times its noise to one reading, where the instrument is quietest."""
+    if not _sampled(made):
+        return None
+    x = made.columns[GYRO[2]].astype(float)
+    step = np.abs(np.diff(x))
+    scatter = np.convolve(step, np.ones(101), "same")
+    k = 60 + int(np.argmin(scatter[60:-60]))
+    size = 20 * np.median(step[k - 50 : k + 50]) / (0.6745 * 2**0.5)
+    if size == 0:  # commands have no noise
+        return None
+    x[k] += size
+    return made.with_columns(**{GYRO[2]: x})
+
+
+def _empty(made: Session) -> Session | None:
+    """Let the first row hold nothing, as some loggers write it before the first reading."""
+    if not _sampled(made):
+        return None
+    out = {name: made.columns[name].astype(float) for name in (*GYRO, *ACCEL)}
+    for x in out.values():
+        x[0] = 0.0
+    return made.with_columns(**out)
+
+
 def _clipped(made: Session, triad: tuple[str, ...], part: float) -> Session:
     names = made.triad(triad)
     most = part * max(float(np.max(np.abs(made.columns[n]))) for n in names)
@@ -431,6 +471,9 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "wrong g": lambda s: _site(s, gravity="9.7 m/s^2"),
     "gyro dead": lambda s: _dead(s, GYRO),
     "accel dead": lambda s: _dead(s, ACCEL),
+    "two lost": _lost,
+    "spike": _spike,
+    "empty row": _empty,
     "gyro clipped": lambda s: _clipped(s, GYRO, 0.7),
     "accel clipped": lambda s: _clipped(s, ACCEL, 0.7),
     "s as ms": lambda s: s.with_columns(time=s.columns["time"] / 1e3),

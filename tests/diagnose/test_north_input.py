@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from foucault.diagnose.north.input import alive
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -18,6 +19,7 @@ from foucault.procedures.north_seeking.fix import find_north
 from foucault.result import Level
 from foucault.simulate.north import NorthPlan, Placement, Rotation, simulate_north
 from foucault.symptoms.north_seeking import ROWS
+from foucault.tables import IndexedLog
 from make_dwells import (
     DEG_H,
     FIELD,
@@ -596,3 +598,52 @@ def test_what_no_reading_can_show():
     for index in (-dwells.index, dwells.index + np.pi / 2):
         survey = fix(turned(dwells, index))
         assert all(v.level is Level.PASS for v in survey.verdicts)
+
+
+# -- sensors that read nothing ---------------------------------------------------------------------
+
+
+def sampled(accel=2, seed=1):
+    """Samples of a north seeker, noise alone."""
+    rng = np.random.default_rng(seed)
+    return IndexedLog(
+        np.arange(600) / 10, np.zeros(600), 1e-6 * rng.standard_normal(600),
+        1e-3 * rng.standard_normal((600, accel)), np.zeros(600, np.int64), ("one",),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("value", [0.0, 0.02])
+def test_a_sensor_that_reads_one_value_is_refused(value):
+    for log, sensor, columns in (
+        (sampled(), "right accelerometer", (slice(None), 0)),
+        (sampled(), "forward accelerometer", (slice(None), 1)),
+        (sampled(1), "accelerometer", (slice(None), 0)),
+    ):
+        log.accel[columns] = value
+        said = refused(
+            "north.stuck", f"The {sensor} reads {value:g} m/s^2 in 600 of 600", alive, log
+        )
+        assert "check [log.accel]" in said
+    log = sampled()
+    log.gyro[:] = value * DEG / 3600
+    said = refused("north.stuck", f"The gyro reads {value:g} deg/h in 600 of 600 rows", alive, log)
+    assert "check [log.gyro]" in said
+
+
+def test_a_sensor_that_stops_is_named_and_a_gyro_refused():
+    log = sampled()
+    assert alive(log) == ()
+    log.accel[300:, 1] = log.accel[300, 1]
+    (found,) = alive(log)
+    assert found.message.startswith("accel forward repeats one reading from 30 s to 59.9 s")
+    log.gyro[300:] = log.gyro[300]
+    refused("north.stuck", "in 300 of 600 rows, one after the other", alive, log)
+
+
+def test_few_means_may_well_read_the_same():
+    log = sampled()
+    few = IndexedLog(
+        log.time[:4], log.index[:4], log.gyro[:4], np.zeros((4, 2)), log.setup[:4], log.names,
+        averaged=np.full(4, 60.0),
+    )  # fmt: skip
+    assert alive(few) == ()

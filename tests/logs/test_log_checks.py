@@ -243,3 +243,32 @@ def test_a_time_that_repeats_beside_another_log_is_kept_too():
     with pytest.raises(FoucaultError) as raised:
         checks.timing(time)
     assert 'rate = "100' in raised.value.cure
+
+
+@pytest.mark.parametrize("end", [1700, None])
+def test_two_axes_that_stop_together_are_both_named(end):
+    time, f = session()
+    f = counts(f)
+    f[1500:end, 0], f[1500:end, 2] = f[1500, 0], f[1500, 2]
+    found = axes.check(time, f, "accel")
+    assert codes(found) == ["log.stuck", "log.stuck"]
+    assert "accel x repeats one reading from 15 s" in found[0].message
+    assert "accel z repeats one reading from 15 s" in found[1].message
+
+
+def test_two_axes_that_are_still_in_a_log_without_noise_are_not_stuck():
+    time = np.arange(3000) / 100
+    turn = np.sin(time) * (time > 10)
+    x = np.stack([turn * (time < 20), turn * (time < 20), turn], axis=1)
+    assert axes.check(time, x, "gyro") == ()
+
+
+def test_pulses_that_repeat_are_not_stuck():
+    rng = np.random.default_rng(1)
+    time = np.arange(40_000) / 20
+    # Pulses of a steady rate: one in twenty readings has one more, now and then one in thirty.
+    phase = np.cumsum(5.05 + 0.012 * rng.standard_normal(len(time)))
+    x = np.stack([np.diff(np.floor(phase), prepend=0.0), *rng.integers(0, 99, (2, len(time)))], 1)
+    longest = np.diff(np.flatnonzero(np.diff(x[:, 0]))).max()
+    assert longest > 20  # more than a second
+    assert axes.check(time, x, "gyro") == ()

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.rests import Rests, find_rests, measure_noise, rest_table
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding
 from foucault.tables import AXES, Log
 
@@ -84,6 +85,7 @@ def inspect(log: Log) -> Inspection:
     """
     if log.averaged is not None:
         return _means(log)
+    log = without_spikes(log)
     rests = find_rests(log)
     rows = rest_table(log, rests)
     turning = turns_among(log, rests, rows)
@@ -93,8 +95,8 @@ def inspect(log: Log) -> Inspection:
         log=log,
         rests=rests,
         rest_rows=rows,
-        accel=_axes(log.accel, log.interval, still),
-        gyro=_axes(log.gyro, log.interval, still),
+        accel=_axes(log.accel, log.interval, still, log.sampled == "increment"),
+        gyro=_axes(log.gyro, log.interval, still, log.sampled == "increment"),
         shortest=float(step.min(initial=np.inf)),
         longest=float(step.max(initial=0.0)),
         gaps=int(np.count_nonzero(step > 1.5 * log.interval)),
@@ -113,8 +115,8 @@ def _means(log: Log) -> Inspection:
         log=log,
         rests=rests,
         rest_rows=table,
-        accel=_axes(log.accel, 1.0, none),
-        gyro=_axes(log.gyro, 1.0, none),
+        accel=_axes(log.accel, 1.0, none, False),
+        gyro=_axes(log.gyro, 1.0, none, False),
         shortest=float("nan"),
         longest=float("nan"),
         gaps=0,
@@ -154,8 +156,12 @@ def turns_among(
     return np.asarray(apart[centre] > STEADY)
 
 
-def _axes(x: FloatArray | None, interval: float, rests: Rests) -> Axes | None:
+def _axes(x: FloatArray | None, interval: float, rests: Rests, counts: bool) -> Axes | None:
     if x is None:
         return None
-    noise = np.sqrt(measure_noise(x, interval, rests).psd) if len(rests) else np.full(3, np.nan)
+    noise = (
+        np.sqrt(measure_noise(x, interval, rests, increments=counts).psd)
+        if len(rests)
+        else np.full(3, np.nan)
+    )
     return Axes(x.mean(axis=0), x.std(axis=0), x.min(axis=0), x.max(axis=0), noise)

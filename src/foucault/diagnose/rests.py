@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from foucault.diagnose.carried import white_and_carried
 from foucault.errors import Finding, finding
 from foucault.kernels.moving import moving_moments
 from foucault.models.noise import rounding_bias
@@ -130,6 +131,10 @@ def quiet_sd(sd: FloatArray) -> float:
     return float(np.percentile(seen, 5)) if len(seen) else 1.0
 
 
+APART = 0.2
+"""Rest and motion differ by this much at least, in decades of the mean level [1]."""
+
+
 def split(level: FloatArray) -> float:
     """Return the level that splits the log-levels into the two most distinct classes [1].
 
@@ -148,7 +153,11 @@ def split(level: FloatArray) -> float:
     above = below[-1] - below
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = mean_below / below - (mean_below[-1] - mean_below) / above
-    between = np.nan_to_num(below * above * gap**2)
+    # What is left of one heap when it is cut in two differs less than rest and motion do: a few
+    # windows far above a long rest would else be outvoted by the scatter of the rest.
+    between = np.nan_to_num(np.where(np.abs(gap) < APART, 0.0, below * above * gap**2))
+    if not between.any():
+        return float(10 ** (x.max() + 0.3))
     best = np.flatnonzero(between >= between.max() * (1 - 1e-9))
     return float(10 ** edges[1 + int(best.mean())])  # middle of an empty valley
 
@@ -244,15 +253,30 @@ class RestNoise:
         rests were not quite still [unit^2 s].
     rounding : ndarray, shape (3,)
         Constant error of rounding that averaging does not remove, sd [unit].
+    carried : ndarray, shape (3,)
+        Variance of the integral of an increment log at an instant, whose rounding goes on to the
+        next reading: 2 carried / T^2 in a mean over T; 0 where readings are no increments
+        [unit^2 s^2].
     """
 
     psd: FloatArray
     psd_of_mean: FloatArray
     rounding: FloatArray
+    carried: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+
+CARRIED = 0.75
+"""Counts carry their rounding on if their sums show less than this of what their own scatter would
+make of them: beyond it noise hides all steps [1]."""
 
 
 def measure_noise(
-    x: FloatArray, interval: float, rests: Rests, steps: FloatArray | None = None
+    x: FloatArray,
+    interval: float,
+    rests: Rests,
+    steps: FloatArray | None = None,
+    *,
+    increments: bool = False,
 ) -> RestNoise:
     """Measure the noise of one triad in the rests of a log.
 
@@ -266,6 +290,8 @@ def measure_noise(
         Where the instrument rested.
     steps : ndarray, shape (3,), or None
         Steps of the output, where `x` alone does not show them [unit].
+    increments : bool
+        Whether the readings are means over their intervals, which may carry their rounding on.
     """
     from scipy.special import fdtri
 
@@ -284,12 +310,7 @@ def measure_noise(
             quarters = _block_means(part, quarter)[:4]
             slow += quarters.var(axis=0) * 4 * quarter
             slow_n += 3
-    psd = fast / max(fast_n, 1) * interval
-    of_mean = psd
-    if slow_n:
-        measured = slow / slow_n * interval
-        limit = fdtri(slow_n, max(fast_n, 1), 0.99)
-        of_mean = np.where(measured > limit * psd, measured, psd)
+    psd, carried = fast / max(fast_n, 1) * interval, np.zeros(3)
     sd = np.sqrt(square / max(n, 1))
     if steps is None:
         steps = np.array([resolution(x[:, i]) for i in range(3)])
@@ -297,9 +318,24 @@ def measure_noise(
     # signal that hardly leaves two steps says nothing of how much it moves: take it for still.
     before = np.sqrt(np.maximum(sd**2 - steps**2 / 12, 0.0))
     before[_levels(x, rests) < 3] = 0.0
-    rounding = [rounding_bias(step, s) for step, s in zip(steps, before, strict=True)]
+    rounding = np.array([rounding_bias(step, s) for step, s in zip(steps, before, strict=True)])
     floor = steps**2 / 12 * interval  # in motion, rounding is white noise
-    return RestNoise(np.maximum(psd, floor), np.maximum(of_mean, floor), np.array(rounding))
+    if increments and len(rests):
+        # Means that hold more than one pulse: the fewer it has, the less its lines look like noise.
+        parts = [_block_means(x[a:b], short) for a, b in zip(rests.first, rests.last, strict=True)]
+        psd, carried = white_and_carried(parts, short * interval)
+        # An axis that never changes does not tell: counters carry on.
+        on = (psd < CARRIED * sd**2 * interval) | (square == 0)
+        carried = np.where(on, np.maximum(carried, floor * interval), carried)
+        rounding, floor = np.where(on, 0.0, rounding), np.where(on, 0.0, floor)
+    of_mean = psd
+    if slow_n:
+        measured = slow / slow_n * interval
+        # Of four quarters that follow each other, carried rounding leaves 5/2 of v / time.
+        ends = 2.5 * carried * float(np.mean(4 / (rests.last - rests.first))) / interval
+        limit = fdtri(slow_n, max(fast_n, 1), 0.99)
+        of_mean = np.where(measured > limit * (psd + ends), measured - ends, psd)
+    return RestNoise(np.maximum(psd, floor), np.maximum(of_mean, floor), rounding, carried)
 
 
 def _levels(x: FloatArray, rests: Rests) -> FloatArray:

@@ -20,6 +20,13 @@ CLIPPED_RUN = 4
 STUCK_TIME = 1.0
 """An axis that normally moves is stuck when it is constant for longer [s]."""
 
+LONGER = 4.0
+"""And for so many times longer than it repeats a reading otherwise [1]."""
+
+ALTERNATES = 0.25
+"""Of the steps of noise two in three turn back, of those of smooth motion hardly any: a signal has
+noise where more than this do [1]."""
+
 FULL_FLIGHT = 4.5
 """A clipped signal reaches its limit by a step of more than this many counts [1]."""
 
@@ -68,7 +75,7 @@ def check(
     if len(time) < 10:
         return ()
     zero = float(time[0]) if zero is None else zero
-    needed = max(10, int(np.ceil(STUCK_TIME / float(np.median(np.diff(time))))))
+    needed = long_enough(float(np.median(np.diff(time))))
     found = []
     for i, axis in enumerate(AXES):
         x = np.ascontiguousarray(values[:, i])
@@ -86,6 +93,17 @@ def check(
             words["start"] = moment(time[first] - zero)
             found.append(finding("log.saturated", count=count, **words))
     return tuple(found)
+
+
+def long_enough(interval: float) -> int:
+    """Return the number of samples that do not repeat one reading by chance [1].
+
+    Parameters
+    ----------
+    interval : float
+        Sample interval [s].
+    """
+    return max(10, int(np.ceil(STUCK_TIME / interval)))
 
 
 def _runs(x: FloatArray) -> _Runs:
@@ -140,13 +158,53 @@ def _stuck(
     # and says nothing by being constant.
     if not constant or rest < needed or runs.count - len(constant) < 0.5 * rest:
         return None
+    # Pulses of a steady rate come as evenly as they can: where some repeat for almost as long,
+    # that one repeats for longer is their resolution.
+    usual_run = int(runs.length[~chosen].max(initial=CLIPPED_RUN))
     step = np.abs(np.diff(x))
     usual = float(np.quantile(step[step > 0], 0.25))
     others = [j for j in range(3) if j != i and np.ptp(values[:, j]) > 0]
     for first, length in constant:
         moved = np.ptp(values[first : first + length, others], axis=0)
-        if (moved == 0).any():
-            return None  # its neighbours are as still: a log without noise
-        if (moved >= 3 * usual).all():
+        still = moved == 0
+        # Neighbours that are as still: a log without noise, or they were lost together.
+        if still.any() and (len(constant) > 1 or still.all() or not noisy(x)):
+            return None
+        if length >= LONGER * usual_run and (moved[~still] >= 3 * usual).all():
             return int(first), int(first + length)
     return None
+
+
+def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
+    """Return the first and the last row of a time in which a noisy signal repeats one reading.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Readings of one sensor that others do not tell anything of [unit].
+    needed : int, shape ()
+        So many rows do not read the same by chance [1].
+    """
+    runs = _runs(np.ascontiguousarray(x))
+    chosen = runs.length >= needed
+    rest = len(x) - int(runs.length[chosen].sum())
+    if not chosen.any() or rest < needed or runs.count - int(chosen.sum()) < 0.5 * rest:
+        return None
+    k = int(np.argmax(runs.length))
+    usual = int(runs.length[~chosen].max(initial=CLIPPED_RUN - 1))
+    if runs.length[k] < LONGER * usual or not noisy(x):
+        return None
+    return int(runs.first[k]), int(runs.first[k] + runs.length[k] - 1)
+
+
+def noisy(x: FloatArray) -> bool:
+    """Tell whether a signal goes up and down from sample to sample, as noise does.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Readings of one sensor [unit].
+    """
+    step = np.diff(x)
+    step = step[step != 0]
+    return len(step) > 2 and float(np.mean(step[1:] * step[:-1] < 0)) > ALTERNATES

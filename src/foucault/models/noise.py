@@ -38,7 +38,8 @@ class TriadNoise:
     random_walk : float
         Rate or acceleration random walk [unit/sqrt(s)].
     quantisation : float
-        Step of the output [unit]; 0 for none.
+        Step of the output [unit]; 0 for none. Increments carry their rounding to the next: what
+        is rounded is their sum, to steps of quantisation times the sample interval.
     """
 
     white: float = 0.0
@@ -155,6 +156,19 @@ def rounding_bias(step: float, sd: float) -> float:
     if step <= 0:
         return 0.0
     return step / math.sqrt(12) * math.exp(-2 * (math.pi * sd / step) ** 2)
+
+
+def carried_rounding(step: float, interval: float) -> float:
+    """Return the variance of the sum of increments whose rounding is carried on [unit^2 s^2].
+
+    Parameters
+    ----------
+    step : float
+        Step of the output [unit].
+    interval : float
+        Sample interval [s].
+    """
+    return (step * interval) ** 2 / 12
 
 
 def noise_json(noise: ImuNoise) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding
-from foucault.models.noise import ImuNoise, TriadNoise, rounding_bias
+from foucault.models.noise import ImuNoise, TriadNoise, carried_rounding, rounding_bias
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -37,6 +37,8 @@ class Readings:
         Covariance of the noise of these means [SI].
     interval : float
         Sample interval of the log, 0 where it held means [s].
+    increments : bool
+        Whether the rows of the log were means over their intervals, which carry rounding on.
     declared : bool
         Whether the noise was declared, not measured.
     findings : tuple of Finding
@@ -53,6 +55,7 @@ class Readings:
     accel_cov: FloatArray
     gyro_cov: FloatArray
     interval: float = 0.0
+    increments: bool = False
     declared: bool = False
     findings: tuple[Finding, ...] = field(default=())
 
@@ -78,8 +81,8 @@ class Readings:
         White noise and rounding average out; bias instability and random walk do so hardly, and
         are taken as independent from one reading to the next.
         """
-        accel = mean_variance(noise.accel, self.time, self.interval)
-        gyro = mean_variance(noise.gyro, self.time, self.interval)
+        accel = mean_variance(noise.accel, self.time, self.interval, self.increments)
+        gyro = mean_variance(noise.gyro, self.time, self.interval, self.increments)
         return replace(
             self,
             accel_cov=accel[:, None, None] * np.eye(3),
@@ -89,11 +92,14 @@ class Readings:
         )
 
 
-def mean_variance(noise: TriadNoise, time: FloatArray, interval: float) -> FloatArray:
+def mean_variance(
+    noise: TriadNoise, time: FloatArray, interval: float, increments: bool = False
+) -> FloatArray:
     """Return the variance of a mean, shape (n,) [unit^2].
 
     ``white^2 / T + B^2 m(T / T_c) + K^2 T / 3 + q^2 dt / (12 T) + rounding^2`` with
-    ``m(x) = 2 (x - 1 + exp(-x)) / x^2``, the variance of the mean of a Markov process.
+    ``m(x) = 2 (x - 1 + exp(-x)) / x^2``, the variance of the mean of a Markov process. Of
+    increments the sum is rounded, and q adds ``2 (q dt)^2 / (12 T^2)`` alone.
 
     Parameters
     ----------
@@ -103,15 +109,17 @@ def mean_variance(noise: TriadNoise, time: FloatArray, interval: float) -> Float
         Length of each mean [s].
     interval : float
         Sample interval, 0 where unknown [s].
+    increments : bool
+        Whether the samples are means over their intervals, which carry rounding on.
     """
     x = np.maximum(time / noise.correlation_time, 1e-6)
     markov = 2 * (x + np.expm1(-x)) / x**2
     out = (
-        noise.white**2 / time
-        + noise.bias_instability**2 * markov
-        + noise.random_walk**2 * time / 3
-        + noise.quantisation**2 * interval / (12 * time)
+        noise.white**2 / time + noise.bias_instability**2 * markov + noise.random_walk**2 * time / 3
     )
-    if interval > 0 and noise.quantisation > 0:
+    if increments:
+        out += 2 * carried_rounding(noise.quantisation, interval) / time**2
+    elif interval > 0 and noise.quantisation > 0:
+        out += noise.quantisation**2 * interval / (12 * time)
         out += rounding_bias(noise.quantisation, noise.white / np.sqrt(interval)) ** 2
     return np.asarray(np.maximum(out, 1e-24))

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.models.earth import EARTH_RATE
-from foucault.models.noise import ImuNoise, TriadNoise, rounding_bias
+from foucault.models.noise import ImuNoise, TriadNoise, carried_rounding, rounding_bias
 from foucault.models.rests_and_turns import Prediction, Session
 
 FloatArray = npt.NDArray[np.float64]
@@ -45,6 +45,9 @@ class SessionNoise:
     accel_rounding, gyro_rounding : ndarray, shape (3,)
         Constant error of rounding in the mean of a rest [unit]: another one in every rest for
         the accelerometers, the same in all rests for the gyros, which always read their bias.
+    accel_carried, gyro_carried : ndarray, shape (3,)
+        Variance of the sum of increments at an instant, whose rounding goes on to the next
+        reading: it counts at both ends of a rest or turn [unit^2 s^2].
     """
 
     accel_psd: FloatArray
@@ -56,14 +59,16 @@ class SessionNoise:
     turn_repeatability: float = 0.0
     accel_rounding: FloatArray = field(default_factory=lambda: np.zeros(3))
     gyro_rounding: FloatArray = field(default_factory=lambda: np.zeros(3))
+    accel_carried: FloatArray = field(default_factory=lambda: np.zeros(3))
+    gyro_carried: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         for name in ("accel_psd", "gyro_psd", "turn_psd"):
             object.__setattr__(self, name, np.maximum(getattr(self, name), QUIETEST**2))
 
     @classmethod
-    def declared(cls, noise: ImuNoise, interval: float) -> SessionNoise:
-        """Take the noise as declared; rounding to steps acts as white noise.
+    def declared(cls, noise: ImuNoise, interval: float, increments: bool = False) -> SessionNoise:
+        """Take the noise as declared; rounding to steps acts as white noise, but of increments.
 
         Parameters
         ----------
@@ -71,7 +76,19 @@ class SessionNoise:
             Declared noise [SI].
         interval : float
             Sample interval [s].
+        increments : bool
+            Whether the samples are means over their intervals, which carry rounding on.
         """
+
+        def carried(triad: TriadNoise) -> FloatArray:
+            return np.full(3, carried_rounding(triad.quantisation, interval))
+
+        if increments:
+            white = [np.full(3, triad.white**2) for triad in (noise.accel, noise.gyro)]
+            return cls(
+                white[0], white[1], white[1], noise,
+                accel_carried=carried(noise.accel), gyro_carried=carried(noise.gyro),
+            )  # fmt: skip
 
         def psd(triad: TriadNoise) -> FloatArray:
             return np.full(3, triad.white**2 + triad.quantisation**2 / 12 * interval)
@@ -106,13 +123,16 @@ def blocks(session: Session, noise: SessionNoise, at: Prediction) -> FloatArray:
     rest_time = session.rest_time[:, None, None]
     floor = np.diag(noise.accel_rounding**2) + noise.accel_repeatability**2 * np.eye(3)
     out = [np.diag(noise.accel_psd) / rest_time + floor]
+    out[0] += 2 * np.diag(noise.accel_carried) / rest_time**2
     if session.gyro_mean is not None:
         # An unknown Earth rate has its full size over all directions: a third per axis.
         unknown = EARTH_RATE**2 / 3 if session.site.latitude is None else 0.0
         rest_floor = noise.gyro_repeatability**2 + unknown
         turn_floor = noise.turn_repeatability**2 + unknown * session.turn_time**2
+        ends = 2 * np.diag(noise.gyro_carried)
         out.append(np.diag(noise.gyro_psd) / rest_time + rest_floor * np.eye(3))
-        out.append(at.turn_noise + turn_floor[:, None, None] * np.eye(3))
+        out[-1] += ends / rest_time**2
+        out.append(at.turn_noise + ends + turn_floor[:, None, None] * np.eye(3))
     return np.concatenate(out)
 
 

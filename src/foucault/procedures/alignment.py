@@ -17,6 +17,7 @@ import numpy as np
 from foucault.diagnose.alignment import agreement as alignment_agreement
 from foucault.diagnose.alignment import input as alignment_checks
 from foucault.diagnose.rest_noise import noise_of
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
@@ -123,6 +124,7 @@ def align_log(
         No rest, no latitude, or axes, units and signs that are wrong: see `foucault.symptoms`.
     """
     known_latitude(site)
+    log = without_spikes(log)
     if len(rests):
         start, end = rests[-1]
     given = [(float(log.time[0] + a), float(log.time[0] + b)) for a, b in rests]

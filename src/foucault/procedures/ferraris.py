@@ -25,6 +25,7 @@ from pydantic import Field, field_validator
 
 from foucault.diagnose.faces.moves import check_moves
 from foucault.diagnose.faces.whole_turns import find_turns
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import error
 from foucault.estimate.faces.ferraris import published, scale_and_rotation
 from foucault.estimate.faces.likelihood import Scene, State
@@ -209,6 +210,7 @@ def calibrate(
     if not settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.1, "finding faces and turns")
+    log = without_spikes(log)
     faces = on_faces.found_faces(log, site, settings)
     faces, turns = find_turns(log, faces, settings.angle, settings.sections)
     check_moves(log, faces)

@@ -44,6 +44,7 @@ from foucault.diagnose.rests import (
     rest_levels,
     rest_table,
 )
+from foucault.diagnose.spikes import without_spikes
 from foucault.diagnose.time_base import with_clock
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
@@ -202,6 +203,7 @@ def calibrate(
     if not settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.05, "finding the rests")
+    log = without_spikes(log)
     rests = find_rests(
         log, window=settings.window, threshold=settings.threshold, shortest=settings.shortest
     )
@@ -287,19 +289,26 @@ def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
 
 def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNoise:
     log = data.log
+    counts = log.sampled == "increment"
     if noise is not None:
-        return SessionNoise.declared(noise, log.interval)
+        return SessionNoise.declared(noise, log.interval, counts)
     assert log.accel is not None
-    accel = measure_noise(log.accel, log.interval, rests)
+    accel = measure_noise(log.accel, log.interval, rests, increments=counts)
     if log.gyro is None:
         zero = np.zeros(3)
         return SessionNoise(
-            accel.psd_of_mean, zero, zero, ImuNoise(), accel_rounding=accel.rounding
+            accel.psd_of_mean,
+            zero,
+            zero,
+            ImuNoise(),
+            accel_rounding=accel.rounding,
+            accel_carried=accel.carried,
         )
-    gyro = measure_noise(log.gyro, log.interval, rests)
+    gyro = measure_noise(log.gyro, log.interval, rests, increments=counts)
     return SessionNoise(
         accel.psd_of_mean, gyro.psd_of_mean, gyro.psd, ImuNoise(),
         accel_rounding=accel.rounding, gyro_rounding=gyro.rounding,
+        accel_carried=accel.carried, gyro_carried=gyro.carried,
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose.faces.moves import check_moves
+from foucault.diagnose.spikes import without_spikes
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
@@ -136,6 +137,7 @@ def calibrate(
     if not settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.1, "finding the faces")
+    log = without_spikes(log)
     faces = on_faces.found_faces(log, site, settings)
     check_moves(log, faces)
     progress(0.5, "calibrating")

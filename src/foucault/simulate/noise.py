@@ -84,8 +84,11 @@ def noisy_log(
     rng : Generator
         Source of random numbers.
     """
-    accel = quantise(accel + draw_noise(noise.accel, time, rng), noise.accel.quantisation)
-    gyro = quantise(gyro + draw_noise(noise.gyro, time, rng), noise.gyro.quantisation)
+    carried = sampled == "increment"
+    accel, gyro = (
+        quantise(x + draw_noise(triad, time, rng), triad.quantisation, carried=carried)
+        for x, triad in ((accel, noise.accel), (gyro, noise.gyro))
+    )
     return Log(time, gyro, accel, sampled)
 
 
@@ -121,7 +124,7 @@ def draw_noise(noise: TriadNoise, time: FloatArray, rng: np.random.Generator) ->
     return np.asarray(out)
 
 
-def quantise(x: FloatArray, step: float) -> FloatArray:
+def quantise(x: FloatArray, step: float, *, carried: bool = False) -> FloatArray:
     """Round readings to multiples of `step` (0: leave them).
 
     Parameters
@@ -130,5 +133,13 @@ def quantise(x: FloatArray, step: float) -> FloatArray:
         Readings [any unit].
     step : float
         Step of the output [unit of x].
+    carried : bool
+        Whether what a reading leaves out goes on to the next one, as where pulses are counted.
     """
-    return np.round(x / step) * step if step > 0 else x
+    if step <= 0:
+        return x
+    if carried:
+        return np.asarray(
+            np.diff(np.round(np.cumsum(x / step, axis=0)), axis=0, prepend=0.0) * step
+        )
+    return np.asarray(np.round(x / step) * step)

@@ -53,6 +53,14 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("allan.longest_rest", "note", "A log that moves: its longest rest was used",
      "The log moves; its longest rest, {start} s to {end} s, is used.",
      "Choose another part with --rest, or record the instrument at rest."),
+    ("allan.small_part", "warning", "A log that moves: its longest rest is a small part of it",
+     "The log moves; its longest rest, {start} s to {end} s, is used: {share} % of the log.",
+     "Choose another part with --rest, or record the instrument at rest; `foucault inspect` lists "
+     "the rests."),
+    ("allan.shaken", "warning", "A log that is shaken now and then, but stays where it is",
+     "The instrument is shaken in {share} % of the log, but stays where it is; all of the log is "
+     "used, and the shaking counts as noise.",
+     "Choose a quiet part with --rest, or record it where nothing shakes it."),
     ("allan.no_rest", "error", "A log that moves and has no rest long enough",
      "The instrument moves, and its longest rest has {samples} samples; an Allan variance needs at "
      "least {least}.",

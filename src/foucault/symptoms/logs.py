@@ -254,6 +254,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "{triad} {axis} is saturated; samples at the limit: {count}, the first {start} s from the "
      "start.",
      "Turn more slowly or choose a wider range; leave the saturated turns out."),
+    ("log.spikes", "warning", "Single readings that are far from those before and after",
+     "Spikes, readings that stand alone far from those before and after: {count} ({axes}), the "
+     "first at {time} s ({axis}, {size} times its noise). They were set apart: what is around them "
+     "stands for them.",
+     "Look for the cause in the logger, the link or the supply. What they were is lost; a few do "
+     "no harm to a rest."),
     ("log.stuck", "warning", "An axis that does not move",
      "{triad} {axis} repeats one reading from {start} s to {end} s, counted from the start.",
      "The axis is stuck or its resolution is too coarse: check the column in [log.{triad}] and "

@@ -52,6 +52,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A table that cannot be tilted so far",
      "The tilts of the plan are {given}.",
      "Choose tilts between -89 and 89 deg."),
+    ("north.stuck", "error",
+     "A gyro or an accelerometer that reads one value only",
+     "The {sensor} reads {value} in {rows} of {of} rows, one after the other.",
+     "It is stuck, or another column is meant: check [log.{triad}]. Accelerometers that do not "
+     "work are left out of [log]; `level_sd` in [procedure] says how level the instrument stood."),
     ("north.undetermined", "error",
      "Headings that do not determine the calibration",
      "These headings do not show: {names}.",

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +31,8 @@ from foucault.diagnose.allan.deviation import (
     Noise,
     measure,
 )
-from foucault.diagnose.rests import find_rests
+from foucault.diagnose.rests import Rests, find_rests
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.logs.checks import rate_instead
 from foucault.tables import AXES, Log
@@ -43,6 +45,12 @@ MARKOV_PEAK = (0.6174, 1.8926)
 
 FLAT = float(np.sqrt(2 * np.log(2) / np.pi))
 """Allan deviation of flicker over B [1]."""
+
+SMALL = 0.5
+"""A rest that covers less than this of the log is a small part of it [1]."""
+
+MOVED = float(np.radians(0.3))
+"""What turns or tilts by less stays where it is [rad]."""
 
 _WHOLE = 0.95  # a rest that covers this part of the log: the log does not move
 
@@ -89,8 +97,9 @@ def measure_log(
         that moves [s].
     """
     names = _chosen(log, axes)
+    log = without_spikes(log)
     part, told = _part_at_rest(log, rest)
-    findings = list(told)
+    findings = [*(f for f in log.findings if f.code == "log.spikes"), *told]
     channels, stuck = {}, None
     for name in names:
         triad, axis = name.split(".")
@@ -149,11 +158,35 @@ def _part_at_rest(log: Log, rest: tuple[float, float] | None) -> tuple[Log, list
     if rest is not None:
         span = {"start": f"{rest[0]:g}", "end": f"{rest[1]:g}"}
         return part, [*findings, finding("allan.moves", **span)]
+    if covered < SMALL * len(part) and _stays(fine, rests):
+        share = 100 * (1 - lengths.sum() / len(part))
+        return part, [*findings, finding("allan.shaken", share=f"{share:.2g}")]
     if covered < LEAST:
         raise error("allan.no_rest", samples=covered, least=LEAST)
+    whole = part.duration
     part = part[int(rests.first[longest]) : int(rests.last[longest])]
     span = {"start": f"{part.time[0]:.2f}", "end": f"{part.time[-1]:.2f}"}
+    if covered < SMALL * (whole / part.interval):
+        share = f"{100 * part.duration / whole:.2g}"
+        return part, [*findings, finding("allan.small_part", share=share, **span)]
     return part, [*findings, finding("allan.longest_rest", **span)]
+
+
+def _stays(log: Log, rests: Rests) -> bool:
+    """Return whether the instrument is after each shake as it was before, and turns in none."""
+    if len(rests) < 2 or log.gyro is None:  # without a gyro a turn about the vertical is not seen
+        return False
+    spans = list(zip(rests.first.tolist(), rests.last.tolist(), strict=True))
+    rate = np.array([log.gyro[a:b].mean(axis=0) for a, b in spans])
+    for k, (a, b) in enumerate(pairwise(spans)):
+        turned = np.cumsum(log.gyro[a[1] : b[0]] - (rate[k] + rate[k + 1]) / 2, axis=0)
+        if np.abs(turned).max(initial=0.0) * log.interval > MOVED:
+            return False
+    if log.accel is None:
+        return True
+    up = np.array([log.accel[a:b].mean(axis=0) for a, b in spans])
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    return bool(np.abs(up - np.median(up, axis=0)).max() < MOVED)
 
 
 def _coarse(x: FloatArray | None) -> bool:

@@ -96,7 +96,11 @@ def _sources(session: Session, noise: SessionNoise) -> dict[str, tuple[SessionNo
     return {
         "accelerometer noise": (
             replace(
-                silent, accel_psd=noise.accel_psd, slow=accel, accel_rounding=noise.accel_rounding
+                silent,
+                accel_psd=noise.accel_psd,
+                slow=accel,
+                accel_rounding=noise.accel_rounding,
+                accel_carried=noise.accel_carried,
             ),
             known,
         ),
@@ -107,6 +111,7 @@ def _sources(session: Session, noise: SessionNoise) -> dict[str, tuple[SessionNo
                 turn_psd=noise.turn_psd,
                 slow=gyro,
                 gyro_rounding=noise.gyro_rounding,
+                gyro_carried=noise.gyro_carried,
             ),
             known,
         ),

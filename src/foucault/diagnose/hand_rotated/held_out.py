@@ -107,7 +107,8 @@ def rest_cov(session: Session, noise: SessionNoise) -> FloatArray:
     noise : SessionNoise
         Noise of the rests [SI].
     """
-    white = np.diag(noise.accel_psd) / session.rest_time[:, None, None]
+    time = session.rest_time[:, None, None]
+    white = np.diag(noise.accel_psd) / time + 2 * np.diag(noise.accel_carried) / time**2
     slow = noise.slow.accel.bias_instability**2 + noise.accel_repeatability**2
     walk = noise.slow.accel.random_walk**2 * session.log.time[session.first]
     rounding = np.diag(noise.accel_rounding**2)

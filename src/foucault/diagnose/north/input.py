@@ -12,13 +12,21 @@ import numpy as np
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north.attitude import Known, compensated
 from foucault.estimate.north.reduction import UNSEEN, Pairs, turn_rate
+from foucault.logs.axes import long_enough, moment, noisy, standstill
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation
-from foucault.units import span
+from foucault.tables import IndexedLog
+from foucault.units import plain, span
 
 TOO_FAST = 1.5
 """Horizontal rate, in Earth rates, that no noise within reason gives [1]."""
+
+ROWS = 8
+"""Fewer rows may well read the same [1]."""
+
+SIDES = ("right accelerometer", "forward accelerometer")
+"""Two accelerometers that stay with the case."""
 
 MANY_SD = 6.0
 """What differs by so many standard deviations is no noise [1]."""
@@ -34,6 +42,39 @@ BY_UNITS = (
     "north.tilt",
 )  # fmt: skip
 """Errors that a wrong unit leads to."""
+
+
+def alive(log: IndexedLog) -> tuple[Finding, ...]:
+    """Refuse a sensor that reads one value throughout; name one that does so for a while.
+
+    Parameters
+    ----------
+    log : IndexedLog
+        Readings [SI].
+    """
+    columns = [("gyro", "gyro", log.gyro)]
+    # A log that is free of noise, as made up ones are, has no stuck accelerometers.
+    if log.accel is not None and (log.averaged is not None or noisy(log.gyro)):
+        names = ("accelerometer",) if log.accel.shape[1] == 1 else SIDES
+        columns += [("accel", *each) for each in zip(names, log.accel.T, strict=True)]
+    needed = ROWS if log.averaged is not None else long_enough(log.interval)
+    found = []
+    for triad, sensor, x in columns:
+        still = (0, len(x) - 1) if len(x) >= ROWS and np.ptp(x) == 0 else None
+        still = still or standstill(x, needed)
+        if still is None:
+            continue
+        start, end = still
+        rows = end + 1 - start
+        if triad == "gyro" or rows == len(x):
+            unit, one = ("deg/h", np.pi / 180 / 3600) if triad == "gyro" else ("m/s^2", 1.0)
+            value = f"{plain(float(x[start]) / one, 5)} {unit}"
+            raise error("north.stuck", sensor=sensor, triad=triad, value=value, rows=rows,
+                        of=len(x))  # fmt: skip
+        axis = "column" if len(columns) == 2 else sensor.split()[0]
+        first, last = (moment(log.time[k] - log.time[0]) for k in still)
+        found.append(finding("log.stuck", triad=triad, axis=axis, start=first, end=last))
+    return tuple(found)
 
 
 def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:

@@ -7,7 +7,8 @@ every time. An error of variance v that m readings share is no more than indepen
 variance m v, in every combination of them: that is what they are given here, so that averaging
 does not pretend to know more than one rounding tells. A spin has its own noise, for the table is
 not perfectly even; the harmonics of the outer angle, which average out over whole turns, are
-removed first.
+removed first. Increments carry their rounding on: it is told from white noise by the spectrum of
+the cells (`diagnose.carried`), and falls with the square of the time.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from foucault.diagnose.positions.cells import Cells, Reduced, held
+from foucault.diagnose.carried import white_and_carried
+from foucault.diagnose.positions.cells import Reduced, held
 from foucault.diagnose.positions.stretches import Stretch
 from foucault.diagnose.positions.turns import Window
 from foucault.diagnose.rests import Rests, measure_noise, resolution
@@ -91,8 +93,10 @@ class Glimpses:
         x = np.concatenate([getattr(part, name) for part in self.some])
         return np.array([lattice(x[:, i]) for i in range(3)])
 
-    def rounding(self, name: str, which: list[int], interval: float) -> FloatArray:
-        """Return the constant error of rounding in some readings, sd, shape (3,) [unit].
+    def rounding(
+        self, name: str, which: list[int], interval: float, increments: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what rounding leaves in some readings.
 
         Parameters
         ----------
@@ -102,16 +106,27 @@ class Glimpses:
             Numbers of the readings [1].
         interval : float
             Sample interval [s].
+        increments : bool
+            Whether rows are means over the interval before their time.
+
+        Returns
+        -------
+        rounding : ndarray, shape (3,)
+            Its constant error, sd [unit].
+        carried : ndarray, shape (3,)
+            Variance of what goes on to the next sample [unit^2 s^2].
         """
         x = [
             np.concatenate([getattr(p, name) for p in self.kept[k]]) for k in which if self.kept[k]
         ]
         if not x:
-            return np.zeros(3)
+            return np.zeros(3), np.zeros(3)
         last = np.cumsum([len(part) for part in x])
         none = np.empty(0)
         rests = Rests(last - [len(p) for p in x], last, none, none, none, np.nan, 1)
-        return measure_noise(np.concatenate(x), interval, rests, self.steps(name)).rounding
+        steps = self.steps(name)
+        found = measure_noise(np.concatenate(x), interval, rests, steps, increments=increments)
+        return found.rounding, found.carried
 
     def shared(self, name: str) -> FloatArray:
         """Return with how many readings each shares its rounding, itself included, (n, 3) [1].
@@ -195,28 +210,36 @@ def covariance(
     spins = [k for k, window in enumerate(windows) if window.rate != 0]
     rests = [k for k, window in enumerate(windows) if window.rate == 0]
     kinds = [which for which in (rests, spins) if which]
-    measured = [_power(name, data.cells, [runs[k] for k in w], [windows[k] for k in w])
-                for w in kinds]  # fmt: skip
+    rounding = [seen.rounding(name, w, data.interval, data.increments) for w in kinds]
+    measured = [
+        _power(name, data, [runs[k] for k in w], [windows[k] for k in w], carried)
+        for w, (_, carried) in zip(kinds, rounding, strict=True)
+    ]
     shared = seen.shared(name)
     for i, which in enumerate(kinds):
-        power, freedom = measured[i]
-        if freedom < 10 and len(measured) == 2 and measured[1 - i][1] > freedom:
-            power = measured[1 - i][0]
-        time = np.array([windows[k].end - windows[k].start for k in which])
-        rounding = seen.rounding(name, which, data.interval)
-        out[which] = power / time[:, None] + rounding**2 * shared[which]
+        power, ends, freedom = measured[i]
+        if freedom < 10 and len(measured) == 2 and measured[1 - i][2] > freedom:
+            power, ends, _ = measured[1 - i]
+        time = np.array([windows[k].end - windows[k].start for k in which])[:, None]
+        out[which] = power / time + 2 * ends / time**2 + rounding[i][0] ** 2 * shared[which]
     return np.maximum(out, LEAST)[:, :, None] * np.eye(3)
 
 
 def _power(
-    name: str, cells: Cells, runs: list[Stretch], windows: list[Window]
-) -> tuple[FloatArray, int]:
-    """Return the power of the noise of means, shape (3,) [unit^2 s], and degrees of freedom."""
+    name: str, data: Reduced, runs: list[Stretch], windows: list[Window], carried: FloatArray
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return the power of the noise of means [unit^2 s], what their ends add, and how sure it is.
+
+    The first two have shape (3,); the second is the variance of carried rounding [unit^2 s^2],
+    at least what the samples show of it, the third a number of degrees of freedom.
+    """
     from scipy.special import fdtri
 
+    cells, parts = data.cells, []
     x = getattr(cells, name)
     length = cells.end - cells.start
-    fast, slow, fast_n, slow_n = np.zeros(3), np.zeros(3), 0, 0
+    fast, slow, fast_n, slow_n, ends = np.zeros(3), np.zeros(3), 0, 0, 0.0
+    time = 1.0
     for run, window in zip(runs, windows, strict=True):
         part = slice(run.first, run.last)
         time = float(np.median(length[part]))
@@ -225,16 +248,22 @@ def _power(
         rest = _without_harmonics(x[part][full], window.rate * middle)
         fast += (np.diff(rest, axis=0) ** 2).sum(axis=0) / 2 * time
         fast_n += len(rest) - 1
+        parts.append(rest)
         quarter = len(rest) // 4
         if quarter > 1:
             quarters = rest[: 4 * quarter].reshape(4, quarter, 3).mean(axis=1)
             slow += quarters.var(axis=0) * 4 * quarter * time
             slow_n += 3
+            ends += 7.5 / (quarter * time)  # as `diagnose.rests.measure_noise` has it
     power = fast / max(fast_n, 1)
+    if data.increments:
+        power, seen = white_and_carried(parts, time)
+        carried = np.maximum(carried, seen)
     if slow_n:
         limit = fdtri(slow_n, max(fast_n, 1), 0.99)
-        power = np.where(slow / slow_n > limit * power, slow / slow_n, power)
-    return power, fast_n
+        measured, known = slow / slow_n, carried * ends / slow_n
+        power = np.where(measured > limit * (power + known), measured - known, power)
+    return power, carried, fast_n
 
 
 def _without_harmonics(x: FloatArray, angle: FloatArray) -> FloatArray:

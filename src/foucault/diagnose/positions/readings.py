@@ -27,7 +27,8 @@ from foucault.diagnose.positions.moving import moving
 from foucault.diagnose.positions.noise import Glimpses, covariance
 from foucault.diagnose.positions.stretches import Stretch
 from foucault.diagnose.positions.turns import Window
-from foucault.errors import Finding, error
+from foucault.diagnose.spikes import without_spikes
+from foucault.errors import error
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.turntable import TablePlan
@@ -162,18 +163,20 @@ def _found(
     shortest: float,
     tell: bool = False,
 ) -> Readings:
-    data = reduce(source)
-    told: list[Finding] = []
-    if tell:
-        from foucault.logs.streaming import merged
+    from foucault.logs.streaming import merged
 
-        told += merged(data.findings)
-    choice = choose(source, data, commanded_rates(plan, spin_rate), shortest)
+    def cleaned() -> Iterator[Log]:
+        return map(without_spikes, source())
+
+    data = reduce(cleaned)
+    # Of a log that is held in memory the rest has been told already.
+    told = [f for f in merged(data.findings) if tell or f.code == "log.spikes"]
+    choice = choose(cleaned, data, commanded_rates(plan, spin_rate), shortest)
     told += choice.findings
     if not choice.runs:
         lost = "".join(f" {f.message}" for f in choice.findings if f.code == "spin.unused")
         raise error("positions.none", shortest=f"{shortest:g}", lost=lost)
-    found, change = _averaged(source, data, choice)
+    found, change = _averaged(cleaned, data, choice)
     told += moving(found, change, data)
     found = replace(found, findings=tuple(told))
     known, by_table = bool({"gyro", "outer"} & data.has), "outer" in data.has
@@ -219,6 +222,7 @@ def _averaged(
         np.array([w.turns for w in windows]),
         ends[:, 0], ends[:, 2] - ends[:, 0],
         mean["accel"], mean["gyro"], noise["accel"], noise["gyro"], data.interval,
+        data.increments,
     )  # fmt: skip
     return readings, {k: x[1::2] - x[::2] for k, x in both.items() if x is not None}
 

@@ -72,9 +72,9 @@ class FaceNoise:
         turn = np.zeros((0, 1)) if turns is None else turns.time[:, None]
         quiet = np.minimum(turn, QUIET_ENDS)
         return cls(
-            noise.accel_psd / time + noise.accel_rounding**2,
-            noise.gyro_psd / time,
-            noise.turn_psd * turn + (noise.gyro_rounding * quiet) ** 2,
+            noise.accel_psd / time + noise.accel_rounding**2 + 2 * noise.accel_carried / time**2,
+            noise.gyro_psd / time + 2 * noise.gyro_carried / time**2,
+            noise.turn_psd * turn + (noise.gyro_rounding * quiet) ** 2 + 2 * noise.gyro_carried,
             noise,
         )
 

@@ -12,6 +12,7 @@ from foucault.diagnose.alignment import input as alignment_checks
 from foucault.diagnose.alignment.input import POOR
 from foucault.diagnose.rest_noise import noise_of
 from foucault.diagnose.rests import Rests, find_rests
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, error
 from foucault.models.attitude import matrix_of
 from foucault.models.earth import EARTH_RATE, Site
@@ -113,6 +114,7 @@ def opening(log: Log, settings: Settings) -> Opening:
     FoucaultError
         ``navigate.no_rest``: none was found, and nothing was said.
     """
+    log = without_spikes(log)
     rests = find_rests(log, window=max(0.5, 51 * log.interval))
     longest = int(np.max(rests.last - rests.first, initial=0))
     still = longest + rests.window >= WHOLE * len(log) or _constant(log)

@@ -24,7 +24,8 @@ from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north import calibration_report as shown
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
-from foucault.diagnose.north.input import late_index, stops, units_first
+from foucault.diagnose.north.input import alive, late_index, stops, units_first
+from foucault.diagnose.spikes import without_spikes
 from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
 from foucault.estimate.north import calibration as estimation
@@ -121,6 +122,8 @@ def calibrate(
     started = clock.monotonic()
     settings = settings or Settings()
     progress(0.1, "finding the dwells")
+    log = without_spikes(log)
+    stuck = alive(log)
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     _require_readings(log, dwells)
     told = stops(dwells, Known(site.gravity))
@@ -136,7 +139,7 @@ def calibrate(
     result = _result(solution, dwells, settings, site)
     whole = replace(
         result,
-        findings=(*log.findings, *told, *result.findings),
+        findings=(*log.findings, *stuck, *told, *result.findings),
         instrument=dict(instrument or {}),
         validity=_validity(log, dwells, solution),
         provenance=provenance(log.source, clock.monotonic() - started),

@@ -19,10 +19,11 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.north import fix_checks as judge
 from foucault.diagnose.north.causes import causes
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
-from foucault.diagnose.north.input import late_index, require_plausible, stops, units_first
+from foucault.diagnose.north.input import alive, late_index, require_plausible, stops, units_first
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import without
 from foucault.diagnose.north.validity import contradicted, other_conditions
+from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, error, finding
 from foucault.estimate.north.attitude import Fixes, Known, level_square, solve
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
@@ -153,12 +154,15 @@ def find_north(
         calibration, accelerometers_before(settings, prior or {}), about
     )
     progress(0.1, "finding the dwells")
+    log = without_spikes(log)
+    stuck = alive(log)
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     if calibration is not None:
         dwells = without(dwells, calibration.diagnostics.get("stop_offsets") or {})
     known = _known(site, settings, dwells)
     told = (
         *log.findings,
+        *stuck,
         *dwells.findings,
         *told,
         *stops(dwells, known),

@@ -83,17 +83,21 @@ def noise_of(
     """
     if log.averaged is not None:
         return FaceNoise.of_means(declared, faces.readings)
+    counts = log.sampled == "increment"
     if declared is not None:
-        noise = SessionNoise.declared(declared, log.interval)
+        noise = SessionNoise.declared(declared, log.interval, counts)
         return FaceNoise.sampled(noise, faces.readings, turns)
     assert log.accel is not None
     level = np.zeros(0)
     rests = Rests(faces.first, faces.last, level, level, level, float("nan"), 1)
-    accel = measure_noise(log.accel, log.interval, rests)
-    gyro = measure_noise(log.accel if log.gyro is None else log.gyro, log.interval, rests)
+    accel, gyro = (
+        measure_noise(x, log.interval, rests, increments=counts)
+        for x in (log.accel, log.accel if log.gyro is None else log.gyro)
+    )
     noise = SessionNoise(
         accel.psd_of_mean, gyro.psd_of_mean, gyro.psd, ImuNoise(),
         accel_rounding=accel.rounding, gyro_rounding=gyro.rounding,
+        accel_carried=accel.carried, gyro_carried=gyro.carried,
     )  # fmt: skip
     return FaceNoise.sampled(noise, faces.readings, turns)
 

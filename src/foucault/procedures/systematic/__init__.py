@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose.compare.gravity import of_site
+from foucault.diagnose.spikes import without_spikes
 from foucault.diagnose.systematic import checks as judge
 from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
@@ -168,6 +169,7 @@ def _calibrate(
     given: Mapping[str, tuple[float, float]], progress: Progress, *, shown: bool,
 ) -> Result:  # fmt: skip
     progress(0.1, "calibrating")
+    log = without_spikes(log)
     decision = decided(log, site, settings, noise, given, compare=shown)
     problem, settings, solution, choice = (
         decision.problem, decision.settings, decision.solution, decision.choice

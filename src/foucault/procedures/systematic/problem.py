@@ -224,8 +224,9 @@ def prior_of(
 def _measured(log: Log, found: FoundSequence) -> ImuNoise:
     """Return the white noise of the rests, the same for all axes of a triad."""
     assert log.gyro is not None and log.accel is not None
+    counts = log.sampled == "increment"
     white = [
-        float(np.sqrt(np.mean(measure_noise(x, log.interval, found.rests).psd)))
+        float(np.sqrt(np.mean(measure_noise(x, log.interval, found.rests, increments=counts).psd)))
         for x in (log.accel, log.gyro)
     ]
     return ImuNoise(TriadNoise(white=white[0]), TriadNoise(white=white[1]))
