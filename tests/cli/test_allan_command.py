@@ -87,3 +87,12 @@ def test_a_folder_that_cannot_be_written(log: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     result = run("allan", log, "--axis", "gyro.x", "-o", tmp_path / "file")
     assert result.exit_code == 1 and "cannot be written" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["allan", "inspect"])
+def test_what_only_looks_at_a_log_needs_no_place(command: str, log: Path, tmp_path: Path) -> None:
+    file = tmp_path / "described.toml"
+    file.write_text(f'[log]\nfile = "{log}"\n')
+    result = run(command, file)
+    assert result.exit_code == 0
+    assert "samples" in result.output or "At rest, 0.00 s to 49.99 s." in result.output

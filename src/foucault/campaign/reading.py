@@ -26,6 +26,7 @@ from foucault.files import parse_toml, read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
+from foucault.units import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Campaign:
         return self.path.parent
 
 
-def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
+def load(path: str | Path, *, calibrates: bool = True, placed: bool = True) -> Campaign:
     """Read a campaign file; the first mistake in it is raised with its full dotted key.
 
     Parameters
@@ -107,6 +108,8 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
         The TOML file.
     calibrates : bool
         Whether it must name a procedure; what reads only its log, site and noise needs none.
+    placed : bool
+        Whether it must say where the instrument stood; what only looks at a log needs no place.
     """
     path = Path(path)
     try:
@@ -115,7 +118,7 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
         if path.is_file():
             raise error("campaign.syntax", path=path, reason=problem) from None
         raise error("campaign.missing", path=path, hint=_beside(path)) from None
-    return parse(text, path, calibrates=calibrates)
+    return parse(text, path, calibrates=calibrates, placed=placed)
 
 
 def _beside(path: Path) -> str:
@@ -127,8 +130,10 @@ def _beside(path: Path) -> str:
     return suggestion(path.name, near)
 
 
-def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True) -> Campaign:
-    """Read a campaign from `text`; `path` is where it would lie, `calibrates` as for `load`."""
+def parse(
+    text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True, placed: bool = True
+) -> Campaign:
+    """Read a campaign from `text`; `path` is where it would lie, the others as for `load`."""
     path = Path(path)
     try:
         raw = parse_toml(text)
@@ -140,6 +145,8 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         raise error("campaign.empty", path=path)
     if not calibrates:  # what a log is like does not hang on which procedure it is read for
         raw.setdefault("procedure", {"name": "hand_rotated"})
+    if not placed:
+        raw.setdefault("site", {"gravity": f"{STANDARD_GRAVITY} m/s^2"})
     raw, before = earlier.split(raw)
     all_finite(raw)
     file = validate(_model(raw), raw)

@@ -115,7 +115,9 @@ class AccelNoise(_Noise):
         default=None, ge=0, description="Acceleration random walk."
     )
     quantisation: Annotated[float, Quantity("specific force")] | None = Field(
-        default=None, ge=0, description="Step of the output."
+        default=None,
+        ge=0,
+        description="Step of the output; of increments, that of the sum over the sample interval.",
     )
 
 
@@ -135,7 +137,9 @@ class GyroNoise(_Noise):
         default=None, ge=0, description="Rate random walk."
     )
     quantisation: Annotated[float, Quantity("angular rate")] | None = Field(
-        default=None, ge=0, description="Step of the output."
+        default=None,
+        ge=0,
+        description="Step of the output; of increments, that of the sum over the sample interval.",
     )
 
 

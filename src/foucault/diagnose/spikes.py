@@ -8,7 +8,7 @@ mean. Steps of the output are no spikes.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def without_spikes(log: L) -> L:
     """
     if log.averaged is not None or len(log) < 2 * BLOCK:
         return log
-    new: dict[str, FloatArray] = {}
+    new: dict[str, Any] = {}
     seen: list[tuple[int, float, str]] = []
     for name in ("gyro", "accel"):
         x = getattr(log, name)

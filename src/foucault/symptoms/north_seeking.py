@@ -92,6 +92,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "{stop} deg, beyond what looks like a rate. That cancels over these stops, and is taken off "
      "the readings here and in later fixes.",
      "Nothing to do; with other stops than these it would not cancel."),
+    ("north.stop_gains", "note",
+     "Gains that differ from stop to stop",
+     "The gains or cross terms of the gyro differ from one sense of the base to the other by up to "
+     "{size} ppm (the probability of so much by chance is {p}). That cancels over these stops, and "
+     "is taken off the readings here and in later fixes.",
+     "Nothing to do; with other stops than these it would not cancel."),
     ("north.wedge", "note",
      "A bias of the accelerometers that may be a tilt",
      "The accelerometers read {bias} mg that turn with the case. It was taken as their bias; if "

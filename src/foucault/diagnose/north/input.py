@@ -12,7 +12,8 @@ import numpy as np
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north.attitude import Known, compensated
 from foucault.estimate.north.reduction import UNSEEN, Pairs, turn_rate
-from foucault.logs.axes import long_enough, moment, noisy, standstill
+from foucault.logs.axes import long_enough, noisy, standstill
+from foucault.logs.checks import moment
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation

@@ -3,6 +3,16 @@
 Four stops with four biases have one combination that no rate makes, b(0) + b(180) - b(90) -
 b(270). It cancels in the rates of the same stops, but not in the residuals, where it would pass for
 noise. Over many set-ups it is the mean of the residuals at each stop.
+
+A gyro whose gains differ from sense to sense, or from axis to axis of the base (ref. [1], eqs.
+(36)-(37)), has such a combination too, and it goes with the rates of the set-up: over headings it
+is the slope of the residuals at each stop against the rates along x_b and y_b. What the stops share
+is in the coefficients.
+
+References
+----------
+.. [1] Liu Cheng, "Parameter compensation algorithm for four-position FOG north seeker",
+   Piezoelectrics & Acoustooptics, 2016.
 """
 
 from __future__ import annotations
@@ -11,6 +21,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault.diagnose.north.validity import NEAR_STOP
 from foucault.errors import Finding, finding
@@ -18,6 +29,9 @@ from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import turned
+from foucault.tables import FloatArray, IntArray
+
+BoolArray = npt.NDArray[np.bool_]
 
 FEWEST = 6
 """Set-ups with the same stops that it takes to see what repeats [1]."""
@@ -52,12 +66,8 @@ def stop_offsets(
     """
     from scipy.special import fdtrc
 
-    m = len(dwells.names)
-    k = len(dwells) // max(m, 1)
-    if dwells.turning is not None and dwells.turning.any():
-        return {}, 1.0
-    stops = np.round(np.degrees(dwells.index)).astype(int) % 360
-    if m < FEWEST or len(dwells) != m * k or np.any(stops.reshape(m, k) != stops[:k]):
+    stops, m = _alike(dwells), len(dwells.names)
+    if stops is None:
         return {}, 1.0
     before = reduce(dwells, noise, nuisance)
     if before.dof[:, 0].min() < 1:
@@ -72,6 +82,106 @@ def stop_offsets(
     return found, chance
 
 
+Gains = dict[str, list[float]]
+"""Index angle in whole degrees -> what the gyro reads too much there, as a part of the rates along
+x_b and y_b [1]."""
+
+GAINS = 0.01
+"""Gains that differ are taken off where chance gives so much less often than this [1]."""
+
+
+def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gains, float]:
+    """Return by what part of the rates the gyro reads too much at each stop, beyond what all share.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Set-ups with the same stops in the same order, offsets of the stops taken off [SI].
+    noise : ImuNoise
+        Noise of the sensors; its size does not matter [SI].
+    nuisance : Nuisance
+        What is known beforehand.
+
+    Returns
+    -------
+    gains : dict of str to list of float
+        By index angle [1]; empty where the test does not see them.
+    chance : float
+        How often chance gives so much [1].
+    """
+    from scipy.special import fdtrc
+
+    stops = _alike(dwells)
+    if stops is None:
+        return {}, 1.0
+    before, m = reduce(dwells, noise, nuisance), len(dwells.names)
+    if before.dof[:, 0].min() < 1 or m < FEWEST:
+        return {}, 1.0
+    left = dwells.gyro - before.fit
+    rates = before.values[dwells.setup, :2]
+    found: Gains = {}
+    for stop in np.unique(stops):
+        at = stops == stop
+        design = np.column_stack([np.ones(at.sum()), rates[at]])
+        found[f"{stop}"] = np.linalg.lstsq(design, left[at], rcond=None)[0][1:].tolist()
+    after = reduce(without_gains(dwells, found, before.values), noise, nuisance)
+    total, rest = (float(p.chi_square[:, 0].sum()) for p in (before, after))
+    shared = int(before.dof[0, 0])
+    free = float(shared * (m - 3))
+    ratio = (total - rest) / (2 * shared) / max(rest / free, 1e-300)
+    chance = float(fdtrc(2.0 * shared, free, max(ratio, 0.0)))
+    return (found if chance < GAINS else {}), chance
+
+
+def without_gains(dwells: Dwells, gains: Gains, values: FloatArray) -> Dwells:
+    """Take off what gains of single stops make of the rates.
+
+    Parameters
+    ----------
+    dwells : Dwells
+        Readings [SI].
+    gains : dict of str to list of float
+        By index angle [1].
+    values : ndarray, shape (m, 4)
+        Rates along x_b and y_b of every set-up, and two numbers that do not count [SI].
+    """
+    if not gains:
+        return dwells
+    rates = values[dwells.setup, :2]
+    table = np.array(list(gains.values()))
+    nearest, there = _nearest(dwells, gains)
+    more = np.einsum("ni,ni->n", table[nearest], rates)
+    return replace(dwells, gyro=dwells.gyro - np.where(there, more, 0.0))
+
+
+def gain_words(gains: Gains, chance: float) -> tuple[Finding, ...]:
+    """Say what was found.
+
+    Parameters
+    ----------
+    gains : dict of str to list of float
+        By index angle [1].
+    chance : float
+        How often chance gives so much [1].
+    """
+    if not gains:
+        return ()
+    size = f"{1e6 * max(abs(k) for row in gains.values() for k in row):.2g}"
+    return (finding("north.stop_gains", size=size, p=f"{chance:.1g}"),)
+
+
+def _alike(dwells: Dwells) -> IntArray | None:
+    """Return the index angles of all rows in whole degrees where all set-ups have the same."""
+    m = len(dwells.names)
+    k = len(dwells) // max(m, 1)
+    if dwells.turning is not None and dwells.turning.any():
+        return None
+    stops = np.round(np.degrees(dwells.index)).astype(int) % 360
+    if m < FEWEST or len(dwells) != m * k or np.any(stops.reshape(m, k) != stops[:k]):
+        return None
+    return np.asarray(stops)
+
+
 def without(dwells: Dwells, offsets: Mapping[str, float]) -> Dwells:
     """Take the offsets off the readings of the same stops.
 
@@ -84,24 +194,31 @@ def without(dwells: Dwells, offsets: Mapping[str, float]) -> Dwells:
     """
     if not offsets or (dwells.turning is not None and dwells.turning.any()):
         return dwells
-    known = np.radians([float(stop) for stop in offsets])
-    apart = turned(dwells.index[:, None] - known)
-    nearest = np.abs(apart).argmin(axis=1)
-    there = np.abs(apart)[np.arange(len(dwells)), nearest] < NEAR_STOP
+    nearest, there = _nearest(dwells, offsets)
     values = np.array(list(offsets.values()))[nearest]
     return replace(dwells, gyro=dwells.gyro - np.where(there, values, 0.0))
 
 
-def spent(pairs: Pairs) -> Pairs:
-    """Count one set-up's redundant readings as used up by the offsets.
+def _nearest(dwells: Dwells, stops: Mapping[str, object]) -> tuple[IntArray, BoolArray]:
+    """Return which of the stops each row is at, and whether it is there."""
+    known = np.radians([float(stop) for stop in stops])
+    apart = np.abs(turned(dwells.index[:, None] - known))
+    nearest = apart.argmin(axis=1)
+    return nearest, apart[np.arange(len(dwells)), nearest] < NEAR_STOP
+
+
+def spent(pairs: Pairs, setups: int = 1) -> Pairs:
+    """Count some set-ups' redundant readings as used up by the offsets and gains.
 
     Parameters
     ----------
     pairs : Pairs
         Set-ups, the offsets taken off [SI].
+    setups : int, shape ()
+        So many [1].
     """
     dof = pairs.dof.copy()
-    dof[0, 0] = 0
+    dof[:setups, 0] = 0
     return replace(pairs, dof=dof)
 
 

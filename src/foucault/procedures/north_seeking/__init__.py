@@ -201,6 +201,7 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
                 for when in ("before", "after")
             },
             "stop_offsets": s.stop_offsets,
+            "stop_gains": s.stop_gains,
             "gyro_offset": float(np.median(s.pairs.offset)),
             "drift": settings.drift if not s.nuisance.drift_sd else "estimated",
             "z_coupling": None if s.z_test is None else list(s.z_test),

@@ -21,7 +21,7 @@ from foucault.diagnose.north.causes import causes
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import alive, late_index, require_plausible, stops, units_first
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
-from foucault.diagnose.north.stops import without
+from foucault.diagnose.north.stops import without, without_gains
 from foucault.diagnose.north.validity import contradicted, other_conditions
 from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, error, finding
@@ -175,6 +175,10 @@ def find_north(
     noise, source = _noise(log, dwells, noise, calibration, settings)
     free = drift_sd(dwells, noise, settings.drift, settings.drift_sd)
     pairs = reduce(dwells, noise, _nuisance(settings, free))
+    gains = {} if calibration is None else calibration.diagnostics.get("stop_gains") or {}
+    if gains:
+        dwells = without_gains(dwells, gains, pairs.values)
+        pairs = reduce(dwells, noise, _nuisance(settings, free))
     with units_first(log.findings):
         require_plausible(dwells, pairs, known, compensation)
     fixes = solve(pairs, known, compensation)

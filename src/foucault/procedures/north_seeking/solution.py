@@ -10,7 +10,16 @@ import numpy as np
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
-from foucault.diagnose.north.stops import spent, stop_offsets, without, words
+from foucault.diagnose.north.stops import (
+    Gains,
+    gain_words,
+    spent,
+    stop_gains,
+    stop_offsets,
+    without,
+    without_gains,
+    words,
+)
 from foucault.errors import Finding, error
 from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.calibration import Rig
@@ -64,6 +73,8 @@ class Solution:
         What was noticed.
     stop_offsets : dict of str to float
         Biases of single stops [rad/s].
+    stop_gains : dict of str to list of float
+        By what part of the rates along x_b and y_b single stops read too much [1].
     """
 
     pairs: Pairs
@@ -76,6 +87,7 @@ class Solution:
     z_test: tuple[float, float] | None
     findings: tuple[Finding, ...]
     stop_offsets: dict[str, float]
+    stop_gains: Gains
 
 
 def solved(
@@ -108,16 +120,18 @@ def solved(
     offsets, chance = stop_offsets(dwells, trial, nuisance)
     told = words(offsets, chance)
     dwells = without(dwells, offsets)
-    pairs = reduce(dwells, trial, nuisance)
-    pairs = spent(pairs) if offsets else pairs
+    gains, chance = stop_gains(dwells, trial, nuisance)
+    told += gain_words(gains, chance)
+    dwells = without_gains(dwells, gains, reduce(dwells, trial, nuisance).values)
+    used = (1 if offsets else 0) + (2 if gains else 0)
+    pairs = spent(reduce(dwells, trial, nuisance), used)
     rig = _rig(pairs, dwells, site, settings)
     if settings.z_coupling == "auto":
         given = dict.fromkeys(Z_COUPLING, (0.0, settings.z_coupling_sd)) | dict(given)
     source = "declared" if declared else "measured in the dwells"
     if noise is None:
         noise, source = _noise(dwells, pairs, rig, known, given), "from the residuals"
-        pairs = reduce(dwells, noise, nuisance)
-        pairs = spent(pairs) if offsets else pairs
+        pairs = spent(reduce(dwells, noise, nuisance), used)
     problem, estimate = _fit(pairs, rig, settings.z_coupling != "no", known, given)
     judge.require_sound(estimate)
     z_test: tuple[float, float] | None = None
@@ -128,7 +142,8 @@ def solved(
             free = _fit(pairs, rig, True, known, unknown)[1]
         z_test = judge.z_significance(free)
         told += tuple(judge.z_findings(z_test, settings.z_coupling))
-    return Solution(pairs, rig, noise, source, nuisance, problem, estimate, z_test, told, offsets)
+    return Solution(pairs, rig, noise, source, nuisance, problem, estimate, z_test, told, offsets,
+                    gains)  # fmt: skip
 
 
 def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
