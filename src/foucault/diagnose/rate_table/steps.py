@@ -17,7 +17,7 @@ from foucault.errors import Finding, error, finding
 from foucault.estimate import gauss_newton
 from foucault.models.earth import Site
 from foucault.models.rate_steps import Steps, mean_force_of_steps
-from foucault.models.readings import Readings
+from foucault.models.readings import Readings, wander_variance
 from foucault.result import Problem
 from foucault.tables import AXES
 from foucault.units import plain
@@ -91,9 +91,13 @@ def rate_steps(
     else:
         rate = _matched(seen, placement, up, commanded.rates)
     findings = _missing(rate, placement, up, commanded.rates)
+    slow, cov = None, readings.gyro_cov
+    if readings.slow is not None:
+        slow = readings.slow.gyro
+        cov = cov - wander_variance(slow, readings.time)[:, None, None] * np.eye(3)
     steps = Steps(
-        up, placement, rate, readings.time, readings.gyro, readings.gyro_cov,
-        mean_force_of_steps(up, placement, rate, readings.accel, site), readings.start,
+        up, placement, rate, readings.time, readings.gyro, cov,
+        mean_force_of_steps(up, placement, rate, readings.accel, site), readings.start, slow,
     )  # fmt: skip
     return steps, findings
 
