@@ -116,12 +116,13 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     e : Evidence
         Session, filter and coefficients.
     """
+    pull = (e.mean - e.coefficients.values) / e.coefficients.prior_sd
     miss = from_prior(e.coefficients, e.mean)
     earth = earth_checks(e.earth, 2 * EACH)
     return (
         status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
         *earth,
-        prior_check(e.coefficients, miss, put_off(earth)),
+        prior_check(e.coefficients, pull, cause=put_off(earth)),
         *(alike_check(e.coefficients, miss, f"{t}.scale", c, EACH) for t, c in ALIKE.items()),
         _seen(e),
     )  # fmt: skip
