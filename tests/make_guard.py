@@ -346,6 +346,15 @@ def _axes(made: Session, gyro: np.ndarray | None = None, accel: np.ndarray | Non
     return made.with_columns(**out)
 
 
+def _part_reversed(made: Session) -> Session | None:
+    """Command the second quarter of a tumble the other way round."""
+    if "platform_tumble" not in made.text:
+        return None
+    n = len(made.columns["time"])
+    sense = np.where((np.arange(n) >= n // 4) & (np.arange(n) < n // 2), -1.0, 1.0)
+    return made.with_columns(**{k: made.columns[k] * sense for k in GYRO})
+
+
 def _dead(made: Session, triad: tuple[str, ...]) -> Session:
     name = made.triad(triad)[-1]
     return made.with_columns(**{name: np.full(len(made.columns[name]), 0.0)})
@@ -477,6 +486,9 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "gyro clipped": lambda s: _clipped(s, GYRO, 0.7),
     "accel clipped": lambda s: _clipped(s, ACCEL, 0.7),
     "s as ms": lambda s: s.with_columns(time=s.columns["time"] / 1e3),
+    "gyro arcsec": lambda s: _scaled(s, gyro=3600.0),
+    "clock fast": lambda s: s.with_columns(time=s.columns["time"] * 1.01),
+    "part reversed": lambda s: _part_reversed(s),
     "angles deg": lambda s: _angles(s, factor=1 / DEG),
     "angles sense": lambda s: _angles(s, sense=-1.0),
 }

@@ -58,6 +58,24 @@ def test_commanded_rates_are_matched_by_what_the_gyros_say(accel):
     assert found == []
 
 
+@pytest.mark.parametrize("accel", [True, False])
+@pytest.mark.parametrize("axes", [("z up",), ("z down", "z up")])
+@pytest.mark.parametrize("bias", [0.04, -3.0, 7.0])
+def test_the_bias_of_an_axis_that_is_never_level_is_no_rate(bias, axes, accel):
+    """One axis on a rate table, in any order, with a slow rate that a bias may hide."""
+    speeds = np.radians([1.0, -1.0, 10.0, -10.0, 80.0, -80.0])
+    model = replace(MODEL, gyro_bias=np.radians([0.3, -0.2, bias]))
+    readings = make_readings(
+        make_steps(model, axes, speeds), accel, rate=np.full(6 * len(axes), np.nan)
+    )
+    steps, found = rate_steps(readings, Commanded(speeds, axes), told=False, site=SITE)
+    np.testing.assert_array_equal(steps.rate, np.tile(speeds, len(axes)))
+    assert found == []
+    # Rates that are really other ones are still told.
+    text = refused(readings, Commanded(1.5 * speeds, axes), told=False, code="other_rate")
+    assert "Correct `rates` in [procedure]" in text
+
+
 def test_names_of_placements():
     for name in ("x up", "x down", "y up", "y down", "z up", "z down"):
         assert name_of(up_of(name)) == name
@@ -211,7 +229,7 @@ def test_a_good_session_passes():
     assert result.verdict.level == "pass"
     assert codes(result) == []
     assert {c.name for c in result.checks} == {
-        "converged", "redundancy", "gyro scale", "scale factor terms", "noise of the steps"
+        "converged", "redundancy", "gyro scale", "scale factor terms", "drift", "noise of the steps"
     }  # fmt: skip
 
 

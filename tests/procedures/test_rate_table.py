@@ -15,7 +15,7 @@ from foucault.errors import FoucaultError, Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
-from foucault.models.noise import ImuNoise, grade
+from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.procedures.rate_table import (
     Session,
     Settings,
@@ -25,6 +25,7 @@ from foucault.procedures.rate_table import (
     names_of,
     simulate,
 )
+from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 from make_rates import LATITUDE, make_readings, make_steps
 
@@ -290,3 +291,39 @@ def test_a_rate_without_unit_is_named_with_its_place():
     with pytest.raises(FoucaultError, match="wants a number and a unit"):
         Settings(rates=("5",))
     np.testing.assert_allclose(in_si(("180 deg/s", "-1 rad/s")), [np.pi, -1.0])
+
+
+WANDERS = ImuNoise(
+    TriadNoise(white=50e-6 * 9.81, bias_instability=15e-6 * 9.81),
+    TriadNoise(white=np.radians(0.01) / 60, bias_instability=np.radians(3) / 3600),
+)
+
+
+def wandering(seed):
+    """Error and result of a session in which the bias wanders as declared."""
+    model = draw_errors("mems", seed)
+    made = simulate(MEANS, model=model, noise=WANDERS, site=SITE, seed=seed)
+    result = calibrate(made.log, site=SITE, noise=WANDERS)
+    truth = made.model.coefficients(result.coefficients.names).values
+    return result.coefficients.values - truth, result
+
+
+def test_bias_wander_that_is_declared_is_the_uncertainty_of_the_long_term_bias():
+    """A session of some 20 min has four correlation times: its mean bias is not the long-term."""
+    _, result = wandering(1)
+    sd = np.degrees(result.coefficients["gyro.bias"].sd) * 3600
+    assert (sd > 0.8).all() and (sd < 3.0).all()
+    assert result.verdict.level is Level.PASS
+    assert "rate_table.bias_moved" not in [f.code for f in result.findings]
+    share = np.array(result.diagnostics["budget"]["bias drift"][:3])
+    assert (share > 0.9 * result.coefficients["gyro.bias"].sd ** 2).all()
+
+
+@pytest.mark.thorough
+def test_errors_under_declared_wander_are_as_large_as_promised():
+    squares, n = 0.0, 25
+    for seed in range(n):
+        error, result = wandering(seed)
+        squares += error @ np.linalg.solve(result.coefficients.cov, error)
+    low, high = chi_square_limits(n * len(NAMES))
+    assert low < squares < high

@@ -94,6 +94,7 @@ def prior_check(
     coefficients: CoefficientVector,
     residuals: FloatArray,
     alone: CoefficientVector | None = None,
+    *,
     cause: str = "",
 ) -> Check:
     """Compare what was said to be known beforehand with what the observations alone say.
@@ -107,7 +108,7 @@ def prior_check(
     alone : CoefficientVector or None
         The estimate without the priors, where it is known [SI].
     cause : str
-        What else has put them off, where that is known.
+        What else has put the estimate off, where that is known.
 
     Notes
     -----

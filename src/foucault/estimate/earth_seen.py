@@ -118,7 +118,7 @@ def earth_seen(
     if not np.isfinite(told).all() or np.linalg.cond(told) > 1e12:
         return None
     cov = np.linalg.inv(told)
-    return EarthSeen(cov @ (np.stack(D) @ nu), cov, latitude)
+    return EarthSeen(np.asarray(cov @ (np.stack(D) @ nu)), np.asarray(cov), latitude)
 
 
 def _taken_out(increments: Increments, run: FilterRun, way: int) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.models.earth import Site
+from foucault.models.noise import TriadNoise
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -35,6 +36,9 @@ class Steps:
         True mean specific force, fixture axes, for the g-sensitivity [m/s^2].
     start : ndarray, shape (n,), or None
         When each step began; None: one right after the other [s].
+    slow : TriadNoise or None
+        Declared noise of the gyros whose bias wanders, which ties the steps together; it is not in
+        `cov` [SI].
     """
 
     up: FloatArray
@@ -45,6 +49,7 @@ class Steps:
     cov: FloatArray
     force: FloatArray
     start: FloatArray | None = None
+    slow: TriadNoise | None = None
 
     def __len__(self) -> int:
         return len(self.rate)

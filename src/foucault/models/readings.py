@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from foucault.errors import Finding
 from foucault.models.noise import ImuNoise, TriadNoise, carried_rounding, rounding_bias
+from foucault.models.session_noise import window_covariance
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -43,6 +44,9 @@ class Readings:
         Whether the noise was declared, not measured.
     findings : tuple of Finding
         What was noticed when they were made.
+    slow : ImuNoise or None
+        Declared noise whose bias wanders and so ties readings to one another; `accel_cov` and
+        `gyro_cov` hold what it does to each reading alone [SI].
     """
 
     angles: FloatArray
@@ -58,6 +62,7 @@ class Readings:
     increments: bool = False
     declared: bool = False
     findings: tuple[Finding, ...] = field(default=())
+    slow: ImuNoise | None = None
 
     def __len__(self) -> int:
         return len(self.rate)
@@ -79,8 +84,9 @@ class Readings:
         """Return the same readings with the covariance that declared `noise` [SI] gives them.
 
         White noise and rounding average out; bias instability and random walk do so hardly, and
-        are taken as independent from one reading to the next.
+        tie readings to one another: see `wander`.
         """
+        wanders = any(t.bias_instability or t.random_walk for t in (noise.accel, noise.gyro))
         accel = mean_variance(noise.accel, self.time, self.interval, self.increments)
         gyro = mean_variance(noise.gyro, self.time, self.interval, self.increments)
         return replace(
@@ -88,8 +94,46 @@ class Readings:
             accel_cov=accel[:, None, None] * np.eye(3),
             gyro_cov=gyro[:, None, None] * np.eye(3),
             declared=True,
+            slow=noise if wanders else None,
             findings=tuple(f for f in self.findings if f.code != "readings.noise_unknown"),
         )
+
+
+def wander(noise: TriadNoise, middle: FloatArray, time: FloatArray) -> FloatArray:
+    """Return the covariance between means that declared wander of the bias makes, (n, n) [unit^2].
+
+    The bias is the long-term one: a session that is shorter than the correlation time has one
+    error of it in all its means, however many there are. A random walk starts with the first.
+    Its part of the variance of each mean alone, which `Readings.accel_cov` or `gyro_cov` hold, is
+    `wander_variance`.
+
+    Parameters
+    ----------
+    noise : TriadNoise
+        Noise of the triad [SI].
+    middle : ndarray, shape (n,)
+        Middle of each mean [s].
+    time : ndarray, shape (n,)
+        Length of each mean [s].
+    """
+    start = middle - time / 2
+    first = float(start.min())
+    return window_covariance(start - first, start - first + time, noise)
+
+
+def wander_variance(noise: TriadNoise, time: FloatArray) -> FloatArray:
+    """Return the variance of a mean by wander of the bias, each for itself, shape (n,) [unit^2].
+
+    Parameters
+    ----------
+    noise : TriadNoise
+        Noise of the triad [SI].
+    time : ndarray, shape (n,)
+        Length of each mean [s].
+    """
+    x = np.maximum(time / noise.correlation_time, 1e-6)
+    markov = 2 * (x + np.expm1(-x)) / x**2
+    return np.asarray(noise.bias_instability**2 * markov + noise.random_walk**2 * time / 3)
 
 
 def mean_variance(
@@ -112,11 +156,7 @@ def mean_variance(
     increments : bool
         Whether the samples are means over their intervals, which carry rounding on.
     """
-    x = np.maximum(time / noise.correlation_time, 1e-6)
-    markov = 2 * (x + np.expm1(-x)) / x**2
-    out = (
-        noise.white**2 / time + noise.bias_instability**2 * markov + noise.random_walk**2 * time / 3
-    )
+    out = noise.white**2 / time + wander_variance(noise, time)
     if increments:
         out += 2 * carried_rounding(noise.quantisation, interval) / time**2
     elif interval > 0 and noise.quantisation > 0:

@@ -17,8 +17,9 @@ import numpy.typing as npt
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.readings import mean_variance
+from foucault.models.readings import mean_variance, wander
 from foucault.models.turntable import TablePlan
+from foucault.simulate.noise import draw_noise, quantise
 from foucault.simulate.table.log import simulate
 from foucault.simulate.table.readings import Rig, simulate_readings
 from foucault.tables import Log, TableColumns
@@ -26,6 +27,10 @@ from foucault.tables import Log, TableColumns
 FloatArray = npt.NDArray[np.float64]
 
 _QUARTER = np.pi / 2
+
+PAUSE = 10.0
+"""Between one mean and the next [s]."""
+
 ANGLES = {
     "x up": (0.0, -_QUARTER),
     "x down": (0.0, _QUARTER),
@@ -163,13 +168,14 @@ def simulate_rate_table(
         rig = Rig(rate_error=errors.rate_error, rate_jitter=errors.rate_jitter, mounting=turned)
         one, number = plan.placement(name), int(rng.integers(2**31))
         if means:
-            parts.append(_means(one, model, noise, site, rig, rate, number))
+            parts.append(_means(one, model, _steady(noise), site, rig, rate, number))
         else:
-            log = simulate(
-                one, model=model, noise=noise, site=site, rig=rig, rate=rate, seed=number
+            part = simulate(
+                one, model=model, noise=_steady(noise), site=site, rig=rig, rate=rate, seed=number
             ).log
-            parts.append(log)
-    return RateTableSimulation(_joined(parts), model, plan, errors, mounting)
+            parts.append(part)
+    log = _wandering(_joined(parts), noise, rng)
+    return RateTableSimulation(log, model, plan, errors, mounting)
 
 
 def _means(
@@ -184,7 +190,8 @@ def _means(
     accel = accel + _noise(noise.accel, plan.time, rate, rng)
     gyro = gyro + _noise(noise.gyro, plan.time, rate, rng)
     table = TableColumns(plan.angles, plan.rate)
-    return Log(np.cumsum(plan.time + 10.0), gyro, accel, table=table, averaged=plan.time)
+    start = np.cumsum(plan.time + PAUSE) - plan.time
+    return Log(start, gyro, accel, table=table, averaged=plan.time)
 
 
 def _noise(
@@ -194,6 +201,29 @@ def _noise(
     if noise == TriadNoise():
         return np.zeros_like(drawn)
     return np.asarray(np.sqrt(mean_variance(noise, time, 1.0 / rate))[:, None] * drawn)
+
+
+def _steady(noise: ImuNoise) -> ImuNoise:
+    """Leave out the wander of the bias, which goes on from one placement to the next."""
+    return ImuNoise(*(
+        replace(one, bias_instability=0.0, random_walk=0.0) for one in (noise.accel, noise.gyro)
+    ))  # fmt: skip
+
+
+def _wandering(log: Log, noise: ImuNoise, rng: np.random.Generator) -> Log:
+    """Add the wander of the bias over the whole session."""
+
+    def moved(x: FloatArray | None, one: TriadNoise) -> FloatArray | None:
+        if x is None or not (one.bias_instability or one.random_walk):
+            return x
+        if log.averaged is None:
+            slow = replace(one, white=0.0, quantisation=0.0)
+            return quantise(x + draw_noise(slow, log.time, rng), one.quantisation)
+        tied = wander(one, log.time + log.averaged / 2, log.averaged)
+        least = 1e-12 * np.trace(tied) * np.eye(len(tied))
+        return np.asarray(x + np.linalg.cholesky(tied + least) @ rng.standard_normal(x.shape))
+
+    return replace(log, accel=moved(log.accel, noise.accel), gyro=moved(log.gyro, noise.gyro))
 
 
 def _joined(parts: Sequence[Log]) -> Log:

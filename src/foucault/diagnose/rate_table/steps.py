@@ -17,7 +17,7 @@ from foucault.errors import Finding, error, finding
 from foucault.estimate import gauss_newton
 from foucault.models.earth import Site
 from foucault.models.rate_steps import Steps, mean_force_of_steps
-from foucault.models.readings import Readings
+from foucault.models.readings import Readings, wander_variance
 from foucault.result import Problem
 from foucault.tables import AXES
 from foucault.units import plain
@@ -33,6 +33,9 @@ OTHER_RATE = 0.2
 
 SLOW = np.radians(0.05)
 """Differences of rate below this may be the bias of a gyro [rad/s]."""
+
+LARGEST_BIAS = np.radians(20.0)
+"""No gyro has a larger bias [rad/s]."""
 
 BLURRED = 1000.0
 """Coefficients this many times less certain together than each alone are not separated [1]."""
@@ -84,16 +87,20 @@ def rate_steps(
     placement = _runs(up)
     if commanded.axes:
         _as_declared(up, placement, commanded.axes)
-    seen = _along(readings.gyro, up)
+    seen = _along(readings.gyro, up, readings.rate if told else None, commanded.rates)
     rate = readings.rate
     if told:
         _one_sense(rate, seen, up)
     else:
         rate = _matched(seen, placement, up, commanded.rates)
     findings = _missing(rate, placement, up, commanded.rates)
+    slow, cov = None, readings.gyro_cov
+    if readings.slow is not None:
+        slow = readings.slow.gyro
+        cov = cov - wander_variance(slow, readings.time)[:, None, None] * np.eye(3)
     steps = Steps(
-        up, placement, rate, readings.time, readings.gyro, readings.gyro_cov,
-        mean_force_of_steps(up, placement, rate, readings.accel, site), readings.start,
+        up, placement, rate, readings.time, readings.gyro, cov,
+        mean_force_of_steps(up, placement, rate, readings.accel, site), readings.start, slow,
     )  # fmt: skip
     return steps, findings
 
@@ -158,11 +165,43 @@ def _as_declared(up: FloatArray, placement: IntArray, axes: Sequence[str]) -> No
         raise error("rate_table.axes", seen=", ".join(seen), declared=", ".join(axes))
 
 
-def _along(gyro: FloatArray, up: FloatArray) -> FloatArray:
-    """Return the rate that the gyros say along up, less about their bias, shape (n,) [rad/s]."""
-    level = np.abs(up) < 0.5
-    bias = [np.median(gyro[rows, i]) if rows.any() else 0.0 for i, rows in enumerate(level.T)]
-    return np.asarray(np.sum((gyro - np.array(bias)) * up, axis=1))
+def _along(
+    gyro: FloatArray, up: FloatArray, rate: FloatArray | None, listed: FloatArray
+) -> FloatArray:
+    """Return the rate that the gyros say along up, less about their bias, shape (n,) [rad/s].
+
+    The bias of an axis that is level in some step is what it reads there. One that is never level
+    has the bias that brings its readings nearest to the rates, `rate` of the table, shape (n,), or
+    those that are `listed`.
+    """
+    level, bias = np.abs(up) < 0.5, np.zeros(3)
+    for i in range(3):
+        rows, y = level[:, i], gyro[:, i]
+        if rows.any():
+            bias[i] = np.median(y[rows])
+        elif rate is not None:
+            bias[i] = np.median(y - up[:, i] * rate)
+        elif len(listed):
+            bias[i] = _matching_bias(y, up[:, i], listed)
+    return np.asarray(np.sum((gyro - bias) * up, axis=1))
+
+
+def _matching_bias(y: FloatArray, sense: FloatArray, listed: FloatArray) -> float:
+    """Return the smallest bias of all with which the most readings are at a listed rate [rad/s].
+
+    What is larger than any gyro's bias is none: rates that are really other ones stay so.
+    """
+    tried = (y[:, None] - sense[:, None] * listed).ravel()
+    tried = np.append(tried[np.abs(tried) < LARGEST_BIAS], 0.0)
+    turned = sense * (y - tried[:, None])  # a row per bias
+    away = np.abs(turned[:, :, None] - listed)
+    missed = (away / (OTHER_RATE * np.abs(listed) + SLOW)).min(axis=2)
+    fits = np.sum(missed <= 1.0, axis=1)
+    if 2 * fits.max() < len(y):
+        return 0.0  # other rates than listed, and not a bias
+    # The middle of those that fit equally many: scale factors are off by some per cent too.
+    best = tried[fits == fits.max()]
+    return float(np.median(best[np.abs(best) <= np.abs(best).min() + LARGEST_BIAS / 10]))
 
 
 def _degrees(rate: float) -> str:

@@ -116,14 +116,14 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     e : Evidence
         Session, filter and coefficients.
     """
-    c = e.coefficients
-    miss = from_prior(c, e.mean)
+    pull = (e.mean - e.coefficients.values) / e.coefficients.prior_sd
+    miss = from_prior(e.coefficients, e.mean)
     earth = earth_checks(e.earth, 2 * EACH)
     return (
         status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
         *earth,
-        prior_check(c, (c.values - e.mean) / c.prior_sd, cause=put_off(earth)),
-        *(alike_check(c, miss, f"{t}.scale", why, EACH) for t, why in ALIKE.items()),
+        prior_check(e.coefficients, pull, cause=put_off(earth)),
+        *(alike_check(e.coefficients, miss, f"{t}.scale", c, EACH) for t, c in ALIKE.items()),
         _seen(e),
     )  # fmt: skip
 

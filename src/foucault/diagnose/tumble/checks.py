@@ -144,10 +144,9 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     earth = earth_checks(e.earth, 2 * EACH)
     known = CoefficientVector(CONSTANTS, e.fit.start.constants, e.fit.start_cov[3:45, 3:45],
                               prior_sd=e.prior.sd[3:45])  # fmt: skip
-    mean = e.prior.mean.constants
-    off = (known.values - mean) / known.prior_sd
-    out += [*earth, prior_check(known, off, cause=put_off(earth))]
-    out += _alike(known, from_prior(known, mean))
+    pull = (e.prior.mean.constants - known.values) / known.prior_sd
+    miss = from_prior(known, e.prior.mean.constants)
+    out += [*earth, prior_check(known, pull, cause=put_off(earth)), *_alike(known, miss)]
     out += [_start(e), _seen(e)]
     if not e.slow:  # slow noise looks like all of these
         out += [_neighbours(e), _slow(e), _delay(e)]

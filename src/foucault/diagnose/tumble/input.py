@@ -28,6 +28,12 @@ LONG = 1.5
 STEP = 0.01
 """A change of the command by more than this, over its largest size, is a step [1]."""
 
+ROUGHNESS = float(np.sqrt(70.0)) / 6.0
+"""Sd of a reading less what its four neighbours predict, over that of a reading [1]."""
+
+MANY = 0.1
+"""Where more readings than this jump, that is how they are [1]."""
+
 ROUNDS = 5
 """Times that outlying readings are sought beside those that were found [1]."""
 
@@ -235,7 +241,7 @@ def edges(time: FloatArray, command: FloatArray, after: float) -> npt.NDArray[np
     return out
 
 
-def outlying(log: Log) -> npt.NDArray[np.bool_]:
+def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
     """Find rows whose readings jump farther from their neighbours than any would by chance, (n,).
 
     A cubic through two neighbours on either side, at the ends through four on one, predicts a
@@ -246,6 +252,8 @@ def outlying(log: Log) -> npt.NDArray[np.bool_]:
     ----------
     log : Log
         Command, and readings that move slowly against their rate [SI].
+    sd : float, shape ()
+        Of a reading by its noise: what is less is no jump [m/s^2].
     """
     from scipy.interpolate import CubicSpline
     from scipy.special import ndtri
@@ -279,8 +287,8 @@ def outlying(log: Log) -> npt.NDArray[np.bool_]:
         seen = np.isfinite(rough).all(axis=1)
         if np.count_nonzero(seen) < 50:
             return np.zeros(n, bool)
-        spread = 1.4826 * np.median(np.abs(rough[seen]), axis=0)
-        size = np.max(np.abs(rough) / np.where(spread > 0, spread, np.inf), axis=1)
+        spread = np.maximum(1.4826 * np.median(np.abs(rough[seen]), axis=0), ROUGHNESS * sd)
+        size = np.max(np.abs(rough) / np.maximum(spread, 1e-300), axis=1)
         size = np.where(seen, size, 0.0)
         around = np.max([np.roll(size, k) for k in (-2, -1, 1, 2)], axis=0)
         new = (size > limit) & (size > around)  # its neighbours are predicted from it
@@ -290,7 +298,7 @@ def outlying(log: Log) -> npt.NDArray[np.bool_]:
         if not new.any():
             break
         out |= new
-    return out
+    return out if out.mean() < MANY else np.zeros(n, bool)
 
 
 def measured_white(log: Log) -> float:

@@ -91,8 +91,8 @@ def motion_findings(log: Log, from_its_time: bool, delay_sd: float = 0.0) -> lis
             given, sd = (f"{1e3 * value:.0f}" for value in late)
             said = finding("tumble.delay", given=given, sd=sd, believed="0")
             return [said] if abs(late[0]) > 3 * delay_sd else []
-        _check_parts(log, motion)
         if own > _expected(log):
+            _check_parts(log, motion)
             return []
     by_readings = next((m for m in _windows(log, from_its_time) if m.within(np.inf, TURN)), None)
     if by_readings is not None:
@@ -110,6 +110,7 @@ def motion_findings(log: Log, from_its_time: bool, delay_sd: float = 0.0) -> lis
             "tumble.axes", seen=words, share=f"{100 * share:.0f}", own=f"{100 * own:.0f}",
             more=_as_readings(M),
         )  # fmt: skip
+    _check_parts(log, motion)
     return [finding("tumble.motion", own=f"{100 * own:.0f}")]
 
 

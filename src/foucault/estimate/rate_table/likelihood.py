@@ -32,6 +32,7 @@ from foucault.models.earth import EARTH_RATE
 from foucault.models.gyro_scale import readout_slope
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
 from foucault.models.rate_steps import Steps
+from foucault.models.readings import wander
 from foucault.result import Estimate, Linearised, Problem
 
 FloatArray = npt.NDArray[np.float64]
@@ -113,8 +114,33 @@ class State:
     drift: FloatArray | None = None
 
 
+def wanders(steps: Steps, trust: Trust) -> bool:
+    """Tell whether the bias moves slowly, as the steps showed or as was declared."""
+    return trust.drifts or steps.slow is not None
+
+
+def wander_root(steps: Steps, trust: Trust) -> FloatArray:
+    """Return the root L of the covariance of all slow moves of the bias, shape (n, n) [rad/s].
+
+    Parameters
+    ----------
+    steps : Steps
+        The steps, with the wander that was declared [SI].
+    trust : Trust
+        The drift that they showed beyond it.
+    """
+    if steps.slow is None:
+        return drift_root(steps, trust)
+    cov = wander(steps.slow, steps.middle, steps.time)
+    if trust.drifts:
+        found = drift_root(steps, trust)
+        cov = cov + found @ found.T
+    least = 1e-9 * float(np.diag(cov).max())
+    return np.asarray(np.linalg.cholesky(cov + max(least, 1e-40) * np.eye(len(steps))))
+
+
 def drift_root(steps: Steps, trust: Trust) -> FloatArray:
-    """Return the root L of the covariance of a bias that moves slowly, shape (n, n) [rad/s].
+    """Return the root L of the covariance of a drift of the bias, shape (n, n) [rad/s].
 
     Parameters
     ----------
@@ -216,7 +242,7 @@ class Unknowns:
         rows = [("rate of the table", trust.rate_sd), ("unknown Earth rate", trust.vertical_sd)]
         if trust.fixture_sd > 0:
             rows += [("fixture", trust.fixture_sd)] * (2 * _placements(steps))
-        rows += [("bias drift", 1.0)] * (3 * len(steps) * trust.drifts)
+        rows += [("bias drift", 1.0)] * (3 * len(steps) * wanders(steps, trust))
         rows = [row for row in rows if row[1] > 0]
         return cls(names, np.array([sd for _, sd in rows]), tuple(name for name, _ in rows))
 
@@ -294,7 +320,7 @@ def fit(
 
 def _start(steps: Steps, trust: Trust) -> State:
     """Take the straight lines through all readings, where there are enough to have them."""
-    drift = np.zeros((len(steps), 3)) if trust.drifts else None
+    drift = np.zeros((len(steps), 3)) if wanders(steps, trust) else None
     state = State(ImuModel(), 0.0, 0.0, np.zeros((_placements(steps), 2)), drift)
     h, u = true_rate(steps, trust, state)
     size = float(np.abs(h).max()) or 1.0
@@ -331,8 +357,8 @@ def _linearise(
         wide[np.arange(n), :, steps.placement] = mine
         parts.append(wide.reshape(n, 3, -1))
     miss = steps.gyro - model.measure(force, w)[1]
-    if trust.drifts and state.drift is not None:
-        lower = drift_root(steps, trust)
+    if state.drift is not None:
+        lower = wander_root(steps, trust)
         miss = miss - lower @ state.drift
         parts.append(np.einsum("nk,ij->nikj", lower, np.eye(3)).reshape(n, 3, 3 * n))
     weighted = root * np.sqrt(weights)[:, None, None]
@@ -354,7 +380,7 @@ def _nuisance(state: State, trust: Trust, unknowns: Unknowns) -> FloatArray:
     values = [state.rate_error] if trust.rate_sd > 0 else []
     values += [state.vertical] if trust.vertical_sd > 0 else []
     values += state.tilt.ravel().tolist() if trust.fixture_sd > 0 else []
-    values += [] if state.drift is None or not trust.drifts else state.drift.ravel().tolist()
+    values += [] if state.drift is None else state.drift.ravel().tolist()
     return np.array(values) / unknowns.prior_sd
 
 

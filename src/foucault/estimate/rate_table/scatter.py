@@ -27,6 +27,7 @@ from foucault.estimate.rate_table.likelihood import (
     covariance,
     drift_root,
     fit,
+    wanders,
     whitening,
 )
 from foucault.models.rate_steps import Steps
@@ -141,7 +142,8 @@ def _contrasts(
     found: Estimate,
     weights: FloatArray,
 ) -> _Contrasts:
-    problem = build(steps, names, trust, prior, start=replace(found.state, drift=None))
+    drift = np.zeros((len(steps), 3)) if wanders(steps, trust) else None
+    problem = build(steps, names, trust, prior, start=replace(found.state, drift=drift))
     at = gauss_newton.with_prior(problem, problem.start, problem.linearise(problem.start, weights))
     scale = np.linalg.norm(at.jacobian, axis=0)
     unit = at.jacobian / np.where(scale > 0, scale, 1.0)

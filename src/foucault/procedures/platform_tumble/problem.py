@@ -80,7 +80,7 @@ def tumble_of(
     assert log.gyro is not None and log.accel is not None and site.latitude is not None
     command = log.gyro[:-1] if settings.held(log.sampled) == "from its time" else log.gyro[1:]
     reading = log.accel[1:] / site.gravity
-    out = tumble_input.outlying(log)
+    out = tumble_input.outlying(log, noise.accel.white / np.sqrt(log.interval))
     used: npt.NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1)) & ~out[1:]
     if settings.mask_edges:
         used &= ~tumble_input.edges(log.time, command, settings.mask_edges)

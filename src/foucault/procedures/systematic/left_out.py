@@ -83,7 +83,7 @@ def _checks(shown: list[Shown], some: list[Shown]) -> list[Check]:
     chance = min(one.chance for one in shown)
     words = "No error that is left out shows."
     if some:
-        words = f"{some[0].finding.message} So the uncertainties are too small."
+        words = f"{some[0].finding.message} {some[0].finding.cure}"
     return [Check("left out", chance, RATE, None, not some, words)]
 
 
