@@ -72,7 +72,7 @@ def with_clock(
     }
     base = TimeBase(clock.source, clock.sd, clock.declared, error)
     sentence = _words(base, _what(base, vector) if plain else _most(base, vector))
-    unseen = [sentence, *(result.diagnostics.get("unseen") or ())]
+    unseen = [*(result.diagnostics.get("unseen") or ()), sentence]
     told = _alike(vector) if summed else ()
     return replace(
         result, clock=base, diagnostics=result.diagnostics | {"unseen": unseen},
