@@ -184,14 +184,14 @@ def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
         return SHARED
     rate = even_rate(time)
     if rate is None:
-        return "No rate can take the place of [log.time]: samples are lost besides."
+        return "No rate can take the place of [log.time]: samples are lost besides"
     return (
         "If the instrument samples evenly, loses nothing and only its time is coarse, replace "
-        f'[log.time] by rate = "{plain(rate, 6)} Hz" in [log]: their number over their time.'
+        f'[log.time] by rate = "{plain(rate, 6)} Hz" in [log]: their number over their time'
     )
 
 
-SHARED = "Keep [log.time]: another log or a table is stamped by the same clock."
+SHARED = "Keep [log.time]: another log or a table is stamped by the same clock"
 
 
 def on_a_shared_clock(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:

@@ -218,7 +218,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.time_repeated", "error", "The same time twice",
      "Row {row} of the data (from 0) has the same time as the row before, {time} s from the start, "
      "but other readings; {count} such rows in all.",
-     "{advice} If rows of two logs are mixed, keep those of one."),
+     "{advice}. If rows of two logs are mixed, keep those of one."),
     ("log.rows_doubled", "warning", "Rows written twice",
      "{count} rows repeat the row before them in every column, time included, and were left out.",
      "Nothing to do; the logger or the program that wrote the file stored them twice."),
@@ -243,7 +243,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.irregular", "warning", "An irregular sample rate",
      "The rate is irregular: {share} % of the intervals are more than 10 % off the usual "
      "{nominal} (1st to 99th percentile {low} to {high}).",
-     "Use the instrument's own clock as time. {advice}"),
+     "Use the instrument's own clock as time. {advice}."),
     ("log.saturated", "warning", "A saturated axis",
      "{triad} {axis} is saturated; samples at the limit: {count}, the first {start} s from the "
      "start.",
