@@ -272,3 +272,37 @@ def test_pulses_that_repeat_are_not_stuck():
     longest = np.diff(np.flatnonzero(np.diff(x[:, 0]))).max()
     assert longest > 20  # more than a second
     assert axes.check(time, x, "gyro") == ()
+
+
+def turning_with_the_earth(factor=1.0, seconds=60, seed=2):
+    rng = RNG(seed)
+    w = np.array([0.3, 0.5, 0.81])
+    w *= 7.292115e-5 * factor / np.linalg.norm(w)
+    return w + rng.normal(0, 1e-6, (seconds * 100, 3))
+
+
+def test_rests_that_turn_3600_times_as_fast_as_the_earth_name_arcsec():
+    for unit, one, kind, likely in (
+        ("deg", np.pi / 180, "increment", '"arcsec"'),
+        ("deg/s", np.pi / 180, "rate", '"arcsec/s" or "deg/h"'),
+    ):
+        (found,) = checks.earth_scale(turning_with_the_earth(3600.0), 0.01, unit, one, kind)
+        assert found.code == "log.gyro_earth"
+        assert "times the Earth's rate, with unit" in found.message
+        assert f"The unit is probably {likely}: correct it in [log.gyro]." in found.cure
+    for factor in (1.0, 60.0, 1000.0, 5000.0):
+        assert checks.earth_scale(turning_with_the_earth(factor), 0.01, "deg", 1.0, "rate") == ()
+
+
+def test_too_fast_a_gyro_in_degrees_may_be_in_arcsec():
+    gyro = np.full((1000, 3), 4000.0)
+    (found,) = checks.gyro_scale(gyro, "deg", "increment")
+    assert 'unit = "arcsec"' in found.cure
+
+
+def test_a_count_scale_per_g_says_which_g():
+    (found,) = checks.standard_gravity("1e6 count/g")
+    assert "per 1 g = 9.80665 m/s^2, the standard one" in found.message
+    assert "for 1 g, write it per m/s^2" in found.cure
+    assert checks.standard_gravity(("415 count/(m/s^2)",) * 3) == ()
+    assert checks.standard_gravity("4e6 count/mg") != () and checks.standard_gravity(None) == ()

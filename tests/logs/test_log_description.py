@@ -152,3 +152,39 @@ def test_the_description_survives_in_the_source(tmp_path):
     source = read(description, tmp_path).source
     again = LogDescription.model_validate(json.loads(json.dumps(source["description"])))
     assert again == description
+
+
+INCREMENTS = {
+    "gyro": {"columns": [1, 2, 3], "unit": ["1 arcsec", "2 arcsec", "4 arcsec"],
+             "kind": "increment"},
+    "accel": {"columns": [4, 5, 6], "unit": "0.01 m/s", "kind": "increment"},
+}  # fmt: skip
+
+
+def pulses(tmp_path, **words):
+    rows = [[0.1 * k, 8 + k, 4, 2, 0, 0, 98] for k in range(10) if k != 6]
+    lines = "\n".join(",".join(f"{v:g}" for v in row) for row in rows)
+    (tmp_path / "pulses.csv").write_text(lines + "\n")
+    said = {"file": "pulses.csv", "time": {"column": 0, "unit": "s"}, **INCREMENTS, **words}
+    return read(LogDescription.model_validate(said), tmp_path)
+
+
+def test_every_axis_may_have_its_own_weight_of_a_pulse(tmp_path):
+    log = pulses(tmp_path)
+    arcsec = np.pi / 648000
+    assert log.gyro[0] == pytest.approx([80 * arcsec] * 2 + [80 * arcsec])
+    with pytest.raises(FoucaultError, match="'deg/s' is a unit of rates"):
+        wrong = {**INCREMENTS["gyro"], "unit": ["1 arcsec", "deg/s", "1 arcsec"]}
+        LogDescription.model_validate({"file": "a.csv", "gyro": wrong})
+    with pytest.raises(FoucaultError, match="scale or a zero"):
+        wrong = {**INCREMENTS["gyro"], "zero": 3}
+        LogDescription.model_validate({"file": "a.csv", "gyro": wrong})
+
+
+def test_increments_stamped_at_the_start_belong_to_the_end_of_their_interval(tmp_path):
+    end, start = pulses(tmp_path), pulses(tmp_path, stamped="start")
+    assert len(start) == len(end) - 1
+    # The row of 0.5 s, before the gap, ends at 0.6 s; the others where the next begins.
+    assert start.time == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9])
+    assert start.gyro[:, 0] == pytest.approx(end.gyro[:-1, 0])
+    assert end.time[0] == 0.0

@@ -23,11 +23,9 @@ def calibrated(name, **site):
     made = make_guard.session(like.get(name, name))
     made = made.with_keys(site={"gravity": f"{G} m/s^2", **site})
     if name in like:
-        keys = (
-            {"spin_rate": "30 deg/s"}
-            if name == "multi_position"
-            else {"initial_rest": "2 s", "samples_per_rest": 50}
-        )
+        keys = {"spin_rate": "30 deg/s"}
+        if name == "hand_rotated_published":
+            keys = {"initial_rest": "2 s", "samples_per_rest": 40}
         text = made.text[: made.text.index("[procedure]")]
         rest = made.text[made.text.index("[procedure]") :]
         after = rest[rest.find("\n[") :] if "\n[" in rest else ""

@@ -1,5 +1,6 @@
 """Whether a wrong clock is known: its error of every procedure, against the log stamped anew."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -204,3 +205,13 @@ def test_the_command_line_says_which_sd_it_prints(tmp_path):
     assert (
         "sd in the log's own time; in seconds the crystal of a host or logger adds 100 ppm" in said
     )
+
+
+def test_increments_over_a_wrong_interval_are_told_by_scales_alike():
+    made = make_guard._as_increments(make_guard.another("six_position", grade="navigation"))
+    slow = made.with_columns(time=made.columns["time"] * 1.01)
+    findings = {f.code: f for f in calibrated(slow).findings}
+    said = findings["log.alike"]
+    assert re.search(r"scale factors are -(0.9|1.0)\d* %, alike: so look increments", said.message)
+    assert "Check the rate or the time column of [log]" in said.cure
+    assert "log.alike" not in {f.code for f in calibrated(made).findings}

@@ -199,7 +199,7 @@ def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
     f = _means(seen, "accel")
     if f is not None and len(f):
         size = np.linalg.norm(f if seen.turning.all() else f[~seen.turning], axis=1)
-        rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (gravity: 9.8)"))
+        rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (1 g = 9.80665)"))
     return rows
 
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.errors import Finding, finding
 from foucault.models.layouts import is_cluster
 from foucault.models.references import clock_slope
 from foucault.result import Result, TimeBase
-from foucault.tables import Clock, FloatArray, Log
+from foucault.tables import AXES, Clock, FloatArray, Log
 
 WORDS = {
     "sensor": "the sensor's own oscillator",
@@ -71,8 +72,31 @@ def with_clock(
     }
     base = TimeBase(clock.source, clock.sd, clock.declared, error)
     sentence = _words(base, _what(base, vector) if plain else _most(base, vector))
-    unseen = [sentence, *(result.diagnostics.get("unseen") or ())]
-    return replace(result, clock=base, diagnostics=result.diagnostics | {"unseen": unseen})
+    unseen = [*(result.diagnostics.get("unseen") or ()), sentence]
+    told = _alike(vector) if summed else ()
+    return replace(
+        result, clock=base, diagnostics=result.diagnostics | {"unseen": unseen},
+        findings=(*result.findings, *told),
+    )  # fmt: skip
+
+
+ALIKE = 0.1
+"""Three scale factors within so much of their mean are off by one cause [1]."""
+
+FAR = 2e-3
+"""Gravity is not so far off anywhere, and few accelerometers are by chance all alike [1]."""
+
+
+def _alike(vector: CoefficientVector) -> tuple[Finding, ...]:
+    """Tell increments whose accelerometer scale factors are off alike: their interval is wrong."""
+    names = [f"accel.scale.{axis}" for axis in AXES]
+    if not all(name in vector.layout for name in names):
+        return ()
+    scales = np.array([vector.value(name) for name in names])
+    mean = float(scales.mean())
+    if not abs(mean) > FAR or not np.abs(scales - mean).max() < ALIKE * abs(mean):
+        return ()
+    return (finding("log.alike", percent=f"{100 * mean:+.3g}", clock=f"{-100 * mean:+.3g}"),)
 
 
 def in_words(result: Result) -> str:

@@ -6,6 +6,7 @@ error. All else is a finding: it is reported with its likely cause, and the work
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.models.earth import EARTH_RATE
 from foucault.models.temperature import KELVIN_IN_CELSIUS
 from foucault.symptoms import SYMPTOMS
 from foucault.tables import FloatArray
@@ -182,14 +184,14 @@ def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
         return SHARED
     rate = even_rate(time)
     if rate is None:
-        return "No rate can take the place of [log.time]: samples are lost besides."
+        return "No rate can take the place of [log.time]: samples are lost besides"
     return (
         "If the instrument samples evenly, loses nothing and only its time is coarse, replace "
-        f'[log.time] by rate = "{plain(rate, 6)} Hz" in [log]: their number over their time.'
+        f'[log.time] by rate = "{plain(rate, 6)} Hz" in [log]: their number over their time'
     )
 
 
-SHARED = "Keep [log.time]: another log or a table is stamped by the same clock."
+SHARED = "Keep [log.time]: another log or a table is stamped by the same clock"
 
 
 def on_a_shared_clock(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
@@ -386,6 +388,8 @@ def gyro_scale(
         likely.append('unit = "deg/s"' if kind == "rate" else 'unit = "deg"')
     if kind == "increment":
         likely.append('kind = "rate" with a unit such as "rad/s" (in [log.accel] too)')
+    if unit.startswith("deg"):
+        likely.append('unit = "deg/h" or "arcsec/s"' if kind == "rate" else 'unit = "arcsec"')
     lines = ", or ".join(likely) or "the right unit or count scale"
     return (
         finding(
@@ -393,6 +397,62 @@ def gyro_scale(
             kind=kind, lines=lines,
         ),
     )  # fmt: skip
+
+
+def standard_gravity(scale: str | tuple[str, ...] | None) -> tuple[Finding, ...]:
+    """Say which g a count scale per g is of: local gravity is up to 0.3 % off.
+
+    Parameters
+    ----------
+    scale : str, tuple of str or None
+        Count scale as declared.
+    """
+    texts = (scale,) if isinstance(scale, str) else scale or ()
+    per_g = [text for text in texts if re.search(r"\b[mun]?g\b", text)]
+    return (finding("log.per_g", scale=per_g[0]),) if per_g else ()
+
+
+TURNING_EARTH = 0.05
+"""So near to a multiple of the Earth's rate is no chance [1]."""
+
+
+def earth_scale(
+    gyro: FloatArray, interval: float, unit: str, one: float, kind: Literal["rate", "increment"]
+) -> tuple[Finding, ...]:
+    """Find a log whose rests turn 3600 times as fast as the Earth: arcsec read as deg.
+
+    Parameters
+    ----------
+    gyro : ndarray, shape (n, 3)
+        Angular rate as read [rad/s].
+    interval : float
+        Nominal sample interval [s].
+    unit : str
+        Unit as declared in the campaign.
+    one : float
+        SI value of one such unit [rad/s or rad].
+    kind : {"rate", "increment"}
+        Kind as declared in the campaign.
+
+    Notes
+    -----
+    The norm of the Earth's rate is the same in every attitude; the tenth of the seconds that turns
+    slowest is at rest in most logs. A bias of as many degrees per second has no gyro that sees it.
+    """
+    each = max(1, round(1.0 / interval)) if interval > 0 else 1
+    count = len(gyro) // each
+    if count < 10:
+        return ()
+    slow = np.linalg.norm(gyro[: count * each].reshape(count, each, 3).mean(axis=1), axis=1)
+    ratio = float(np.quantile(slow, 0.1)) / EARTH_RATE
+    if not abs(ratio / 3600.0 - 1.0) < TURNING_EARTH:
+        return ()
+    small = {"rate": ("arcsec/s", "deg/h"), "increment": ("arcsec",)}[kind]
+    what = {"rate": "angular rate", "increment": "angle increment"}[kind]
+    fits = [u for u in small if abs(one / factor(u, what) / 3600.0 - 1.0) < TURNING_EARTH]
+    likely = " or ".join(f'"{u}"' for u in fits) or "3600 times smaller"
+    rate = plain(float(np.degrees(ratio * EARTH_RATE)), 4)
+    return (finding("log.gyro_earth", rate=rate, ratio=plain(ratio, 4), unit=unit, likely=likely),)
 
 
 def _near(value: float, wanted: float, band: float) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from foucault.errors import FoucaultError, error
@@ -41,7 +42,10 @@ class Triad(Block):
         description='names or numbers from 0 for x, y, z; a leading "-" flips the sign ("-gy"); '
         "guessed from the header if left out",
     )
-    unit: str = Field(description='unit of one, such as "deg/s", "0.1 arcsec", or "count"')
+    unit: str | tuple[str, str, str] = Field(
+        description='unit of one, such as "deg/s", "0.1 arcsec", or "count"; a list of three where '
+        "the axes have their own, such as the weights of their pulses"
+    )
     kind: Literal["rate", "increment"] = Field(
         "rate", description='"increment": each row is the integral over the interval before it'
     )
@@ -67,10 +71,22 @@ class Triad(Block):
         self.conversion()
         return self
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The unit of every axis, or the one of all."""
+        return (self.unit,) if isinstance(self.unit, str) else self.unit
+
     def conversion(self) -> tuple[FloatArray, FloatArray]:
         """Return zero and factor, each shape (3,): SI value = (raw - zero) * factor."""
+        if not isinstance(self.unit, str):
+            for unit in self.unit:
+                self._check_kind(unit)
+            if self.scale is not None or np.any(self.zero):
+                raise error("log.scale_without_count", block=self.name, unit=", ".join(self.unit))
+            kind = self.kinds[self.kind]
+            return np.zeros(3), np.array([scaled_unit(unit, kind) for unit in self.unit])
         if self.unit not in COUNTS and self.scale is None:
-            self._check_kind()
+            self._check_kind(self.unit)
         elif self.unit in COUNTS and self.kind == "increment":
             raise no_count_scale(self.name)
         kind = self.kinds[self.kind]
@@ -80,17 +96,17 @@ class Triad(Block):
         """Return the range as declared, lowest and highest, shape (2,) [`unit`]."""
         return limits(self.saturation)
 
-    def _check_kind(self) -> None:
+    def _check_kind(self, unit: str) -> None:
         try:
-            scaled_unit(self.unit, self.kinds[self.kind])
+            scaled_unit(unit, self.kinds[self.kind])
         except FoucaultError as problem:
             other = "increment" if self.kind == "rate" else "rate"
             try:
-                scaled_unit(self.unit, self.kinds[other])
+                scaled_unit(unit, self.kinds[other])
             except FoucaultError:
                 raise problem from None
             raise error(
-                "log.kind", block=self.name, unit=self.unit, kind=self.kind, other=other
+                "log.kind", block=self.name, unit=unit, kind=self.kind, other=other
             ) from None
 
 
@@ -184,6 +200,11 @@ class LogDescription(FileLayout):
     temperature: TemperatureColumn | None = None
     table: TableBlock | None = Field(
         None, description="angles and rate of the table that the instrument stands on"
+    )
+    stamped: Literal["end", "start"] = Field(
+        "end",
+        description="which end of its interval the time of a row of increments is; a stamp at the "
+        "start is moved to the end",
     )
     averaged: Averaged | None = Field(
         None,

@@ -302,12 +302,33 @@ def finished(
         if block is not None:
             findings += axes.check(time, data[name], name, limits_si(block))
     if kind == "increment":
+        if used.stamped == "start":
+            data = _at_ends(data)
+            time = data["time"]
         dt = _intervals(time)[:, None]
         for name in triads.keys() & data.keys():
             data[name] /= dt
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
               findings, source, table_of(data))  # fmt: skip
     return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
+
+
+def _at_ends(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Give every row of increments the end of its interval, where the next begins.
+
+    The last row is left out, as nothing says where it ends; what is no increment is read at the
+    end too.
+    """
+    time = data["time"]
+    step = np.diff(time)
+    nominal = float(np.median(step)) if len(step) else np.nan
+    whole = step <= checks.GAP * nominal
+    rows = np.arange(len(step)) + whole  # before a gap the next row is too late
+    out = {
+        name: values[:-1] if name in ("gyro", "accel") else values[rows]
+        for name, values in data.items()
+    }
+    return out | {"time": np.where(whole, time[1:], time[:-1] + nominal)}
 
 
 def limits_si(block: Triad) -> FloatArray | None:
@@ -335,11 +356,17 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
         counts = block.scale is not None
         one = None if counts else abs(float(block.conversion()[1][0]))
         each = log.interval if log.averaged is None else float(np.median(log.averaged))
-        found += checks.accel_scale(log.accel, each, block.unit, one, block.kind)
+        found += checks.accel_scale(log.accel, each, ", ".join(block.units), one, block.kind)
+        if counts:
+            found += checks.standard_gravity(block.scale)
     if used.time is not None and log.averaged is None and len(log) > 2:
         found += checks.time_scale(log.interval, used.time.unit, used.time.one())
     if log.gyro is not None and used.gyro is not None:
-        found += checks.gyro_scale(log.gyro, used.gyro.unit, used.gyro.kind)
+        found += checks.gyro_scale(log.gyro, ", ".join(used.gyro.units), used.gyro.kind)
+        if used.table is None and log.averaged is None and used.gyro.scale is None:
+            one = float(np.abs(used.gyro.conversion()[1]).mean())
+            told = (", ".join(used.gyro.units), one, used.gyro.kind)
+            found += checks.earth_scale(log.gyro, log.interval, *told)
     if log.temperature is not None:
         found += checks.temperature_scale(log.temperature)
     return found

@@ -105,7 +105,8 @@ def blocks(
         The next rows; `findings` tells what looks wrong in them [SI].
     """
     files = description.files()
-    if len(files) != 1 or description.averaged is not None or description.serial is not None:
+    whole = description.averaged is not None or description.serial is not None
+    if len(files) != 1 or whole or description.stamped == "start":
         yield from _slices(read(description, folder, progress))
         return
     ((name, wanted),) = files.items()

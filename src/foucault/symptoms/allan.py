@@ -41,7 +41,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("allan.uneven", "error", "A record that is not evenly sampled",
      "{share} % of the intervals are more than 10 % off the usual {nominal} s; an Allan variance "
      "needs evenly spaced samples.",
-     "{advice} Else resample the log."),
+     "{advice}. Else resample the log."),
     ("allan.gap", "warning", "A gap in the record",
      "The record has gaps, {count} in all; only its longest part without one is used, {start} s to "
      "{end} s.",

@@ -224,7 +224,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.time_repeated", "error", "The same time twice",
      "Row {row} of the data (from 0) has the same time as the row before, {time} s from the start, "
      "but other readings; {count} such rows in all.",
-     "{advice} If rows of two logs are mixed, keep those of one."),
+     "{advice}. If rows of two logs are mixed, keep those of one."),
     ("log.rows_doubled", "warning", "Rows written twice",
      "{count} rows repeat the row before them in every column, time included, and were left out.",
      "Nothing to do; the logger or the program that wrote the file stored them twice."),
@@ -249,7 +249,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("log.irregular", "warning", "An irregular sample rate",
      "The rate is irregular: {share} % of the intervals are more than 10 % off the usual "
      "{nominal} (1st to 99th percentile {low} to {high}).",
-     "Use the instrument's own clock as time. {advice}"),
+     "Use the instrument's own clock as time. {advice}."),
     ("log.saturated", "warning", "A saturated axis",
      "{triad} {axis} is saturated; samples at the limit: {count}, the first {start} s from the "
      "start.",
@@ -276,6 +276,21 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The median temperature is {given} degC.",
      "Check the unit in [log.temperature]: kelvin said to be degC, and degrees Celsius said to be "
      "K, look like this."),
+    ("log.gyro_earth", "warning", "Rests that turn 3600 times as fast as the Earth (arcsec as deg)",
+     "Where it moves least the gyro turns at {rate} deg/s, {ratio} times the Earth's rate, with "
+     "unit = \"{unit}\".",
+     "The unit is probably {likely}: correct it in [log.gyro]. It is right if the instrument "
+     "turned at that rate all the time."),
+    ("log.alike", "warning", "Increments over a wrong interval: all accelerometers off alike",
+     "All three accelerometer scale factors are {percent} %, alike: so look increments divided by "
+     "an interval {clock} % wrong, or an increment's size that is.",
+     "Check the rate or the time column of [log] against another clock, and the size of one "
+     "increment; local gravity does not differ so much."),
+    ("log.per_g", "note", "A count scale per g: which g",
+     "The count scale '{scale}' is per 1 g = 9.80665 m/s^2, the standard one, wherever the log is "
+     "from.",
+     "If it was found by taking local gravity for 1 g, write it per m/s^2: it is up to 0.3 % off, "
+     "alike in all three accelerometer scale factors."),
     ("log.gyro_unit", "warning", "Angular rates no gyro can measure (deg/s read as rad/s)",
      "The gyro reaches {peak} rad/s ({degrees} deg/s), with unit = \"{unit}\" and kind = "
      "\"{kind}\"; no gyro measures that.",

@@ -73,7 +73,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Steps that scatter more than the noise",
      "The steps scatter by {ppm} ppm of their rate more than the noise explains; it was added to "
      "the uncertainties.",
-     "Declare the table's `rate_jitter` if it is known. A pattern against the rate is a "
+     "Declare the table's `rate_sd` if it is known. A pattern against the rate is a "
      "non-linearity of higher order instead: see the residuals."),
     ("rate_table.bias_moved", "warning",
      "A bias that moved during the session",

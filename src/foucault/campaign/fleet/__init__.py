@@ -26,6 +26,7 @@ from foucault.campaign.reading import Campaign
 from foucault.campaign.study import names_of
 from foucault.campaign.tolerance import Tolerance
 from foucault.diagnose.table import report as table_report
+from foucault.diagnose.time_base import times_the_table, with_clock
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import unwritable
 from foucault.logs.serials import by_serial
@@ -34,7 +35,7 @@ from foucault.procedures import Progress, on_table, silent
 from foucault.procedures.norm_observation import task_of
 from foucault.procedures.on_table import batch as on_table_batch
 from foucault.result import Result, provenance
-from foucault.tables import Log
+from foucault.tables import Clock, Log
 
 Report = Callable[[Path], Path]
 Entry = tuple[str, "Log | FoucaultError"]
@@ -45,13 +46,17 @@ LONGEST = 80
 
 @dataclass
 class _Reduced:
-    """An instrument that waits for the batch: its means, and what its log leaves behind."""
+    """An instrument that waits for the batch: its means, and what its log leaves behind.
+
+    `timed`: the clock of its log, whether that timed the table, and whether it is increments.
+    """
 
     serial: str
     readings: Readings
     findings: tuple[Finding, ...]
     validity: dict[str, Any]
     provenance: dict[str, Any]
+    timed: tuple[Clock, bool, bool]
 
 
 @dataclass
@@ -241,7 +246,8 @@ def _reduced(work: _Work, serial: str, log: Log | FoucaultError) -> _Reduced | R
         return Row.broken(serial, problem)
     validity = table_report.validity(readings, log, c.site)
     found = c.findings + log.findings
-    return _Reduced(serial, readings, found, validity, provenance(log.source, 0.0))
+    timed = log.clock, times_the_table(log), log.sampled == "increment"
+    return _Reduced(serial, readings, found, validity, provenance(log.source, 0.0), timed)
 
 
 def _from_batch(work: _Work, batch: on_table_batch.Batch, i: int, own: _Reduced) -> Row:
@@ -253,6 +259,8 @@ def _from_batch(work: _Work, batch: on_table_batch.Batch, i: int, own: _Reduced)
         result, findings=own.findings + result.findings, validity=own.validity,
         provenance=own.provenance,
     )  # fmt: skip
+    clock, turned, summed = own.timed
+    result = with_clock(result, clock, turned=turned, summed=summed)
     return _saved(work, own.serial, result)
 
 

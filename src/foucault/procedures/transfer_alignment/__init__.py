@@ -158,7 +158,7 @@ def _clock_slope(
         return None
     start, table = float(log.time[0]), log.messages
     later = replace(table, time=start + (table.time - start) * (1.0 + FAST))
-    fast = replace(stretched(log, FAST), master=later)
+    fast = SlaveLog.of(stretched(log, FAST), later)
     try:
         other = _calibrate(fast, site, settings, noise, given, silent, shown=False).coefficients
     except FoucaultError:
