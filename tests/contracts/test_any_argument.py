@@ -33,6 +33,8 @@ sys.path += [str(TESTS / "cli"), str(TESTS)]
 LINES: dict[str, str] = {
     **importlib.import_module("test_bad_values").LINES,
     "report": "run",
+    "optimise": "platform_tumble -o new --restarts 1 --evaluations 5",
+    "montecarlo": "six_position -n 2 -o new",
     "calibrate": "hand_rotated.toml -o new",
 }
 
@@ -105,7 +107,7 @@ def cases(words: str) -> list[list[str]]:
     out = []
     for i, word in enumerate(good):
         before = good[i - 1] if i else ""
-        if before in ("-o", "--to") or word.startswith("-"):
+        if before.startswith("-") or word.startswith("-"):
             continue
         some = FILES if "." in word or word in ("run", "other") else (*FILES[:6], *TEXTS)
         out += [[*first, *good[:i], _path(f), *good[i + 1 :]] for f in some]
