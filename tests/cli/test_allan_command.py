@@ -87,3 +87,10 @@ def test_a_folder_that_cannot_be_written(log: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     result = run("allan", log, "--axis", "gyro.x", "-o", tmp_path / "file")
     assert result.exit_code == 1 and "cannot be written" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["allan", "inspect"])
+def test_a_log_without_a_place_and_a_procedure(command: str, log: Path, tmp_path: Path) -> None:
+    (tmp_path / "campaign.toml").write_text(f'[log]\nfile = "{log}"\n')
+    done = run(command, tmp_path / "campaign.toml")
+    assert done.exit_code == 0, done.output

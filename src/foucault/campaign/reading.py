@@ -26,6 +26,10 @@ from foucault.files import parse_toml, read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
+from foucault.units import STANDARD_GRAVITY
+
+NOWHERE = earth.Site(STANDARD_GRAVITY, gravity_source="none", gravity_sd=0.03)
+"""Somewhere on Earth, for what needs no place: the noise of a log, or what is in it [SI]."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,7 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
     path : str or Path
         The TOML file.
     calibrates : bool
-        Whether it must name a procedure; what reads only its log, site and noise needs none.
+        Whether it must name a procedure and a site; what reads only its log and noise needs none.
     """
     path = Path(path)
     try:
@@ -158,7 +162,7 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         path=path,
         text=text,
         instrument=file.instrument.model_dump(),
-        site=file.site.site(),
+        site=file.site.site() if calibrates or file.site.said else NOWHERE,
         log=file.log,
         master=_master(str(name), file.master),
         procedure=str(name),

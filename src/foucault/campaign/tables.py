@@ -63,6 +63,11 @@ class SiteTable(_Table):
         "normal gravity.",
     )
 
+    @property
+    def said(self) -> bool:
+        """Whether a place or gravity is given."""
+        return self.latitude is not None or self.gravity is not None
+
     def site(self) -> earth.Site:
         """Return the site, with normal gravity where none is given."""
         if self.latitude is not None and abs(self.latitude) > np.pi / 2:
