@@ -58,7 +58,7 @@ def find(
         return alike[0], 1.0
     if isinstance(wanted, str) and wanted in raw.names:
         return raw.names.index(wanted), 1.0
-    if text.isdigit() and int(text) < len(raw.names):
+    if text.isdecimal() and len(text) < 9 and int(text) < len(raw.names):
         return int(text), 1.0
     if raw.named:
         hint = suggestion(text, raw.names)
