@@ -154,3 +154,19 @@ def test_one_run_to_a_folder(tmp_path: Path) -> None:
         done = run("calibrate", tmp_path / "a.toml", "-o", tmp_path / "run")
     assert done.exit_code == 1
     assert "Another run of foucault is writing into" in done.stderr
+
+
+def test_a_folder_whose_result_is_not_what_its_procedure_writes(tmp_path: Path) -> None:
+    import json
+
+    from foucault import run_folder
+    from make_result import make_result
+
+    run_folder.save(make_result(), tmp_path)
+    file = tmp_path / run_folder.RESULT_FILE
+    doc = json.loads(file.read_text())
+    doc["diagnostics"] = {"coverage": "x", "noise": "x", "detection": [1]}
+    file.write_text(json.dumps(doc))
+    done = run("report", tmp_path)
+    assert done.exit_code == 1
+    assert "cannot be shown as a page: what is in it is not what its command writes" in done.stderr
