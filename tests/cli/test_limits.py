@@ -170,3 +170,11 @@ def test_a_folder_whose_result_is_not_what_its_procedure_writes(tmp_path: Path) 
     done = run("report", tmp_path)
     assert done.exit_code == 1
     assert "cannot be shown as a page: what is in it is not what its command writes" in done.stderr
+
+
+@pytest.mark.parametrize("given", ["1e-320 deg", "1e-100 arcsec"])
+def test_a_size_that_nothing_has(given: str, tmp_path: Path) -> None:
+    words = ["north", "plan", "--latitude", "47 deg", "--gyro-noise", "navigation", "--time"]
+    done = run(*words, "10 min", "--level-sd", given)
+    assert done.exit_code == 1
+    assert "--level-sd" in done.stderr
