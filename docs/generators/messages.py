@@ -27,7 +27,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     ),
     "plans": ("Planning a session", "preflight optimise observability"),
     "navigate": ("Aligning and navigating", "alignment navigate reference strapdown"),
-    "results": ("Applying, exporting and reading results", "apply export result"),
+    "results": ("Applying, exporting and reading results", "apply export result program"),
     "several": (
         "Several results: merged, compared, over temperature, of many instruments",
         "prior merge compare temperature fleet tolerance",

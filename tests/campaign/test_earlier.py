@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from foucault import campaign, procedures, run_folder
+from foucault import campaign, procedures, run_folder, units
 from foucault.campaign import earlier, preflight
 from foucault.cli import app
 from foucault.coefficients import CoefficientVector
@@ -347,5 +347,30 @@ def test_commands_that_have_no_use_for_it():
         earlier.refuse(described, "a plan")
     assert caught.value.code == "prior.not_here"
     with pytest.raises(FoucaultError) as caught:
-        preflight.foresee(described)
+        preflight.beforehand(described)
     assert caught.value.code == "prior.not_here"
+
+
+@pytest.mark.parametrize("loose", ["", 'growth = {"gyro.bias" = "50 deg/h"}\n', "inflate = 1000.0"])
+def test_a_plan_is_judged_with_what_is_known(loose, tmp_path):
+    result = make_result()
+    run_folder.save(result, tmp_path / "run")
+    path = tmp_path / "campaign.toml"
+    alone = preflight.foresee(campaign.parse(campaign.template("hand_rotated"), path))
+    text = campaign.template("hand_rotated") + f'\n[prior]\nfrom = "run"\n{loose}\n'
+    found = preflight.foresee(campaign.parse(text, path))
+    names = [n for n in found.names if n in result.coefficients.layout]
+    both = found.coefficients.chosen(names)
+    plan, before = alone.coefficients.chosen(names), result.coefficients.chosen(names)
+    assert (both.sd <= plan.sd * (1 + 1e-9)).all()
+    if "growth" not in loose:
+        scale = 1000.0 if "inflate" in loose else 1.0
+        whole = np.linalg.inv(np.linalg.inv(plan.cov) + np.linalg.inv(before.cov) / scale**2)
+        np.testing.assert_allclose(both.cov, whole, rtol=1e-4, atol=1e-6 * np.abs(whole).min())
+        np.testing.assert_allclose(both.prior_sd, scale * before.sd)
+    else:
+        at = found.names.index("gyro.bias.x")
+        grown = np.hypot(
+            result.coefficients["gyro.bias.x"].sd[0], units.parse("50 deg/h", "angular rate")
+        )
+        assert found.prior_sd[at] == pytest.approx(grown)

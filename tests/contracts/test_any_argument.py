@@ -33,6 +33,8 @@ sys.path += [str(TESTS / "cli"), str(TESTS)]
 LINES: dict[str, str] = {
     **importlib.import_module("test_bad_values").LINES,
     "report": "run",
+    "optimise": "platform_tumble -o new --restarts 1 --evaluations 5",
+    "montecarlo": "six_position -n 2 -o new",
     "calibrate": "hand_rotated.toml -o new",
 }
 
@@ -55,8 +57,8 @@ FILES = (
 NUMBERS = ("-1", "0", "1000000000000", "1" + "0" * 400, "1e9", "nan")
 
 TEXTS = (
-    "", " ", "nan", "inf s", "1e999 m", "-1e30 m", "0 rad/s", "1e30 Hz", "9" * 5000 + " s",
-    "(" * 5000, "x" * 5000, "../../x", "a=b=c", "=", "\u202e\x1b[2J", "1e-320 deg", "nan=nan",
+    "", "nan", "1e999 m", "-1e30 m", "0 rad/s", "9" * 5000 + " s", "(" * 5000, "a=b=c",
+    "\u202e\x1b[2J", "1e-320 deg",
 )  # fmt: skip
 
 
@@ -105,7 +107,7 @@ def cases(words: str) -> list[list[str]]:
     out = []
     for i, word in enumerate(good):
         before = good[i - 1] if i else ""
-        if before in ("-o", "--to") or word.startswith("-"):
+        if before.startswith("-") or word.startswith("-"):
             continue
         some = FILES if "." in word or word in ("run", "other") else (*FILES[:6], *TEXTS)
         out += [[*first, *good[:i], _path(f), *good[i + 1 :]] for f in some]

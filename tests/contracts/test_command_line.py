@@ -122,3 +122,11 @@ def test_a_verdict_has_its_exit_codes_explained() -> None:
     for name in ("calibrate", "merge", "compare", "fleet", "align", "navigate", "delay", "watch",
                  "temperature", "montecarlo", "optimise", "preflight", "north find"):  # fmt: skip
         assert "Exit codes:\n  0" in COMMANDS[name].epilog, name
+
+
+def test_optimise_offers_what_it_takes() -> None:
+    from foucault.campaign.reading import improvable
+    from foucault.procedures import PROCEDURES
+
+    said = COMMANDS["optimise"].params[0].help
+    assert {name for name in PROCEDURES if re.search(rf"\b{name}\b", said)} == set(improvable())

@@ -100,6 +100,13 @@ def test_a_target_that_cannot_be_written(tmp_path: Path) -> None:
     assert (tmp_path / "old.h").read_text().startswith("/*")
 
 
+def test_ros_is_no_mistake(tmp_path: Path) -> None:
+    result = with_terms("accel.bias")
+    want = write(result, "ros2", tmp_path / "a").read_text()
+    for other in ("ros", "ros1", "imu_calib"):
+        assert write(result, other, tmp_path / "b").read_text() == want
+
+
 @pytest.mark.parametrize(
     "family", ["gyro.asymmetry", "gyro.cubic", "accel.asymmetry", "gyro.deflection"]
 )

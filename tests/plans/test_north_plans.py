@@ -171,3 +171,10 @@ def test_what_cannot_be_done() -> None:
     assert found.best is found.rows[0]
     short = compare(replace(TASK, total=60.0), ("published", "palindrome")).rows[1]
     assert short.why == "too short for its stops"
+
+
+@pytest.mark.parametrize("name", ["9" * 5000, "9" * 5000 + " positions", "continuous \u00b2"])
+def test_a_number_that_nobody_means(name):
+    with pytest.raises(FoucaultError) as caught:
+        plans.orders(name)
+    assert caught.value.code == "north_plan.order"

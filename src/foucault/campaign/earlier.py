@@ -19,12 +19,19 @@ from foucault.campaign.tables import joined
 from foucault.errors import Status, error
 from foucault.files import sha256
 from foucault.models.layouts import kind_of
-from foucault.procedures.merged import Earlier, Hashed, merged, with_prior
+from foucault.procedures.merged import (
+    Earlier,
+    Hashed,
+    foreseen_with_prior,
+    merged,
+    with_prior,
+)
 from foucault.result import Result
 from foucault.run_folder import RESULT_FILE, load_result
 
 if TYPE_CHECKING:
     from foucault.campaign.reading import Campaign
+    from foucault.diagnose.foresight import Foresight
 
 Priors = dict[str, tuple[float, float]]
 
@@ -144,6 +151,38 @@ def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], 
         lent = {n: (v, sd) for n, v, sd in sure if n in result.coefficients.layout}
         result = with_given(run({**campaign.prior, **lent}), {**campaign.prior, **lent})
     return with_prior(replace(result, instrument=campaign.instrument), earlier, campaign.prior)
+
+
+def foreseen(
+    campaign: Campaign, table: EarlierTable, run: Callable[[Priors], Foresight]
+) -> Foresight:
+    """Say what a plan will show beside an earlier result.
+
+    As in `calibrated`: the plan alone first, lent the standard deviations of the earlier result
+    where it cannot tell all coefficients alone, then all of the covariance.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    table : EarlierTable
+        Its earlier result.
+    run : callable
+        Foresees with a prior, mean and standard deviation of coefficients or groups.
+    """
+    before = read(table, campaign.folder)
+    known = before.known(without=campaign.prior).own
+    found = run(campaign.prior)
+    if not np.isfinite(found.sd).all() or found.rank < found.states:
+        lent = {
+            name: (found.coefficients.value(name), float(sd))
+            for name, sd in zip(known.names, known.sd, strict=True)
+            if name in found.coefficients.layout
+        }
+        found = run({**campaign.prior, **lent})
+    vector = foreseen_with_prior(found.coefficients, before, campaign.prior)
+    hardly = tuple(n for n in found.hardly if n not in known.layout)
+    return replace(found, coefficients=vector, hardly=hardly)
 
 
 def with_given(result: Result, prior: Mapping[str, tuple[float, float]]) -> Result:

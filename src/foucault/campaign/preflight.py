@@ -45,6 +45,11 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
         place of all that the file says of the plan; where a vehicle moves it is the `profile` of
         [simulate].
     """
+    if campaign.earlier is not None:
+        return earlier.foreseen(
+            campaign, campaign.earlier,
+            lambda prior: foresee(replace(campaign, prior=prior, earlier=None), changes),
+        )  # fmt: skip
     module = procedures.load(campaign.procedure)
     settings, changes = campaign.settings, dict(changes or {})
     if "plan" in changes and "profile" in type(campaign.session).model_fields:
@@ -72,7 +77,7 @@ def beforehand(campaign: Campaign) -> tuple[dict[str, Any], tuple[Finding, ...]]
     campaign : Campaign
         The campaign; its log need not exist.
     """
-    earlier.refuse(campaign, "a plan")
+    earlier.refuse(campaign, "a search")
     known: dict[str, Any] = {
         "session": campaign.session, "site": campaign.site, "noise": campaign.noise,
         "prior": campaign.prior,
@@ -85,7 +90,6 @@ def beforehand(campaign: Campaign) -> tuple[dict[str, Any], tuple[Finding, ...]]
 
 def _simulated(campaign: Campaign) -> Foresight:
     """Simulate a session and calibrate it: its covariance is what can be expected."""
-    earlier.refuse(campaign, "a plan")
     module, seed = procedures.load(campaign.procedure), campaign.simulate.seed
     log = simulate(campaign, seed).simulation.log
     result = module.calibrate(

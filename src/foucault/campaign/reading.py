@@ -28,6 +28,9 @@ from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
 from foucault.units import STANDARD_GRAVITY
 
+NOWHERE = earth.Site(STANDARD_GRAVITY, gravity_source="none", gravity_sd=0.03)
+"""Somewhere on Earth, for what needs no place: the noise of a log, or what is in it [SI]."""
+
 
 @dataclass(frozen=True)
 class Campaign:
@@ -99,7 +102,7 @@ class Campaign:
         return self.path.parent
 
 
-def load(path: str | Path, *, calibrates: bool = True, placed: bool = True) -> Campaign:
+def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
     """Read a campaign file; the first mistake in it is raised with its full dotted key.
 
     Parameters
@@ -107,9 +110,7 @@ def load(path: str | Path, *, calibrates: bool = True, placed: bool = True) -> C
     path : str or Path
         The TOML file.
     calibrates : bool
-        Whether it must name a procedure; what reads only its log, site and noise needs none.
-    placed : bool
-        Whether it must say where the instrument stood; what only looks at a log needs no place.
+        Whether it must name a procedure and a site; what reads only its log and noise needs none.
     """
     path = Path(path)
     try:
@@ -118,7 +119,7 @@ def load(path: str | Path, *, calibrates: bool = True, placed: bool = True) -> C
         if path.is_file():
             raise error("campaign.syntax", path=path, reason=problem) from None
         raise error("campaign.missing", path=path, hint=_beside(path)) from None
-    return parse(text, path, calibrates=calibrates, placed=placed)
+    return parse(text, path, calibrates=calibrates)
 
 
 def _beside(path: Path) -> str:
@@ -130,9 +131,7 @@ def _beside(path: Path) -> str:
     return suggestion(path.name, near)
 
 
-def parse(
-    text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True, placed: bool = True
-) -> Campaign:
+def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True) -> Campaign:
     """Read a campaign from `text`; `path` is where it would lie, the others as for `load`."""
     path = Path(path)
     try:
@@ -145,8 +144,6 @@ def parse(
         raise error("campaign.empty", path=path)
     if not calibrates:  # what a log is like does not hang on which procedure it is read for
         raw.setdefault("procedure", {"name": "hand_rotated"})
-    if not placed:
-        raw.setdefault("site", {"gravity": f"{STANDARD_GRAVITY} m/s^2"})
     raw, before = earlier.split(raw)
     all_finite(raw)
     file = validate(_model(raw), raw)
@@ -167,7 +164,7 @@ def parse(
         path=path,
         text=text,
         instrument=file.instrument.model_dump(),
-        site=file.site.site(),
+        site=file.site.site() if calibrates or file.site.said else NOWHERE,
         log=file.log,
         master=_master(str(name), file.master),
         procedure=str(name),

@@ -66,6 +66,11 @@ class SiteTable(_Table):
         "40 mGal; a value of a gravimeter has its own, such as 0.00001 m/s^2.",
     )
 
+    @property
+    def said(self) -> bool:
+        """Whether a place or gravity is given."""
+        return self.latitude is not None or self.gravity is not None
+
     def site(self) -> earth.Site:
         """Return the site, with normal gravity where none is given."""
         if self.latitude is not None and abs(self.latitude) > np.pi / 2:

@@ -107,7 +107,11 @@ def export(
     result: words.ResultFile,
     to: Annotated[
         str,
-        typer.Option("--to", help="Form: c, python, json, csv, kalibr, imucal, px4 or ros2."),
+        typer.Option(
+            "--to",
+            help="Form: c, python, json, csv, kalibr, imucal, px4, or ros2: the file of "
+            "imu_calib, which ROS reads too.",
+        ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     drop: Annotated[

@@ -157,11 +157,12 @@ def plan(
 def _size(option: str, text: str | None, kind: str = "angle") -> float:
     """Return what an option says, not negative; 0 where it says nothing [SI]."""
     from foucault import units
+    from foucault.cli.options import SMALLEST
 
     if text is None:
         return 0.0
     value = units.parse(text, kind, option)
-    _refuse(option, text, 0 <= value < math.inf, "0 or above")
+    _refuse(option, text, value == 0 or SMALLEST < value < math.inf, "0 or above")
     return value
 
 

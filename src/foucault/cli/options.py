@@ -23,6 +23,9 @@ POSITIVE = (
 NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd", "margin", "hold", "timeout")
 """Options that may be zero, but no less."""
 
+SMALLEST = 1e-60
+"""Nothing that an option says is so small [SI]."""
+
 
 def parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
     """Turn options with units into SI numbers; a mistake names its option."""
@@ -37,6 +40,8 @@ def parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
         out[key] = value = parse_at(option, text, KINDS.get(key, "angle"))
         least = "greater than 0" if key in POSITIVE and not value > 0 else ""
         least = "0 or more" if key in NOT_NEGATIVE and not value >= 0 else least
+        if value and not SMALLEST < abs(value) < 1 / SMALLEST:
+            least = "of a size that something has"
         if least:
             raise error("campaign.value", key=option, given=repr(text), hint="", more="",
                         reason=f"it should be {least}")  # fmt: skip

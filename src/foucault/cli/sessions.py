@@ -155,7 +155,7 @@ def read_any(path: Path, tell: Any) -> Log:
     from foucault.tables import Log
 
     if path.suffix == ".toml":
-        described = campaign.load(path, calibrates=False, placed=False)
+        described = campaign.load(path, calibrates=False)
         seen = campaign.read_log(described, tell)
         if not isinstance(seen, Log):
             raise error("north.not_imu", procedure=described.procedure)

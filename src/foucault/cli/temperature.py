@@ -153,7 +153,7 @@ def _orders(given: Sequence[str]) -> dict[str, int]:
     out = {}
     for text in given:
         family, _, power = text.rpartition("=")
-        if not power.strip().isdigit() or int(power) > 9:
+        if power.strip() not in tuple("0123456789"):
             example = "--order 2, or --order gyro.bias=2, with a power from 0 to 9"
             raise error("temperature.assignment", option="--order", given=text, example=example)
         out[family.strip()] = int(power)

@@ -29,6 +29,9 @@ RECEIVERS = {
 }
 """Name of a receiver -> its module: ``CAN``, the families it can express, and ``text``."""
 
+ALIASES = {"ros": "ros2", "ros1": "ros2", "imu_calib": "ros2"}
+"""Other names of a receiver: the file of imu_calib is the same for ROS and ROS 2."""
+
 AT_TEMPERATURES = {"c": "c_temperature", "python": "python_temperature", "json": "json_matrices"}
 """The same of receivers that take coefficients which change with temperature."""
 
@@ -72,6 +75,7 @@ def write(
     """
     if not force:
         keep_others(path, [EXPORTED])
+    receiver = ALIASES.get(receiver, receiver)
     if receiver not in RECEIVERS:
         hint = suggestion(receiver, RECEIVERS)
         raise error("export.receiver", given=receiver, hint=hint, allowed=", ".join(RECEIVERS))

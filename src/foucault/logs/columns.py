@@ -62,7 +62,7 @@ def find(
     if isinstance(wanted, str) and text.startswith("-"):
         number, _ = find(raw, text[1:], path, block, table)
         return number, -1.0
-    if text.isdigit() and int(text) < len(raw.names):
+    if text.isdecimal() and len(text) < 9 and int(text) < len(raw.names):
         return int(text), 1.0
     if raw.named:
         hint = suggestion(text, raw.names)

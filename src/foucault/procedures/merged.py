@@ -160,6 +160,34 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
     )  # fmt: skip
 
 
+def foreseen_with_prior(
+    vector: CoefficientVector, earlier: Earlier, own: Mapping[str, tuple[float, float]]
+) -> CoefficientVector:
+    """Return what a session will know, an earlier result of the instrument taken into account.
+
+    Parameters
+    ----------
+    vector : CoefficientVector
+        What it is foreseen to know, with the priors it was lent [SI].
+    earlier : Earlier
+        The earlier result.
+    own : mapping of str to (float, float)
+        Prior that is given beside it: it takes its place [SI].
+    """
+    before = earlier.known(without=own).own
+    names = [n for n in before.names if n in vector.layout and vector.free[vector.layout.index(n)]]
+    if not names:
+        raise error("merge.nothing", one=earlier.label, other="this procedure")
+    sure = np.isfinite(vector.sd) & (vector.sd > 0)
+    alone = vector.chosen(n for n, s in zip(vector.names, sure, strict=True) if s)
+    lent = dict(zip(alone.names, alone.values.tolist(), strict=True))
+    step = fused(Known(before.chosen(names)), Known(alone, lent))
+    out = _over(vector, step.known.own)
+    prior = vector.prior_sd.copy()
+    prior[[vector.layout.index(name) for name in names]] = before.chosen(names).sd
+    return replace(out, values=vector.values, prior_sd=prior)
+
+
 def means_of(result: Result) -> dict[str, float]:
     """Return the means of the priors that were given to a result, by coefficient [SI]."""
     given = (result.provenance.get("prior") or {}).get("given") or {}

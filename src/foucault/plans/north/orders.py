@@ -13,6 +13,7 @@ roughly, or after a short first solution, the time goes there: half the variance
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -264,6 +265,10 @@ NAMES = (
 """Orders that are compared where none is named."""
 
 
+_COUNT = re.compile(r"[0-9]{1,5}")
+"""A number of positions or turns that somebody can mean."""
+
+
 def orders(name: str, cycles: int = 1) -> tuple[Order, ...]:
     """Return the order called `name`; several to choose from, where a share is to be found.
 
@@ -278,7 +283,7 @@ def orders(name: str, cycles: int = 1) -> tuple[Order, ...]:
         raise error("north_plan.count", given=cycles, what="cycles")
     known = " ".join(name.lower().replace("-", " ").replace(",", " ").split())
     words = known.split()
-    number = next((int(w) for w in words if w.isdigit()), None)
+    number = next((int(w) for w in words if _COUNT.fullmatch(w)), None)
     fixed = {"published": PUBLISHED, "sequential": SEQUENTIAL, "palindrome": PALINDROME,
              "east west pair": PAIR, "east west east": AGAIN}  # fmt: skip
     if known == "two stage":  # its two stages follow one another once

@@ -6,6 +6,7 @@ them is taken. What is made small is the root mean square of the standard deviat
 
 from __future__ import annotations
 
+import re
 from math import pi
 
 import numpy as np
@@ -91,9 +92,13 @@ STARTS = 10
 """Random sets from which a set that is asked for by name is found; half of them get there [1]."""
 
 
+_COUNT = re.compile(r"[0-9]{1,3}")
+"""A number of poses that somebody can mean."""
+
+
 def poses_named(name: str) -> tuple[str, FloatArray]:
     """Return name and angles, shape (n, 2) [rad], of a set: one of `NAMES`, or "optimised N"."""
     words = name.lower().split()
-    if len(words) == 2 and words[0] in ("optimised", "optimized") and words[1].isdigit():
+    if len(words) == 2 and words[0] in ("optimised", "optimized") and _COUNT.fullmatch(words[1]):
         return f"optimised {words[1]}", best_poses(int(words[1]), starts=STARTS)
     return name, poses(name)
