@@ -56,7 +56,7 @@ ifeq ($(OLDEST),)
 else
 	$(UV) venv --quiet --clear --python $(OLDEST) build/lowest
 	$(UV) pip install --quiet --python build/lowest/bin/python --resolution lowest-direct .
-	OPENBLAS_NUM_THREADS=1 build/lowest/bin/python .ci/calibrations.py
+	OPENBLAS_NUM_THREADS=1 build/lowest/bin/python tests/calibrations.py
 endif
 
 newest: build/uv/bin/uv
@@ -65,7 +65,7 @@ newest: build/uv/bin/uv
 	  python=build/newest-$$name/bin/python; \
 	  $(UV) venv --quiet --clear --python $$name build/newest-$$name && \
 	  $(UV) pip install --quiet --python $$python '.[dev]' && \
-	  OPENBLAS_NUM_THREADS=1 $$python .ci/calibrations.py && \
+	  OPENBLAS_NUM_THREADS=1 $$python tests/calibrations.py && \
 	  OPENBLAS_NUM_THREADS=1 $$python -m pytest -n auto -m "not thorough" \
 	    tests/logs tests/fuzz tests/test_units.py tests/test_cli.py || exit 1; \
 	done

@@ -1,6 +1,6 @@
 """Calibrate every example from a simulated session, and run the demo: with what is required only.
 
-`.ci/run` runs it where no tool of the tests is: at the lowest versions, and at the newest.
+`make lowest` and `make newest` run it, where no tool of the tests need be.
 """
 
 from __future__ import annotations
