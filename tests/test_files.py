@@ -5,11 +5,12 @@ import hashlib
 import os
 import resource
 import signal
+from pathlib import Path
 
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.files import atomic, sha256
+from foucault.files import atomic, free_memory, sha256
 
 
 def names(folder):
@@ -100,3 +101,15 @@ def test_other_files_that_fail_inside_are_not_blamed_on_the_output(tmp_path):
 def test_sha256(tmp_path):
     (tmp_path / "x").write_bytes(b"abc" * 1_000_000)
     assert sha256(tmp_path / "x") == hashlib.sha256(b"abc" * 1_000_000).hexdigest()
+
+
+def test_free_memory_is_what_the_machine_has_or_a_limit_leaves():
+    assert free_memory() > 0
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    limit = pages * resource.getpagesize() + (256 << 20)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+    try:
+        assert 0 < free_memory() <= 257 << 20
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
