@@ -4,12 +4,15 @@ PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 py
   $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
 BIN := .venv/bin
 
-.PHONY: help demo test tests thorough lint bench docs validation release clean
+.PHONY: help demo test tests thorough blas lowest newest lint bench docs validation release clean
 
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
 	@echo "make test   lint and tests, side by side"
 	@echo "make thorough   the tests of half a second and more"
+	@echo "make blas   the numerical tests, with the arithmetic of another processor"
+	@echo "make lowest   calibrations with the lowest versions that are allowed"
+	@echo "make newest   calibrations and tests with the newest, on every Python there is"
 	@echo "make lint   style, types and layers"
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"
@@ -33,6 +36,39 @@ tests: .venv/installed-dev
 # Statistics over many sessions, searches, studies that are killed, peak memory, the release.
 thorough: .venv/installed-dev
 	$(PYTEST) -m thorough
+
+# OpenBLAS has another arithmetic for each processor: nothing may hang on its rounding. Prescott's,
+# without fused operations, runs on every x86 and is unlike all of today.
+NUMERICAL = $(addprefix tests/,diagnose estimate kernels models navigate papers plans)
+blas: .venv/installed-dev
+	OPENBLAS_CORETYPE=Prescott $(PYTEST) -m "not thorough" $(NUMERICAL)
+
+# uv resolves to the lowest; in environments of their own, since they are other versions.
+UV = build/uv/bin/uv
+build/uv/bin/uv:
+	$(PYTHON) -m venv build/uv
+	build/uv/bin/python -m pip install --quiet uv
+
+OLDEST = $(shell command -v python3.11)
+lowest: build/uv/bin/uv
+ifeq ($(OLDEST),)
+	@echo "make lowest: skipped, python3.11 was not found"
+else
+	$(UV) venv --quiet --clear --python $(OLDEST) build/lowest
+	$(UV) pip install --quiet --python build/lowest/bin/python --resolution lowest-direct .
+	OPENBLAS_NUM_THREADS=1 build/lowest/bin/python tests/calibrations.py
+endif
+
+newest: build/uv/bin/uv
+	@for name in python3.11 python3.12 python3.13; do \
+	  $$name -c '' >/dev/null 2>&1 || { echo "make newest: skipped, no $$name"; continue; }; \
+	  python=build/newest-$$name/bin/python; \
+	  $(UV) venv --quiet --clear --python $$name build/newest-$$name && \
+	  $(UV) pip install --quiet --python $$python '.[dev]' && \
+	  OPENBLAS_NUM_THREADS=1 $$python tests/calibrations.py && \
+	  OPENBLAS_NUM_THREADS=1 $$python -m pytest -n auto -m "not thorough" \
+	    tests/logs tests/fuzz tests/test_units.py tests/test_cli.py || exit 1; \
+	done
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +17,7 @@ from foucault.files import (
     alone,
     atomic,
     beside,
+    free_memory,
     keep_others,
     parse_json,
     parse_toml,
@@ -275,3 +277,15 @@ def test_a_page_that_does_not_fit_loses_no_result(tmp_path):
         f"The result is whole and lies in '{tmp_path}', but without its report: "
     )
     assert "No space left on device" in caught.value.message
+
+
+def test_free_memory_is_what_the_machine_has_or_a_limit_leaves():
+    assert free_memory() > 0
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    limit = pages * resource.getpagesize() + (256 << 20)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+    try:
+        assert 0 < free_memory() <= 257 << 20
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -111,8 +111,10 @@ def free_memory() -> float:
         free = 1024.0 * next(int(x.split()[1]) for x in lines if x.startswith("MemAvailable"))
     with suppress(OSError, ValueError):
         group = Path("/sys/fs/cgroup")
-        most, used = ((group / f"memory.{n}").read_text() for n in ("max", "current"))
-        free = min(free, float(int(most) - int(used)))
+        most, used = (int((group / f"memory.{n}").read_text()) for n in ("max", "current"))
+        parts = dict(x.split() for x in (group / "memory.stat").read_text().splitlines())
+        cached = int(parts.get("file", 0)) - int(parts.get("shmem", 0))  # given up when wanted
+        free = min(free, float(most - used + cached))
     with suppress(ImportError, OSError, ValueError):
         import resource
 

@@ -122,7 +122,7 @@ LARGE: dict[str, tuple[str, Callable[[Path], None], str]] = {
         "zero bytes",
     ),
     "packed rows, one like the other": (
-        "log.csv.gz", lambda p: p.write_bytes(gzip.compress(TITLES) + _members(ROW * 2_000_000, 70)) and None,
+        "log.csv.gz", lambda p: _written(gzip.compress(TITLES) + _members(ROW * 2_000_000, 70))(p),
         "do not pack",
     ),
     "one endless line": ("log.csv", lambda p: _written(TITLES + b"1" * (300 << 20))(p),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat
@@ -141,3 +142,19 @@ def test_a_fault_far_into_a_file_has_its_line(mark: bytes, tmp_path: Path) -> No
     told = refused(tmp_path, "log.csv", TITLES + half + mark + half + b"3,4\n5,oops,7\n" + ROW)
     assert told.code == "log.ragged"
     assert f"line {300_002 + len(mark.splitlines())}" in told.message
+
+
+def test_arrow_parses_in_memory_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A thread of its reads ahead, and after a fault it outlives the call.
+    whole, seen = pacsv.read_csv, []
+
+    def watched(source: pa.NativeFile, reading: pacsv.ReadOptions, *more: object) -> pa.Table:
+        assert type(source) is pa.BufferReader
+        seen.append(pa.total_allocated_bytes() - before >= reading.block_size)
+        return whole(source, reading, *more)
+
+    monkeypatch.setattr(pacsv, "read_csv", watched)
+    before = pa.total_allocated_bytes()
+    (tmp_path / "log.csv").write_bytes(rows(500))
+    logs.read(LogDescription.model_validate({"file": "log.csv", **BY_NAME}), tmp_path)
+    assert seen == [True]

@@ -181,7 +181,7 @@ def _data_blocks(
     while chunk := stream.read(BLOCK_BYTES):
         if b"\0" not in chunk and not chunk.endswith(b"\n"):
             rest = stream.readline(LONGEST)
-            endless(rest, "one line")
+            endless(rest)
             chunk += rest
         if b"\0" in chunk:
             raise pa.ArrowInvalid("it holds zero bytes")

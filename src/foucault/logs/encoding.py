@@ -82,25 +82,21 @@ def lines(stream: IO[bytes]) -> Iterator[bytes]:
     stream : file
         The text, from its first line.
     """
-    number = 0
     while line := stream.readline(LONGEST):
-        number += 1
-        endless(line, f"line {number}")
+        endless(line)
         yield line
 
 
-def endless(line: bytes, what: str) -> None:
+def endless(line: bytes) -> None:
     """Refuse a line that is longer than any is, but for one of zero bytes, told elsewhere.
 
     Parameters
     ----------
     line : bytes
         No more than `LONGEST` of it.
-    what : str
-        The line, for the text.
     """
     if len(line) >= LONGEST and not line.endswith(b"\n") and b"\0" not in line:
-        raise ValueError(f"{what} is longer than {LONGEST >> 20} MB: it is no text")
+        raise ValueError(f"one of its lines is longer than {LONGEST >> 20} MB")
 
 
 def not_a_bomb(unpacked: float, packed: float) -> None:

@@ -149,7 +149,7 @@ def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> list[str] | 
     number, _ = columns.find(raw, used.setup, path, "setup")
     if raw.words is not None:
         return [word.strip() for word in chain.from_iterable(raw.words(number))]
-    values = np.concatenate(list(raw.blocks([number])))[:, 0]
+    values = np.concatenate(list(kept(raw, path).blocks([number])))[:, 0]
     return ["" if np.isnan(value) else f"{value:.12g}" for value in values]
 
 

@@ -19,7 +19,7 @@ from foucault.files import atomic
 from foucault.logs import columns, master_checks, reference
 from foucault.logs.layout import TimeColumn, scaled_unit
 from foucault.logs.master_description import MasterDescription
-from foucault.logs.raw import RawTable, open_raw
+from foucault.logs.raw import RawTable, kept, open_raw
 from foucault.models.attitude import matrix_of
 from foucault.models.master import MasterTable
 from foucault.models.rotation import turned
@@ -97,7 +97,7 @@ def _columns(raw: RawTable, used: MasterDescription, path: Path) -> Data:
     if raw.named and needed - known:
         picks = reference.titled_columns(raw, path) | picks
     numbers = [number for number, _ in picks.values()]
-    pieces = list(raw.blocks(numbers))
+    pieces = list(kept(raw, path).blocks(numbers))
     rows = np.concatenate(pieces) if pieces else np.empty((0, len(numbers)))
     if not len(rows):
         raise error("log.empty", file=path.name)

@@ -20,7 +20,7 @@ from foucault import units
 from foucault.errors import FoucaultError, error
 from foucault.files import sha256
 from foucault.logs.layout import FileLayout
-from foucault.logs.raw import RawTable, open_raw
+from foucault.logs.raw import RawTable, kept, open_raw
 from foucault.logs.titles import unit_in
 from foucault.models.geodesy import displacement
 from foucault.models.rotation import turned
@@ -175,7 +175,7 @@ def read(path: str | Path) -> Reference:
     path = Path(path)
     raw = open_raw(path, FileLayout.model_validate({"file": path.name}))
     where = titled_columns(raw, path)
-    rows = np.concatenate([*raw.blocks([number for number, _ in where.values()])])
+    rows = np.concatenate([*kept(raw, path).blocks([number for number, _ in where.values()])])
     scale = [size for _, size in where.values()]
     columns = dict(zip(where, (rows * scale).T, strict=True))
     if "velocity_down" in columns:

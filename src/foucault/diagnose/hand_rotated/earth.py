@@ -44,7 +44,7 @@ def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, floa
     known = (session.gyro_mean - f_b @ model.g_sensitivity.T).ravel()
     root = np.repeat(np.sqrt(session.rest_time), 3)
     rows, known = rows * root[:, None], known * root
-    x, *_ = np.linalg.lstsq(rows, known)
+    x, *_ = np.linalg.lstsq(rows, known, rcond=None)
     scatter = np.sum((known - rows @ x) ** 2) / (3 * n - 6)
     sd = np.sqrt(scatter * np.linalg.pinv(rows.T @ rows)[5, 5])
     return float(x[5]), float(sd)

@@ -106,7 +106,7 @@ def _g_sensitivity(e: Evidence, prediction: Prediction) -> list[Finding]:
     n = len(e.up_b)
     residual = prediction.residuals[n : 2 * n]
     rows = np.column_stack([e.up_b, np.ones(n)])
-    fit, *_ = np.linalg.lstsq(rows, residual)
+    fit, *_ = np.linalg.lstsq(rows, residual, rcond=None)
     share = 1 - np.sum((residual - rows @ fit) ** 2) / np.sum(residual**2)
     # Three columns explain 3/n of pure scatter; ask for far more before speaking.
     if n < 12 or share < 0.5:

@@ -75,10 +75,10 @@ def _lines(e: RateEvidence) -> tuple[FloatArray, dict[str, dict[str, float]]]:
             continue
         top = float(np.abs(x).max())
         straight = np.column_stack([x / top, np.ones_like(x)])
-        slope, bias = np.linalg.lstsq(straight, y)[0]
+        slope, bias = np.linalg.lstsq(straight, y, rcond=None)[0]
         rows = e.steps.axis == i
         out[rows] = slope * e.speed[rows] / top + bias
-        bent = np.linalg.lstsq(np.column_stack([straight, np.abs(x) / top]), y)[0]
+        bent = np.linalg.lstsq(np.column_stack([straight, np.abs(x) / top]), y, rcond=None)[0]
         figures[a] = {
             "scale_factor": float(slope / top),
             # slope is the scale factor times the full scale: the quotient is of full scale.

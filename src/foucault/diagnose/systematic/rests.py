@@ -312,7 +312,7 @@ def _rates(
         A = design[use].reshape(-1, 6)
         if use.sum() < 4 or np.linalg.cond(A) > 1e3:
             return np.zeros(len(use)), np.inf, None, None
-        x = np.linalg.lstsq(A, found.gyro[use].ravel())[0]
+        x = np.linalg.lstsq(A, found.gyro[use].ravel(), rcond=None)[0]
         miss = np.linalg.norm(found.gyro - design @ x, axis=1)
         limit = max(CREEP, MANY * float(np.median(miss[use])))
         worst = int(np.argmax(np.where(use, miss, 0.0)))

@@ -245,7 +245,7 @@ def rest_slope(e: TableEvidence) -> Slope | None:
     earth = state.geometry.earth()[0][rest]
     rows = np.column_stack([up, np.ones(len(up))])
     rate = r.gyro[rest] - earth @ state.model.gyro_matrix.T
-    fit = np.linalg.lstsq(rows, rate)[0]
+    fit = np.linalg.lstsq(rows, rate, rcond=None)[0]
     scatter = np.sqrt(np.sum((rate - rows @ fit) ** 2) / (3 * len(up) - 12))
     # Rounding that is alike in many rests shows in no scatter, but in their covariance.
     noise = np.sqrt(np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2).mean(axis=0).max())

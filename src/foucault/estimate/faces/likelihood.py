@@ -184,7 +184,7 @@ def _accel(scene: Scene, names: Sequence[str]) -> ImuModel:
         columns = [f, np.ones((len(f), 1))]
         if f"accel.quadratic.{axis}" in names:
             columns.append(f[:, i : i + 1] ** 2)
-        x = np.linalg.lstsq(np.hstack(columns), scene.rests.accel[:, i])[0]
+        x = np.linalg.lstsq(np.hstack(columns), scene.rests.accel[:, i], rcond=None)[0]
         model.accel_matrix[i], model.accel_bias[i] = x[:3], x[3]
         if len(x) > 4:
             model.accel_quadratic[i, i] = x[4]
@@ -212,7 +212,7 @@ def _gyro(scene: Scene, model: ImuModel, names: Sequence[str]) -> ImuModel:
         columns.append(rates)
     rows = np.hstack(columns)
     size = np.linalg.norm(rows, axis=0)
-    x = (np.linalg.lstsq(rows / size, right)[0].T / size).astype(float)
+    x = (np.linalg.lstsq(rows / size, right, rcond=None)[0].T / size).astype(float)
     out = replace(model, gyro_bias=x[:, 0])
     if "gyro.g_sensitivity.xx" in names:
         out = replace(out, g_sensitivity=x[:, 1:4])

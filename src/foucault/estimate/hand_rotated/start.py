@@ -76,7 +76,7 @@ def _with_heading(session: Session, state: Attitudes) -> Attitudes:
         axis=2,
     ).reshape(-1, 5)
     known = session.gyro_mean - (scale @ C_bn)[:, :, 2] * up
-    x, *_ = np.linalg.lstsq(rows, known.ravel())
+    x, *_ = np.linalg.lstsq(rows, known.ravel(), rcond=None)
     psi = np.arctan2(-x[4], x[3])
     turn = exp(np.array([0.0, 0.0, -psi]))
     return Attitudes(replace(state.model, gyro_bias=x[:3]), turn @ state.C_nb)
