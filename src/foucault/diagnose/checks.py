@@ -16,6 +16,9 @@ from foucault.units import display_unit, factor, plain
 
 FloatArray = npt.NDArray[np.float64]
 
+LARGEST_BIAS = 60.0
+"""No gyro has a larger bias [deg/s]."""
+
 VISIBLE = 4.0
 """The Earth's rate and its opposite are told apart when they lie this far apart [sd]."""
 
@@ -72,7 +75,20 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
             f"scale, not an instrument: check [log.{triad}]."
         )
         out.append(Check(f"{triad} scale", percent, -30.0, 30.0, fine, sentence, Level.UNUSABLE))
-    return out
+    return out + _impossible_bias(coefficients)
+
+
+def _impossible_bias(coefficients: CoefficientVector) -> list[Check]:
+    """Return the check of a gyro bias that no gyro has; nothing where it can be one."""
+    names = [n for n in coefficients.names if n.startswith("gyro.bias.")]
+    worst = np.degrees(max((abs(coefficients.value(n)) for n in names), default=0.0))
+    if worst <= LARGEST_BIAS:
+        return []
+    words = (
+        f"A gyro bias of {worst:.3g} deg/s is a wrong unit or count scale (arcsec/s read as deg/s: "
+        "3600 times), or the instrument turned: check [log.gyro]."
+    )
+    return [Check("gyro bias", float(worst), None, LARGEST_BIAS, False, words, Level.UNUSABLE)]
 
 
 def judge_prior(estimate: Estimate) -> list[Check]:
