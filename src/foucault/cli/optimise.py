@@ -35,7 +35,7 @@ def add_to(app: typer.Typer) -> None:
 
 def optimise(
     ctx: typer.Context,
-    what: words.CampaignOrName,
+    what: words.SearchedOrName,
     output: words.ContinuedFolder,
     restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1)] = 32,
     evaluations: Annotated[

@@ -18,6 +18,13 @@ CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]
 CampaignOrName = Annotated[
     str, typer.Argument(help="A campaign file, or the name of a procedure, such as hand_rotated.")
 ]
+SearchedOrName = Annotated[
+    str,
+    typer.Argument(
+        help="A campaign file, or the name of a procedure whose plan can be searched, such as "
+        "platform_tumble."
+    ),
+]
 LogFile = Annotated[
     Path,
     typer.Argument(

@@ -39,6 +39,10 @@ SHAKEN, SHAKEN_SHARE = 3.0, 0.2
 TOO_MUCH = 5.0
 """Residuals this many times the noise in the rests are no scatter: something is missing [1]."""
 
+EXTRAPOLATED = 10.0
+"""Rests left out that are predicted so many times worse than they are fitted are extrapolated [1].
+With two rests a coefficient it is 1.7, with as many coefficients as rests without bound."""
+
 UNSTILL = {"accel": 0.05, "turn": np.radians(1.0)}
 """Scatter that is no longer a calibration: 5 mg at rest [m/s^2], 1 deg in a turn [rad]."""
 
@@ -101,7 +105,7 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     out += _even(e)
     out.append(_still(e))
     if np.isfinite(e.held_out[0]).any():
-        out.append(_held_out(e))
+        out += [_held_out(e), *_known(e)]
     return tuple(out)
 
 
@@ -290,3 +294,32 @@ def _held_out(e: Evidence) -> Check:
         f"predicted uncertainty."
     )
     return Check("held-out rests", score, None, high, inside, words)
+
+
+def _known(e: Evidence) -> list[Check]:
+    """Compare what rests left out are predicted to with what the fit leaves of them.
+
+    A fit with a coefficient for every rest leaves nothing of them and predicts none.
+    """
+    error, _, white = e.held_out
+    used = np.isfinite(white)
+    if used.sum() < 2:
+        return []
+    model = e.estimate.state.model
+    f_b, _ = model.compensate(e.session.accel_mean, None)
+    left = np.linalg.norm(f_b, axis=1) - e.session.site.gravity
+    noise = np.sqrt(e.noise.accel_psd.mean() / e.session.rest_time)
+    # What is left is at least the noise: a fit can be better than that by chance only.
+    size = float(np.sqrt(np.mean(np.maximum(left[used] ** 2, noise[used] ** 2))))
+    value = float(np.sqrt(np.mean(error[used] ** 2))) / size
+    fine = value <= EXTRAPOLATED
+    words = (
+        f"Rests that the fit did not see are predicted {value:.1f} times as badly as it fits those "
+        "that it saw"
+    ) + (
+        "."
+        if fine
+        else f", more than {EXTRAPOLATED:g} times: without any few of the rests the others hardly "
+        "determine the accelerometers. Add rests in other orientations."
+    )
+    return [Check("prediction against fit", value, None, EXTRAPOLATED, fine, words)]
