@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -87,3 +88,44 @@ def test_a_session_larger_than_memory_is_refused(words):
     with pytest.raises(ValidationError) as caught:
         hand_rotated.Session.model_validate(words)
     assert "samples, and 2e+07 are the most" in str(caught.value)
+
+
+def disturbed(rests, size):
+    """The accelerometers off by a constant in some rests."""
+    simulation, rng = made(20), np.random.default_rng(1)
+    accel = simulation.log.accel.copy()
+    for k in rests:
+        a, b = max(simulation.first[k] - 5, 0), simulation.last[k] + 5
+        accel[a:b] += rng.normal(0, size, 3)
+    return simulation, replace(simulation.log, accel=accel)
+
+
+@pytest.mark.parametrize(
+    ("rests", "size", "words"),
+    [
+        ((4, 7, 11), 0.08, "make most of it: look there, not at the declared noise"),
+        (range(20), 0.02, "it is spread over all of them"),
+    ],
+    ids=["three rests", "all rests"],
+)
+def test_what_makes_the_residuals_larger_than_declared_noise_is_named(rests, size, words):
+    simulation, log = disturbed(rests, size)
+    result = hand_rotated.calibrate(log, site=SITE, noise=MEMS)
+    sentence = the(result, "noise of specific force at rest").sentence
+    assert result.verdict.level is Level.DOUBTFUL and words in sentence
+    if len(rests) == 3:
+        named = np.array([float(t) for t in re.findall(r"([\d.]+) s", sentence)])
+        start = simulation.log.time[simulation.first[list(rests)]] - simulation.log.time[0]
+        assert (np.abs(named - start[:, None]).min(axis=1) < 1.0).all()  # some others beside them
+        assert len(named) <= 5
+
+
+def test_a_drift_is_named_before_the_declared_noise():
+    log = made(20).log
+    tau = (log.time / np.ptp(log.time))[:, None]
+    result = hand_rotated.calibrate(
+        replace(log, accel=log.accel + 0.04 * tau * [0, 1, 0]), site=SITE, noise=MEMS
+    )
+    assert "accel.bias.y had drifted" in result.verdict.reasons[0]
+    sentence = the(result, "noise of specific force at rest").sentence
+    assert "a drift of accel.bias.y during the session makes them" in sentence
