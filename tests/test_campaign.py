@@ -229,7 +229,7 @@ MISTAKES = [
     (
         MINIMAL + '[prior]\n"gyro.bias" = { mean = "0 deg/h", sd = "0 deg/h" }\n',
         "prior.sd",
-        "prior.\"gyro.bias\": sd = '0 deg/h' is not positive.",
+        "prior.\"gyro.bias\": sd = '0 deg/h' is not positive, or too small to calculate with.",
         "leave the prior out",
     ),
     (

@@ -19,6 +19,9 @@ from foucault.errors import error, suggestion
 
 FloatArray = npt.NDArray[np.float64]
 
+NARROWEST = 1e-30
+"""Squares of smaller standard deviations are no numbers to calculate with [SI]."""
+
 COVARIANCE_TOLERANCE = 1e-6
 """How far a stored correlation matrix may be from symmetric and positive, as rounding [1]."""
 
@@ -140,6 +143,8 @@ class CoefficientVector:
         """
         mean, sd = np.zeros(len(layout)), np.full(len(layout), np.inf)
         for name, (value, spread) in given.items():
+            if not spread >= NARROWEST:
+                raise error("prior.sd", name=name, given=f"{spread:.3g}")
             for i in layout.group(name):
                 mean[i], sd[i] = value, spread
         return cls(layout, mean, prior_sd=sd)

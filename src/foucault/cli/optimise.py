@@ -35,14 +35,7 @@ def add_to(app: typer.Typer) -> None:
 
 def optimise(
     ctx: typer.Context,
-    what: Annotated[
-        str,
-        typer.Argument(
-            help="A campaign file, or the name of a procedure whose plan can be searched for: "
-            "norm_observation, multi_position, turntable, north_seeking, platform_tumble, "
-            "systematic, transfer_alignment."
-        ),
-    ],
+    what: words.SearchedOrName,
     output: words.ContinuedFolder,
     restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1, max=1_000_000)] = 32,
     evaluations: Annotated[

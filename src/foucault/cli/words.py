@@ -18,6 +18,14 @@ CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]
 CampaignOrName = Annotated[
     str, typer.Argument(help="A campaign file, or the name of a procedure, such as hand_rotated.")
 ]
+SearchedOrName = Annotated[
+    str,
+    typer.Argument(
+        help="A campaign file, or the name of a procedure whose plan can be searched for: "
+        "norm_observation, multi_position, turntable, north_seeking, platform_tumble, "
+        "systematic, transfer_alignment."
+    ),
+]
 LogFile = Annotated[
     Path,
     typer.Argument(

@@ -21,6 +21,9 @@ from foucault.tables import AXES, Log
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+ARCSEC = 3600.0
+"""Seconds of arc in a degree [1]."""
+
 SUSPICIOUS = np.radians(10.0)
 """A miss of the direction of gravity that no calibration error explains, rms [rad]."""
 
@@ -147,7 +150,7 @@ def as_good(
 def _tried(
     log: Log, rate: FloatArray, up_b: FloatArray, first: IntArray, last: IntArray
 ) -> Iterator[Match]:
-    for scale in (1.0, 180 / np.pi, np.pi / 180, log.rate, log.interval):
+    for scale in (1.0, 180 / np.pi, np.pi / 180, ARCSEC, 1 / ARCSEC, log.rate, log.interval):
         for exchange in exchanges():
             miss, _ = _miss(log, scale * rate @ exchange.T, up_b, first, last)
             yield Match(miss, exchange, scale)
@@ -184,6 +187,8 @@ def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:
     causes = {
         180 / np.pi: ("rad/s", "deg/s", "the gyro unit is rad/s and was declared as deg/s"),
         np.pi / 180: ("deg/s", "rad/s", "the gyro unit is deg/s and was declared as rad/s"),
+        1 / ARCSEC: ("", "", "the gyro unit is arcsec/s and was declared as deg/s"),
+        ARCSEC: ("", "", "the gyro unit is deg/s and was declared as arcsec/s"),
         log.rate: ("", "", "the gyro columns are increments and were declared as rates"),
         log.interval: ("", "", "the gyro columns are rates and were declared as increments"),
     }

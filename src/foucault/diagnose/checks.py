@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,6 +17,9 @@ from foucault.tables import AXES
 from foucault.units import display_unit, factor, plain
 
 FloatArray = npt.NDArray[np.float64]
+
+LARGEST_BIAS = 60.0
+"""No gyro has a larger bias [deg/s]."""
 
 VISIBLE = 4.0
 """The Earth's rate and its opposite are told apart when they lie this far apart [sd]."""
@@ -72,7 +77,20 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
             f"scale, not an instrument: check [log.{triad}]."
         )
         out.append(Check(f"{triad} scale", percent, -30.0, 30.0, fine, sentence, Level.UNUSABLE))
-    return out
+    return out + _impossible_bias(coefficients)
+
+
+def _impossible_bias(coefficients: CoefficientVector) -> list[Check]:
+    """Return the check of a gyro bias that no gyro has; nothing where it can be one."""
+    names = [n for n in coefficients.names if n.startswith("gyro.bias.")]
+    worst = np.degrees(max((abs(coefficients.value(n)) for n in names), default=0.0))
+    if worst <= LARGEST_BIAS:
+        return []
+    words = (
+        f"A gyro bias of {worst:.3g} deg/s is a wrong unit or count scale (arcsec/s read as deg/s: "
+        "3600 times), or the instrument turned: check [log.gyro]."
+    )
+    return [Check("gyro bias", float(worst), None, LARGEST_BIAS, False, words, Level.UNUSABLE)]
 
 
 def judge_prior(estimate: Estimate) -> list[Check]:
@@ -167,6 +185,61 @@ def prior_check(
         "[prior] out to see what the log alone says."
     )
     return Check("prior", value, None, limit, fine, words)
+
+
+def unseen_sizes(
+    coefficients: CoefficientVector, gravity: float, gyro_range: Sequence[float] | None
+) -> list[str]:
+    """Say how large the errors that no residual shows may be before they matter, for result.json.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, with covariance [SI].
+    gravity : float
+        Local gravity [m/s^2].
+    gyro_range : sequence of float, shape (2,), or None
+        Lowest and highest rate of the session; None without gyros [rad/s].
+
+    Notes
+    -----
+    An error matters that moves a coefficient by its standard deviation, the smallest of its kind.
+    """
+    c, g, out = coefficients, gravity, []
+    rate = max((abs(v) for v in gyro_range or ()), default=0.0)
+
+    def least(family: str) -> float:
+        pairs = zip(c.names, c.sd.tolist(), strict=True)
+        return min((sd for n, sd in pairs if n.startswith(f"{family}.") and sd > 0), default=0.0)
+
+    accel, gyro, bias = least("accel.scale"), least("gyro.scale"), least("accel.bias")
+    if bias and "accel.quadratic.x" not in c.layout:
+        size = plain(bias / g**2 / (1e-6 / 9.80665), 2)
+        out.append(
+            "Quadratic terms of the accelerometers, where few rests show them: they are not "
+            f"estimated, and one of {size} ug/g^2 moves a bias by its standard deviation."
+        )
+    if accel:
+        out.append(
+            f"Of a wrong local gravity {plain(accel * g * 1e5, 2)} mGal move a scale factor by its "
+            "standard deviation."
+        )
+    if gyro:
+        out.append(
+            "A wrong time base (sample rate or stamps): it is the same part of every gyro scale "
+            f"factor, and {plain(gyro * 1e6, 2)} ppm of it are a standard deviation."
+        )
+    if gyro and rate and "gyro.cubic.x" not in c.layout:
+        out.append(
+            "A gyro scale factor that changes with the rate: it is not estimated, and "
+            f"{plain(gyro * 1e6, 2)} ppm at {plain(float(np.degrees(rate)), 3)} deg/s are a "
+            "standard deviation. A rate table shows it."
+        )
+    out.append(
+        "A change within the session that no residual follows, such as of a scale factor that only "
+        "one observation shows: see the check of drift for what it would have seen."
+    )
+    return out
 
 
 def drift_check(found: Drift | None, layout: Layout) -> list[Check]:

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.carried import white_and_carried
-from foucault.errors import Finding, finding
+from foucault.errors import Finding, error, finding
 from foucault.kernels.moving import moving_moments
 from foucault.models.noise import rounding_bias
 from foucault.tables import AXES, Log
@@ -62,6 +62,26 @@ class Rests:
 
     def __len__(self) -> int:
         return len(self.first)
+
+
+def require_live_gyros(log: Log) -> None:
+    """Refuse gyros that all read one value throughout while the accelerometers live.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+
+    Raises
+    ------
+    FoucaultError
+        ``gyro.stuck``.
+    """
+    if log.gyro is None or log.accel is None or len(log) < 2:
+        return
+    if not np.ptp(log.gyro, axis=0).any() and np.ptp(log.accel, axis=0).any():
+        values = ", ".join(f"{v:.6g}" for v in log.gyro[0])
+        raise error("gyro.stuck", values=values)
 
 
 def find_rests(

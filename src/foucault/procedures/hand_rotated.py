@@ -22,13 +22,14 @@ import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.coverage import coverage, coverage_json
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated import report as session_report
@@ -58,7 +59,7 @@ from foucault.models.rests_and_turns import Prediction, predict
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
-from foucault.procedures import Progress, silent
+from foucault.procedures import Progress, silent, validators
 from foucault.result import Estimate, Problem, Result, Verdict, provenance
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
@@ -120,6 +121,13 @@ class Session(BaseModel):
     kind: Literal["rate", "increment"] = Field(
         default="rate", description="Instantaneous rates, or means over each interval."
     )
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        validators.fits(
+            self.rate * (self.first_rest_time + self.rests * (self.rest_time + self.turn_time))
+        )
+        return self
 
 
 def simulate(
@@ -246,16 +254,20 @@ def complete(
         How long it took [s].
     """
     site, log = data.site, data.log
+    validity = session_report.validity(data)
     whole = replace(
         result,
         findings=(*findings, *result.findings),
         instrument=dict(instrument),
         site=site.as_dict(),
-        validity=session_report.validity(data),
+        validity=validity,
         diagnostics=result.diagnostics
         | {
             "gravity": site.gravity,
-            "unseen": session_report.unseen(data, site.gravity_sd),
+            "unseen": [
+                *session_report.unseen(data, site.gravity_sd),
+                *unseen_sizes(result.coefficients, site.gravity, validity.get("gyro")),
+            ],
             "detection": {
                 "threshold": rests.threshold,
                 "window": rests.window * log.interval,

@@ -105,7 +105,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Give a prior for each group, for example {example}."),
     ("prior.sd", "error",
      "A prior whose standard deviation is not positive",
-     'prior."{name}": sd = {given} is not positive.',
+     'prior."{name}": sd = {given} is not positive, or too small to calculate with.',
      "Give the standard deviation of what is known of the coefficient; leave the prior out "
      "if nothing is."),
     ("prior.sure", "error",

@@ -82,6 +82,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The turns miss the change of gravity by {declared} deg; with all rates multiplied by "
      "{factor} they miss by {better} deg: probably {cause}.",
      "Correct `unit` and `kind` in [log.gyro]."),
+    ("gyro.stuck", "error",
+     "All gyros stuck at one value",
+     "All three gyros read one value throughout the log, {values} rad/s, while the accelerometers "
+     "do not.",
+     "Look at the gyro columns of the file: not connected, switched off, or not the columns that "
+     "`columns` in [log.gyro] names. Without [log.gyro] the accelerometers are calibrated alone."),
     ("gyro.saturated", "error",
      "Turns faster than the range of the gyros",
      "The turns miss the change of gravity by {declared} deg, and the gyros are saturated, so that "

@@ -12,7 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.rests import Rests, find_rests, resolution, turning
+from foucault.diagnose.rests import (
+    Rests,
+    find_rests,
+    require_live_gyros,
+    resolution,
+    turning,
+)
 from foucault.errors import Finding, error, finding, suggestion
 from foucault.models.faces import SIX, FaceReadings, face_name
 from foucault.tables import AXES, Log
@@ -107,6 +113,8 @@ def find_faces(
     """
     _readable(log)
     assert log.accel is not None
+    if log.averaged is None:
+        require_live_gyros(log)
     rests: Rests | None = None
     names: list[str] = []
     if sections is not None:

@@ -39,6 +39,17 @@ SHAKEN, SHAKEN_SHARE = 3.0, 0.2
 TOO_MUCH = 5.0
 """Residuals this many times the noise in the rests are no scatter: something is missing [1]."""
 
+EXTRAPOLATED = 10.0
+"""Rests left out that are predicted so many times worse than they are fitted are extrapolated [1].
+With two rests a coefficient it is 1.7, with as many coefficients as rests without bound."""
+
+DOMINATE = 0.85
+"""Where a quarter of the residuals or fewer make more than this part of their sum, they are its
+cause [1]; of residuals that are spread as chance spreads them a quarter makes some 0.7 at most."""
+
+QUIETER = 5.0
+"""The threshold of rests to try where a hand shook them [1]."""
+
 UNSTILL = {"accel": 0.05, "turn": np.radians(1.0)}
 """Scatter that is no longer a calibration: 5 mg at rest [m/s^2], 1 deg in a turn [rad]."""
 
@@ -101,7 +112,7 @@ def checks(e: Evidence) -> tuple[Check, ...]:
     out += _even(e)
     out.append(_still(e))
     if np.isfinite(e.held_out[0]).any():
-        out.append(_held_out(e))
+        out += [_held_out(e), *_known(e)]
     return tuple(out)
 
 
@@ -183,7 +194,7 @@ def _explained(e: Evidence, name: str, what: str) -> Check:
     elif added:
         words = f"The residuals of {what} are {ratio:.1f} times what the noise explains"
         if e.declared:
-            words += ": the declared noise is too small. The uncertainties include the scatter."
+            words += f": {_cause(e, name)}. The uncertainties include the scatter."
         elif ratio > TOO_MUCH:
             words += (
                 f", more than {TOO_MUCH:g} times: something is wrong that is no scatter, such as "
@@ -204,6 +215,38 @@ def _explained(e: Evidence, name: str, what: str) -> Check:
     # uncertainties careful.
     high = max(c.high, TOO_MUCH**2 * c.redundancy) if added else c.high
     return Check(f"noise of {what}", c.chi_square, None, high, c.chi_square <= high, words)
+
+
+def _cause(e: Evidence, kind: str) -> str:
+    """Say why residuals are larger than declared noise: few of them, a drift, or all of them."""
+    n = len(e.up_b)
+    first, many = {"accel_repeatability": (0, n), "gyro_repeatability": (n, n)}.get(
+        kind, (2 * n, n - 1)
+    )
+    if e.drift is not None and e.drift.significant:
+        return (
+            f"a drift of {e.drift.name} during the session makes them, at least in part, not the "
+            "declared noise"
+        )
+    # The scatter was estimated from all: in its unit, which of them make the sum?
+    used = e.estimate.blocks >= 0
+    square = np.bincount(
+        e.estimate.blocks[used], e.estimate.residuals[used] ** 2, minlength=first + many
+    )[first : first + many]
+    order = np.argsort(-square)
+    share = np.cumsum(square[order]) / max(float(np.sum(square)), 1e-300)
+    few = order[: int(np.searchsorted(share, DOMINATE)) + 1]
+    if len(few) <= max(1, many // 4):
+        at = e.session.last - 1 if first == 2 * n else e.session.first
+        time = e.session.log.time
+        when = ", ".join(f"{time[at[k]] - time[0]:.1f} s" for k in sorted(few.tolist()))
+        what = "turn" if first == 2 * n else "rest"
+        what += "s" if len(few) > 1 else ""
+        return f"the {what} at {when} make most of it: look there, not at the declared noise"
+    shaken = np.flatnonzero(e.rest_level > SHAKEN)
+    if len(shaken) > SHAKEN_SHARE * n and first < 2 * n:
+        return "the instrument was shaken in its rests, for which the declared noise is too small"
+    return "it is spread over all of them, so the declared noise is too small or they scatter"
 
 
 def _unstill(e: Evidence) -> list[Check]:
@@ -237,7 +280,9 @@ def _still(e: Evidence) -> Check:
         "."
         if fine
         else ": the instrument was held or shaken there, and the noise measured in the rests, "
-        "with every uncertainty that follows from it, is that of the hand."
+        "with every uncertainty that follows from it, is that of the hand. Put it down for each "
+        f"rest; for this log set threshold = {QUIETER:g} in [procedure], so that only what is "
+        "quieter than that counts as rest."
     )
     return Check("shaken rests", share, None, SHAKEN_SHARE, fine, words)
 
@@ -290,3 +335,32 @@ def _held_out(e: Evidence) -> Check:
         f"predicted uncertainty."
     )
     return Check("held-out rests", score, None, high, inside, words)
+
+
+def _known(e: Evidence) -> list[Check]:
+    """Compare what rests left out are predicted to with what the fit leaves of them.
+
+    A fit with a coefficient for every rest leaves nothing of them and predicts none.
+    """
+    error, _, white = e.held_out
+    used = np.isfinite(white)
+    if used.sum() < 2:
+        return []
+    model = e.estimate.state.model
+    f_b, _ = model.compensate(e.session.accel_mean, None)
+    left = np.linalg.norm(f_b, axis=1) - e.session.site.gravity
+    noise = np.sqrt(e.noise.accel_psd.mean() / e.session.rest_time)
+    # What is left is at least the noise: a fit can be better than that by chance only.
+    size = float(np.sqrt(np.mean(np.maximum(left[used] ** 2, noise[used] ** 2))))
+    value = float(np.sqrt(np.mean(error[used] ** 2))) / size
+    fine = value <= EXTRAPOLATED
+    words = (
+        f"Rests that the fit did not see are predicted {value:.1f} times as badly as it fits those "
+        "that it saw"
+    ) + (
+        "."
+        if fine
+        else f", more than {EXTRAPOLATED:g} times: without any few of the rests the others hardly "
+        "determine the accelerometers. Add rests in other orientations."
+    )
+    return [Check("prediction against fit", value, None, EXTRAPOLATED, fine, words)]

@@ -11,7 +11,7 @@ import numpy as np
 from foucault.diagnose import axes
 from foucault.diagnose.coverage import coverage
 from foucault.diagnose.first_rest import first_rest_orientation
-from foucault.diagnose.rests import Rests, find_rests
+from foucault.diagnose.rests import Rests, find_rests, require_live_gyros
 from foucault.errors import Finding, error, finding
 from foucault.estimate import norm_observation
 from foucault.models.rests_and_turns import Session
@@ -38,6 +38,7 @@ def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:
         bad = None if x is None else np.flatnonzero(~np.isfinite(x).all(axis=1))
         if bad is not None and len(bad):
             raise error("session.not_finite", what=what, index=int(bad[0]))
+    require_live_gyros(log)
     if len(rests) < needed:
         short = find_rests(log, window=shortest / 2, shortest=shortest / 4)
         hint = (

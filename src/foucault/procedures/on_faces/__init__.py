@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import checks as face_checks
 from foucault.diagnose.faces import report as face_report
 from foucault.diagnose.faces.checks import FaceEvidence
@@ -236,7 +237,12 @@ def _diagnostics(log: Log, solution: Solution) -> dict[str, Any]:
         "noise": session_report.noise_json(e.noise.session, e.declared),
         "chi_square": _chi_square(e),
         "gravity": e.scene.site.gravity,
-        "unseen": face_checks.unseen(e),
+        "unseen": [
+            *face_checks.unseen(e),
+            *unseen_sizes(
+                estimate.coefficients, e.scene.site.gravity, _validity(log, e.scene).get("gyro")
+            ),
+        ],
         "placement_sd": e.belief.placement,
         "placement_declared": e.placement_given,
         "faces": [face_name(int(a), s) for a, s in zip(r.axis, r.sign, strict=True)],

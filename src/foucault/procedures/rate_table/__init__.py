@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.first_rest import first_as_declared
 from foucault.diagnose.positions.readings import find_readings
 from foucault.diagnose.rate_table import checks as rate_checks
@@ -232,7 +233,12 @@ def _result(
             "rate_scatter": e.added,
             "bias_drift": rate_report.drift_figures(e),
             "budget": rate_report.budget(e),
-            "unseen": unseen(settings),
+            "unseen": [
+                *unseen(settings),
+                *unseen_sizes(
+                    estimate.coefficients, site.gravity, (e.steps.gyro.min(), e.steps.gyro.max())
+                ),
+            ],
             **rate_report.bound(e),
         },
         tables={"rate_steps": rate_report.step_table(e, readings.start)},
