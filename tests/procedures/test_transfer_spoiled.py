@@ -459,7 +459,7 @@ def test_two_delays_that_contradict_each_other(flight) -> None:
 def test_noise_of_messages_that_is_declared_too_large_is_no_mount_that_bends(flight) -> None:
     result = said(flight, as_it_is, attitude_sd=2 * ARCMIN)
     words = told(result, "transfer.narrow")
-    assert "Innovations of attitude are 0.50 times what is expected: attitude_sd is declared" in words
+    assert "Innovations of attitude are 0.50 times what is expected: attitude_sd is" in words
     assert 'attitude_sd = "1 arcmin"' in words or 'attitude_sd = "0.9' in words
     assert "bends" not in words and "transfer.spread" not in codes(result)
 
