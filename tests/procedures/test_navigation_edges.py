@@ -79,3 +79,15 @@ def test_a_blank_velocity_is_not_zero(driven):
     np.testing.assert_allclose(part.velocity(whole.time[at]),
                                whole.velocity(float(whole.time[at])), atol=2.0)  # fmt: skip
     assert np.linalg.norm(part.velocity(float(whole.time[at]))) > 5.0
+
+
+@pytest.mark.parametrize("triad", ["gyro", "accel"])
+def test_sensors_that_read_nothing_are_named(triad: str):
+    log = logged([Rest(60.0)]).log
+    dead = replace(log, **{triad: np.zeros_like(log.gyro)})
+    for run in (lambda: align_log(dead, site=SITE),
+                lambda: navigate_log(dead, site=SITE, longitude=LONGITUDE)):  # fmt: skip
+        with pytest.raises(FoucaultError) as caught:
+            run()
+        assert caught.value.code == "strapdown.zero"
+        assert f"All readings of the {triad} are zero." in str(caught.value)

@@ -478,6 +478,15 @@ def test_a_site_elsewhere_than_the_master(flight) -> None:
     assert "transfer.site" not in codes(right)
 
 
+@pytest.mark.parametrize("triad", ["gyro", "accel"])
+@pytest.mark.parametrize("value", [0.0, 0.01])
+def test_sensors_that_read_one_number_are_named(flight, triad: str, value: float) -> None:
+    with pytest.raises(FoucaultError) as caught:
+        said(flight, slave(**{triad: lambda x: np.full_like(x, value)}))
+    assert caught.value.code == "transfer.dead"
+    assert f"All readings of the {triad} are the same on every axis" in str(caught.value)
+
+
 def test_a_few_messages_that_are_off(flight) -> None:
     def jumped(v):
         out = v.copy()

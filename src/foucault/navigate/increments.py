@@ -155,6 +155,8 @@ def navigable(log: Log) -> None:
     for name in ("gyro", "accel"):
         if getattr(log, name) is None:
             raise error("strapdown.no_triad", missing=name)
+        if not np.any(getattr(log, name)):
+            raise error("strapdown.zero", triad=name)
     if log.averaged is not None or len(log) < 2:
         raise error("strapdown.averaged")
 
