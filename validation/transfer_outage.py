@@ -90,7 +90,8 @@ def along_paths(seed: int) -> dict[str, float]:
                                draw_errors("tactical", seed), NOISE, seed)  # fmt: skip
         out[f"{path}, uncalibrated"] = one_copy(made)
         for name in ("M1, Kalman", "M2, Kalman"):
-            out[f"{path}, {name}"] = after(made, found_in(made, Settings(left_out=False, **CASES[name][1])))
+            perfect = Settings(left_out=False, **CASES[name][1])
+            out[f"{path}, {name}"] = after(made, found_in(made, perfect))
     return out
 
 
