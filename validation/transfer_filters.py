@@ -47,7 +47,7 @@ def one(seed: int) -> dict[str, tuple]:
     }
     out = {}
     for name, chosen in kinds.items():
-        solution = found_in(made, Settings(**chosen))
+        solution = found_in(made, Settings(left_out=False, **chosen))
         run = solution.found.run
         nis = run.innovation**2 / run.variance
         out[name] = missed(made, solution), float(np.nansum(nis)), int(np.sum(np.isfinite(nis)))
@@ -62,7 +62,7 @@ def delays(seed: int) -> dict[str, tuple[float, float]]:
     made = session_of(seed, Session(message_delay=drawn_delay(seed), with_outage=False))
     out = {}
     for method in ("rate matching", "likelihood", "state"):
-        solution = found_in(made, Settings(delay_method=method))
+        solution = found_in(made, Settings(left_out=False, delay_method=method))
         if method == "rate matching":
             out["matched"] = solution.problem.delay.delay, solution.problem.delay.delay_sd
         if method == "likelihood":
@@ -78,7 +78,7 @@ def bound() -> dict[str, float]:
     One batch: differences of navigations by small errors, with the noise of gyros and
     accelerometers in steps of 1 s and 4 s as unknowns of their own, known to their spread.
     """
-    settings = Settings()
+    settings = Settings(left_out=False)
     quiet = Session(rate=50.0, master_velocity_sd=0.0, master_attitude_sd=0.0,
                     installation_sd=0.0, with_outage=False)  # fmt: skip
     made = simulate(quiet, model=ImuModel(), noise=ImuNoise(), site=SITE, seed=0)

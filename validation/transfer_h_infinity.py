@@ -41,7 +41,7 @@ def _noise(times: float) -> ImuNoise:
 
 
 def _measured(times: float) -> dict[str, float]:
-    usual = Settings()
+    usual = Settings(left_out=False)
     return {"velocity_sd": times * usual.velocity_sd, "attitude_sd": times * usual.attitude_sd}
 
 
@@ -69,7 +69,7 @@ def one(job: tuple[str, int]) -> dict[str, float]:
     name, seed = job
     truth, told, more = CASES[name]
     made = session_of(seed, Session(rate=100.0, **truth))
-    solution = found_in(made, Settings(**told), **more)
+    solution = found_in(made, Settings(left_out=False, **told), **more)
     system = solution.found.free.system
     out = {"Kalman": after(made, solution)}
     for what in WANTED:

@@ -34,7 +34,9 @@ def main() -> int:
     for name, calibration in PLANS.items():
         start = START if name not in ("uav", "ship") else transfer_profile(name).start
         plan = TransferProfile(name, start, calibration)
-        vectors[name] = shown(plan, Settings(), Session(with_outage=False), SITE, NOISE, {}).vector
+        perfect = Settings(left_out=False)
+        session = Session(with_outage=False)
+        vectors[name] = shown(plan, perfect, session, SITE, NOISE, {}).vector
     names = next(iter(vectors.values())).names
     lines = [
         "# Transfer alignment: what manoeuvres show", "",

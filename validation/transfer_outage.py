@@ -90,7 +90,8 @@ def along_paths(seed: int) -> dict[str, float]:
                                draw_errors("tactical", seed), NOISE, seed)  # fmt: skip
         out[f"{path}, uncalibrated"] = one_copy(made)
         for name in ("M1, Kalman", "M2, Kalman"):
-            out[f"{path}, {name}"] = after(made, found_in(made, Settings(**CASES[name][1])))
+            perfect = Settings(left_out=False, **CASES[name][1])
+            out[f"{path}, {name}"] = after(made, found_in(made, perfect))
     return out
 
 
@@ -99,7 +100,7 @@ def one(seed: int) -> dict[str, float]:
     made = {rate: session_of(seed, Session(message_rate=rate)) for rate in (1.0, 10.0)}
     out = {"uncalibrated": one_copy(made[10.0])}
     for name, (rate, chosen) in CASES.items():
-        solution = found_in(made[rate], Settings(**chosen))
+        solution = found_in(made[rate], Settings(left_out=False, **chosen))
         run = None
         if name.endswith("H-infinity"):
             system, L = solution.found.free.system, wanted(solution)

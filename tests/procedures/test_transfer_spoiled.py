@@ -459,9 +459,7 @@ def test_two_delays_that_contradict_each_other(flight) -> None:
 def test_noise_of_messages_that_is_declared_too_large_is_no_mount_that_bends(flight) -> None:
     result = said(flight, as_it_is, attitude_sd=2 * ARCMIN)
     words = told(result, "transfer.narrow")
-    assert (
-        "Innovations of attitude are 0.50 times what is expected: attitude_sd is declared" in words
-    )
+    assert "Innovations of attitude are 0.50 times what is expected: attitude_sd is" in words
     assert 'attitude_sd = "1 arcmin"' in words or 'attitude_sd = "0.9' in words
     assert "bends" not in words and "transfer.spread" not in codes(result)
 
@@ -478,6 +476,15 @@ def test_a_site_elsewhere_than_the_master(flight) -> None:
     assert result.site["gravity"] == pytest.approx(right.site["gravity"], abs=1e-5)
     np.testing.assert_allclose(result.coefficients.values, right.coefficients.values, atol=1e-6)
     assert "transfer.site" not in codes(right)
+
+
+@pytest.mark.parametrize("triad", ["gyro", "accel"])
+@pytest.mark.parametrize("value", [0.0, 0.01])
+def test_sensors_that_read_one_number_are_named(flight, triad: str, value: float) -> None:
+    with pytest.raises(FoucaultError) as caught:
+        said(flight, slave(**{triad: lambda x: np.full_like(x, value)}))
+    assert caught.value.code == "transfer.dead"
+    assert f"All readings of the {triad} are the same on every axis" in str(caught.value)
 
 
 def test_a_few_messages_that_are_off(flight) -> None:

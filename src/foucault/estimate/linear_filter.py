@@ -110,17 +110,17 @@ class LinearRun:
         return float(-0.5 * np.sum(e**2 / S + np.log(2.0 * np.pi * S)))
 
 
-def given(cov: FloatArray, known: npt.NDArray[np.intp] | list[int]) -> FloatArray:
+def given(cov: FloatArray, known: list[int]) -> FloatArray:
     """Return the covariance that is left once some of the states are known exactly.
 
     Parameters
     ----------
     cov : ndarray, shape (n, n)
         Covariance of all states [SI].
-    known : list of int, or ndarray of int, shape (k,)
+    known : list of int
         Which become known [1].
     """
-    if not len(known):
+    if not known:
         return cov
     across, own = cov[:, known], cov[np.ix_(known, known)]
     unit = np.sqrt(np.diag(own))  # states of many units

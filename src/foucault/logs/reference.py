@@ -68,7 +68,7 @@ class Reference:
     time : ndarray, shape (n,)
         Time, of the same clock as the log, rising [s].
     position : ndarray, shape (n, 3), or None
-        Latitude, longitude [rad] and height [m].
+        Latitude, longitude [rad] and height [m]; NaN where a row does not say it.
     velocity_n : ndarray, shape (n, 3), or None
         East, north, up; NaN where a component is not given [m/s].
     angles : ndarray, shape (n, 3), or None
@@ -88,6 +88,17 @@ class Reference:
     has_height: bool = True
     still: bool = False
     source: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def says(self) -> npt.NDArray[np.bool_]:
+        """Which rows say where it is, or how fast where no row says that, shape (n,)."""
+        for table, some in ((self.position, 2), (self.velocity_n, 2), (self.angles, 3)):
+            if table is None:
+                continue
+            known = np.isfinite(table[:, :some]).any(axis=1)
+            if known.any():
+                return np.asarray(known)
+        return np.ones(len(self.time), bool)
 
     @classmethod
     def site(cls, time: FloatArray, latitude: float, longitude: float, height: float) -> Reference:
@@ -150,13 +161,17 @@ class Reference:
             are close enough; else None.
         """
         if self.velocity_n is not None:
-            return np.array(
-                [np.interp(time, self.time, v) for v in np.nan_to_num(self.velocity_n).T]
-            )
+            return np.array([_between(time, self.time, v) for v in self.velocity_n.T])
         before, after = (self.place(t, t) for t in (time - BESIDE / 2, time + BESIDE / 2))
         if before is None or after is None:
             return None
         return np.asarray(displacement(*before, *after) / BESIDE)
+
+
+def _between(at: float, time: FloatArray, value: FloatArray) -> float:
+    """Return a value between those that are known, shape (n,); zero where none is."""
+    known = np.isfinite(value)
+    return float(np.interp(at, time[known], value[known])) if known.any() else 0.0
 
 
 def read(path: str | Path) -> Reference:

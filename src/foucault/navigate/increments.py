@@ -123,11 +123,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     The first row has no interval before it; it is taken as long as the usual one. Navigation that
     starts at row 0 does not use it but for coning and sculling.
     """
-    for name in ("gyro", "accel"):
-        if getattr(log, name) is None:
-            raise error("strapdown.no_triad", missing=name)
-    if log.averaged is not None or len(log) < 2:
-        raise error("strapdown.averaged")
+    navigable(log)
     assert log.gyro is not None and log.accel is not None
     dt = _lengths(log.time)
     usual = log.interval
@@ -146,6 +142,23 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     joined = ~(gap | np.roll(gap, 1))
     joined[0] = False
     return Increments(log.time, dt, total[:, :3].copy(), total[:, 3:].copy(), joined, found)
+
+
+def navigable(log: Log) -> None:
+    """Refuse a log that cannot be integrated: a triad is missing, or its rows are means.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    """
+    for name in ("gyro", "accel"):
+        if getattr(log, name) is None:
+            raise error("strapdown.no_triad", missing=name)
+        if not np.any(getattr(log, name)):
+            raise error("strapdown.zero", triad=name)
+    if log.averaged is not None or len(log) < 2:
+        raise error("strapdown.averaged")
 
 
 def bend_weights(dt: FloatArray, joined: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:

@@ -30,18 +30,21 @@ from foucault.navigate.align import (
     sensor_errors,
     window,
 )
-from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.increments import Increments, increments_of, navigable
 from foucault.navigate.inertial_frame import known_latitude
 from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
 from foucault.procedures.navigation.run import bias_sds
 from foucault.procedures.navigation.settings import Settings
-from foucault.procedures.navigation.start import LEAST, opening
+from foucault.procedures.navigation.start import LEAST, before, opening
 from foucault.result import Result
 from foucault.tables import Log
 
 METHODS: tuple[Method, ...] = ("inertial_frame", "kalman", "two_vector")
 """Methods for one rest, the one to go by first."""
+
+BESIDE = 4
+"""Samples beside a rest that feed the integration at its ends [1]."""
 
 
 @dataclass(frozen=True)
@@ -127,15 +130,21 @@ def align_log(
     log = without_spikes(log)
     if len(rests):
         start, end = rests[-1]
-    given = [(float(log.time[0] + a), float(log.time[0] + b)) for a, b in rests]
+    begin = float(log.time[0])
+    given = [(begin + a, before(log, b) if len(rests) > 1 else begin + b) for a, b in rests]
     spans = given if len(given) > 1 else []
     two: tuple[Method, ...] = ("two_position",) if spans else ()
     chosen = tuple(methods) or two + METHODS
     for method in chosen:
         check_method(method)
     clean = log if calibration is None else calibration.apply(log)
-    whole = increments_of(clean, gaps=gaps)
-    from_, until = _rest(log, whole, start, end)
+    navigable(clean)
+    from_, until = _rest(log, start, end)
+    # What comes after the rest is not used, nor are its gaps.
+    used = clean[_rows(clean, [*given, (from_, until)])]
+    whole = increments_of(used, gaps=gaps)
+    if start is not None or end is not None:
+        window(whole, from_, until)  # refuses what lies outside the log
     of_gyro, of_accel = bias_sds(None if calibration is None else calibration.coefficients)
     gyro_sd = of_gyro if gyro_bias_sd is None else gyro_bias_sd
     accel_sd = of_accel if accel_bias_sd is None else accel_bias_sd
@@ -163,15 +172,20 @@ def align_log(
     )  # fmt: skip
 
 
-def _rest(
-    log: Log, whole: Increments, start: float | None, end: float | None
-) -> tuple[float, float]:
+def _rows(log: Log, spans: Sequence[tuple[float, float]]) -> slice:
+    """Return the rows of all spans, with those beside that feed the integration at their ends."""
+    first, last = min(a for a, _ in spans), max(b for _, b in spans)
+    if not log.time[0] - log.interval <= first < last <= log.time[-1] + 2 * log.interval:
+        return slice(None)  # what lies outside the log is refused by all of it
+    rows = np.searchsorted(log.time, [first, last], side="right")
+    return slice(max(0, int(rows[0]) - BESIDE), int(rows[1]) + BESIDE)
+
+
+def _rest(log: Log, start: float | None, end: float | None) -> tuple[float, float]:
     """Return where the rest begins and ends, as given or the first that is found [s]."""
     begin = float(log.time[0])
     if start is not None or end is not None:
-        span = begin + (start or 0.0), begin + (log.duration if end is None else end)
-        window(whole, *span)  # refuses what lies outside the log
-        return span
+        return begin + (start or 0.0), float(log.time[-1]) if end is None else before(log, end)
     seen = opening(log, Settings())
     return seen.start, float(log.time[-1]) if seen.still else seen.end
 

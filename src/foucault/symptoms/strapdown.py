@@ -4,6 +4,10 @@ from __future__ import annotations
 
 # fmt: off
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
+    ("strapdown.zero", "error",
+     "Sensors that read nothing",
+     "All readings of the {triad} are zero.",
+     "Check the columns of [log.{triad}], their unit and scale, and whether the sensor was on."),
     ("strapdown.no_triad", "error",
      "A log that lacks one of the two triads",
      "The log has no {missing}; navigation needs accelerometers and gyros.",

@@ -144,7 +144,8 @@ def covered(reference: Reference, first: float, last: float) -> FloatArray:
     FoucaultError
         ``navigate.apart``: there are fewer than two.
     """
-    inside = (reference.time >= first) & (reference.time <= last)
+    # Rows that are blank are no measurement: a slow sensor beside a fast one writes many.
+    inside = (reference.time >= first) & (reference.time <= last) & reference.says
     if np.count_nonzero(inside) < 2:
         raise error(
             "navigate.apart", first=f"{first:.9g}", last=f"{last:.9g}",

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.errors import FoucaultError
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.estimate.linear_filter import LinearRun, kalman, smoothed
 from foucault.estimate.transfer.measured import Known, Slave
@@ -22,6 +23,10 @@ from foucault.models.transfer import Matching, Messages, Mount
 from foucault.navigate.state import State, state_of
 
 FloatArray = npt.NDArray[np.float64]
+
+
+MOST = 0.5
+"""A delay that leaves less of the messages inside the slave's log is none [1]."""
 
 
 @dataclass(frozen=True)
@@ -105,16 +110,33 @@ def solve(
         Measurements beyond so many standard deviations are left out in the last pass [1].
     """
     at, seen = prior, []
+    free = free_run(slave, master, mount, matching, at, prior, sd)
     for k in range(passes):
-        free = free_run(slave, master, mount, matching, at, prior, sd)
         found = kalman(free.system, keep=k + 1 < passes)
         seen.append(_point(free.layout, at) + found.states[-1, 9:])
         if k + 1 == passes or (k > 0 and last_step(seen, found) < settled):
             break
-        at = moved(free, at, smoothed(free.system, found).start)
+        further = moved(free, at, smoothed(free.system, found).start)
+        if not _possible(further, slave, master):
+            break  # passes that go astray: what the last one found is as much as there is
+        try:
+            free = free_run(slave, master, mount, matching, further, prior, sd)
+        except FoucaultError:  # navigated with such errors nothing stays finite
+            break
+        at = further
     if np.isfinite(gate):
         found = kalman(free.system, gate=gate)
     return Transfer(free, found, at, tuple(seen))
+
+
+def _possible(at: Known, slave: Slave, master: Messages) -> bool:
+    """Tell whether a point is one to be linear about: finite, most messages inside the log."""
+    numbers = (at.coefficients, at.installation, at.state.velocity_n, at.state.C_nb, [at.delay])
+    if not all(np.isfinite(x).all() for x in numbers):
+        return False
+    valid, time = master.time - at.delay, slave.increments.time
+    inside = (valid > time[slave.first]) & (valid < time[-1])
+    return bool(np.mean(inside) > MOST)
 
 
 def last_step(passes: Sequence[FloatArray], run: LinearRun) -> float:
@@ -198,11 +220,16 @@ def hand_over(
         state = replace(state, latitude=position.latitude, longitude=position.longitude,
                         height=position.height)  # fmt: skip
     end = max(slave.increments.row_at(time), int(rows[-1]))
-    on = run(
-        slave.increments, state, slave.sensors, Updates.none(np.array([end])),
-        found.run.cov[: 9 + p, : 9 + p], slave.noise, first=int(rows[-1]),
-        estimate=found.at.coefficients + x[9 : 9 + p], gravity_offset=slave.gravity_offset,
-    )  # fmt: skip
+    values, cov = found.at.coefficients + x[9 : 9 + p], found.run.cov[: 9 + p, : 9 + p]
+    try:
+        on = run(
+            slave.increments, state, slave.sensors, Updates.none(np.array([end])), cov,
+            slave.noise, first=int(rows[-1]), estimate=values,
+            gravity_offset=slave.gravity_offset,
+        )  # fmt: skip
+    except FoucaultError:  # of passes that went astray: nothing goes on from there
+        vector = CoefficientVector(slave.sensors.layout, values, cov[9:, 9:])
+        return HandOver(state, vector, cov[:9, :9], int(rows[-1]))
     return HandOver(on.trajectory.state(-1), on.estimate, on.cov_at_place(), end)
 
 

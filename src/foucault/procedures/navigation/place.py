@@ -75,7 +75,10 @@ def _not_elsewhere(
     assert site is not None
     assert site.latitude is not None
     assert reference.position is not None
-    i = int(np.argmin(np.abs(reference.time - time)))
+    known = np.flatnonzero(np.isfinite(reference.position[:, :2]).all(axis=1))
+    if not len(known):
+        return
+    i = int(known[np.argmin(np.abs(reference.time[known] - time))])
     latitude, lon = (float(v) for v in reference.position[i, :2])
     apart = [site.latitude - latitude, 0.0 if longitude is None else longitude - lon]
     if np.abs(turned(np.array(apart))).max() > FAR:

@@ -179,7 +179,11 @@ def _heights(task: Task, time: FloatArray) -> FloatArray | None:
     known = task.reference
     if task.settings.vertical != "aided" or known is None or known.position is None:
         return None
-    return np.interp(time, known.time, known.position[:, 2], left=np.nan, right=np.nan)
+    height = known.position[:, 2]
+    said = np.isfinite(height)
+    if not said.any():
+        return None
+    return np.interp(time, known.time[said], height[said], left=np.nan, right=np.nan)
 
 
 def bias_sds(vector: CoefficientVector | None) -> tuple[float, float]:

@@ -120,7 +120,7 @@ def opening(log: Log, settings: Settings) -> Opening:
     still = longest + rests.window >= WHOLE * len(log) or _constant(log)
     first = float(log.time[0])
     if settings.align is not None:
-        return _said(log, first, first + settings.align, still, rests)
+        return _said(log, first, before(log, settings.align), still, rests)
     if settings.attitude_given:
         quiet = len(rests) > 0 and rests.first[0] <= rests.window
         return Opening(first, first, still, quiet, *_noise(log, rests, None))
@@ -133,6 +133,26 @@ def opening(log: Log, settings: Settings) -> Opening:
     a, b = int(rests.first[long[0]]), int(rests.last[long[0]]) - 1
     return Opening(float(log.time[a]), float(log.time[b]), still, True,
                    *_noise(log, rests, (a, b + 1)))  # fmt: skip
+
+
+def before(log: Log, length: float) -> float:
+    """Return the stamp of the last sample of a part at the start of a log, shape () [s].
+
+    The first sample counts as one: 300 s at 20 Hz are 6000 samples, stamped 0 to 299.95 s, and the
+    one of 300 s belongs to what comes next.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    length : float, shape ()
+        Of the part [s].
+    """
+    end = float(log.time[0]) + length
+    last = int(np.searchsorted(log.time, end - 0.5 * log.interval)) - 1
+    # Samples of a moment are integrated by the one after too.
+    last -= log.sampled != "increment"
+    return float(log.time[max(last, 1)]) if end <= log.time[-1] + log.interval else end
 
 
 def _constant(log: Log) -> bool:

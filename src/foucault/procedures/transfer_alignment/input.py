@@ -66,6 +66,10 @@ def usable(log: SlaveLog) -> SlaveLog:
     if lost.any():
         raise error("transfer.not_finite", count=int(lost.sum()),
                     time=stamp(float(log.time[np.argmax(lost)])))  # fmt: skip
+    for triad in ("gyro", "accel"):
+        column = getattr(log, triad)
+        if column is not None and len(column) and not np.ptp(column, axis=0).any():
+            raise error("transfer.dead", triad=triad)
     back = np.flatnonzero(np.diff(log.time) <= 0)
     if len(back):
         raise error("transfer.backwards", count=len(back),

@@ -186,6 +186,8 @@ def _settled(p: TransferProblem, found: Transfer) -> tuple[Status, list[Finding]
     s, passes = p.settings, found.passes
     if len(passes) < 2:
         passes = solve(p.slave, p.master, s.mount, s.matched, p.prior, p.sd, passes=2).passes
+    if len(passes) < 2:  # the second went astray
+        passes = (found.point, *passes)
     moved = np.abs(passes[-1] - passes[-2]) / found.run.sd[-1, 9:]
     if float(moved.max()) < SETTLED:
         return Status.CONVERGED, []
