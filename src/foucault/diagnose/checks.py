@@ -92,6 +92,41 @@ def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check
     return Check("prior", float(miss[worst]), None, limit, fine, words)
 
 
+MANY = 10.0
+"""An uncertainty so many times what noise and plan allow is no success of the plan [1]."""
+
+
+def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Check:
+    """Compare the uncertainties with those that noise and plan allow.
+
+    Scatter that is estimated makes a result honest, not good: where one reading spoils all, the
+    uncertainties grow until everything fits.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, with covariance [SI].
+    bound : array_like, shape (n,)
+        Cramer-Rao bound of the same coefficients by the noise alone, as sd; NaN or infinite where
+        nothing tells them [SI].
+    """
+    least = np.asarray(bound, float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(np.isfinite(least) & (least > 0), coefficients.sd / least, 0.0)
+    worst = int(np.argmax(ratio))
+    fine = bool(ratio[worst] <= MANY)
+    words = (
+        f"The uncertainty of {coefficients.names[worst]} is {ratio[worst]:.1f} times what noise and "
+        "plan allow"
+    ) + (
+        "."
+        if fine
+        else ": `foucault preflight` promises a better result of this plan. Some readings do not "
+        "belong to the others, and their scatter is shared by all."
+    )
+    return Check("uncertainty against the plan", float(ratio[worst]), None, MANY, fine, words)
+
+
 def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:
     """Doubt a g-sensitivity that is what a reversed sign of the Earth's rate would make.
 

@@ -194,6 +194,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Readings that are not those of the plan",
      "The readings are not in the positions of the plan. {used}",
      "Check `plan` (or `positions`) in [procedure]; nothing to do if other positions were meant."),
+    ("table.angle", "warning",
+     "An angle of the table that is far off in one position",
+     "The angles of {reading} do not fit what the instrument reads there: the {how}. They were not "
+     "used.",
+     "Look at this angle in the log, or in `positions` of [procedure]; if it is right, the "
+     "instrument slipped on the table."),
     ("table.unused", "warning",
      "Directions of gravity that do not fit table angles which nobody needs",
      "The directions of gravity miss those of the logged table angles by {given} deg. The "

@@ -290,11 +290,23 @@ def name_of(readings: Readings, block: int) -> str:
         Number of the observation, see `estimate.table.likelihood.build` [1].
     """
     n = len(readings)
-    j = block % n
+    what = "specific force" if block < n else "rate"
+    return f"{what} of {reading_name(readings, block % n)}"
+
+
+def reading_name(readings: Readings, j: int) -> str:
+    """Return what people call a reading.
+
+    Parameters
+    ----------
+    readings : Readings
+        The readings.
+    j : int, shape ()
+        Its number [1].
+    """
     kind = "spin" if readings.spin[j] else "rest"
     number = int(np.sum(readings.spin[: j + 1] == readings.spin[j]))
-    what = "specific force" if block < n else "rate"
-    return f"{what} of {kind} {number} ({readings.start[j]:.0f} s)"
+    return f"{kind} {number} ({readings.start[j]:.0f} s)"
 
 
 def _outliers(e: TableEvidence) -> Check:
@@ -374,7 +386,15 @@ def _table(e: TableEvidence) -> list[Check]:
     if dof < 0.5:
         return []
     ratio, fine = np.sqrt(value / dof), value <= high
-    words = f"The errors of the table are {ratio:.2f} times what was declared" + (
+    words = f"The errors of the table are {ratio:.2f} times what was declared"
+    if e.fit.angle_suspects:
+        which = ", ".join(reading_name(e.readings, j) for j in e.fit.angle_suspects)
+        words += (
+            f". The angles of one position are wrong, and with this plan these look alike: "
+            f"{which}. Look at the angles that were typed or logged there."
+        )
+        return [Check("errors of the table", value, None, high, False, words)]
+    words += (
         "."
         if fine
         else ": the table is worse than it was said to be. Declare larger errors of the table, or "

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import foreseen_check
 from foucault.diagnose.coverage import Coverage, coverage, coverage_json
 from foucault.diagnose.first_rest import first_as_declared
 from foucault.diagnose.positions.readings import find_readings, stream_readings
@@ -320,6 +321,9 @@ def _result(
     checks = table_checks.checks(evidence)
     if likelihood is not None:
         checks += (table_checks.agreement(estimate.coefficients, likelihood),)
+    seen_best = table_report.bound(readings, site, estimate.state, options)
+    if seen_best:
+        checks += (foreseen_check(estimate.coefficients, seen_best["bound"]),)
     rate_sd = common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,
@@ -332,7 +336,7 @@ def _result(
         findings=(*readings.findings, *found, *table_hints.hints(evidence)),
         status=estimate.status,
         site=site.as_dict(),
-        diagnostics=_diagnostics(evidence, task, options, covered),
+        diagnostics=_diagnostics(evidence, task, covered) | seen_best,
         tables={
             "readings": table_report.readings_table(evidence),
             "rig": table_report.rig_table(solution),
@@ -354,9 +358,7 @@ def common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
     return float(np.hypot(sd, earth / np.abs(readings.rate[readings.spin]).min()))
 
 
-def _diagnostics(
-    e: TableEvidence, task: Task, options: Options, covered: Coverage
-) -> dict[str, Any]:
+def _diagnostics(e: TableEvidence, task: Task, covered: Coverage) -> dict[str, Any]:
     solution, site = e.fit, e.site
     estimate = solution.estimate
 
@@ -378,5 +380,4 @@ def _diagnostics(
         "unseen": table_report.unseen(
             e.readings, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
         ),
-        **table_report.bound(e.readings, site, estimate.state, options),
     }
