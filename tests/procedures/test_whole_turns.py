@@ -110,3 +110,38 @@ def test_means_beside_missing_samples_are_those_of_the_samples():
         assert inside.sum() == round(time)
         if rest:
             np.testing.assert_allclose(mean, log.gyro[inside].mean(axis=0), rtol=1e-9, atol=1e-12)
+
+
+def stretched(factor, module=norm_observation, **settings):
+    """Calibrate a log whose stamps run too fast by a factor."""
+    settings = {"spin_rate": np.radians(30.0)} | settings
+    told = norm_observation.Settings(spin_rate=np.radians(30.0))
+    session = norm_observation.Session(rate=20.0, turns=2, rest_time=20.0)
+    sim = norm_observation.simulate(
+        session, settings=told, model=draw_errors("tactical", 1), noise=NOISE, site=SITE, seed=1
+    )
+    table = TableColumns(sim.log.table.angles, None, None)
+    log = replace(sim.log, time=sim.log.time * factor, table=table)
+    return module.calibrate(log, site=SITE, settings=module.Settings(**settings), noise=NOISE)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("module", [norm_observation, turntable], ids=["norm", "turntable"])
+def test_stamps_wrong_by_a_thousandth_contradict_the_declared_rate(module):
+    result = stretched(1.001, module)
+    (told,) = [f for f in result.findings if f.code == "spin.rate_clock"]
+    assert "declared with 30 deg/s" in told.message
+    assert "says 29.97 deg/s: -999 ppm, and the table's rate is good to 100 ppm" in told.message
+    assert result.verdict.level is Level.DOUBTFUL
+    assert [c.name for c in result.checks if not c.passed] == ["rate of the table"]
+
+
+@pytest.mark.thorough
+def test_the_tables_own_tolerance_decides_about_the_clock():
+    codes = lambda result: [f.code for f in result.findings]  # noqa: E731
+    assert "spin.rate_clock" not in codes(stretched(1.0))
+    assert "spin.rate_clock" not in codes(stretched(1.0002))
+    assert "spin.rate_clock" not in codes(stretched(1.001, table_rate_sd=5e-4))
+    # A rate that nobody declared is that of the default, and says nothing.
+    assert norm_observation.Settings().spin_rate == pytest.approx(np.radians(10.0))
+    assert "spin.rate_clock" not in codes(stretched(1.001, spin_rate=np.radians(30.0) * 0.999))

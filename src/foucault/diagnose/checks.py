@@ -116,8 +116,8 @@ def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Che
     worst = int(np.argmax(ratio))
     fine = bool(ratio[worst] <= MANY)
     words = (
-        f"The uncertainty of {coefficients.names[worst]} is {ratio[worst]:.1f} times what noise and "
-        "plan allow"
+        f"The uncertainty of {coefficients.names[worst]} is {ratio[worst]:.1f} times what noise "
+        "and plan allow"
     ) + (
         "."
         if fine

@@ -113,6 +113,13 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The table did not turn at the rate of the plan",
      "The plan says {told} deg/s, but the table says {measured} deg/s; the table is believed.",
      "Correct the spin rate in [procedure]."),
+    ("spin.rate_clock", "warning",
+     "The outer angle over the time of the log is not the rate of the spins as declared",
+     "The spins were declared with {told} deg/s, but the outer angle over the time of the log says "
+     "{measured} deg/s: {ppm} ppm, and the table's rate is good to {sd} ppm (sd). If the time of "
+     "the log is wrong by so much, all gyro scale factors are.",
+     "Find out whether the table or the clock of the log is wrong. The clock: give [log] the true "
+     "`rate`. The table: correct `spin_rate` in [procedure], or declare its `table_rate_sd`."),
     ("spin.sense", "error",
      "All spins have the other sense than the gyros say",
      "In all {count} spins the gyros turn {measured} seen from above, the other way than {said} "

@@ -85,7 +85,7 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
     out += _scatter(e) + _g_sensitivity(e)
     sign = reversed_earth_check(estimate.coefficients, e.site)
     out += [sign] if sign is not None else []
-    out += [_outliers(e), _controlled(e)]
+    out += [_outliers(e), _controlled(e), *_rate_as_declared(e)]
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)
     if np.isfinite(estimate.coefficients.prior_sd).any():
@@ -307,6 +307,14 @@ def reading_name(readings: Readings, j: int) -> str:
     kind = "spin" if readings.spin[j] else "rest"
     number = int(np.sum(readings.spin[: j + 1] == readings.spin[j]))
     return f"{kind} {number} ({readings.start[j]:.0f} s)"
+
+
+def _rate_as_declared(e: TableEvidence) -> list[Check]:
+    """Doubt gyro scale factors where declared rate and clock of the log contradict each other."""
+    told = [f for f in e.readings.findings if f.code == "spin.rate_clock"]
+    if not told or e.readings.gyro is None:
+        return []
+    return [Check("rate of the table", 1.0, None, 0.0, False, told[0].message)]
 
 
 def _outliers(e: TableEvidence) -> Check:

@@ -49,6 +49,7 @@ def check_readings(
     *,
     angles_matter: bool = True,
     shortest: float = 1.0,
+    table_rate_sd: float | None = None,
 ) -> Readings:
     """Refuse readings that cannot be right, and tell what is odd about the others.
 
@@ -65,6 +66,9 @@ def check_readings(
         instrument mounted turned are a mistake.
     shortest : float
         Length that was asked of a rest, for the texts [s].
+    table_rate_sd : float or None
+        Relative sd of the rate of the plan, where it was declared; the outer angle over the time
+        of the log is held against it then [1].
 
     Returns
     -------
@@ -107,7 +111,8 @@ def check_readings(
             if angles_matter:
                 left_out = np.asarray(np.isnan(readings.angles[:, 1:]).any(axis=1))
         findings += _matching(readings, plan, found, row, left_out, shortest)
-    readings, more = senses(readings, plan, found, row, by_table)
+    timed = readings.interval > 0 and _outer(log)
+    readings, more = senses(readings, plan, found, row, by_table, table_rate_sd if timed else None)
     if row is not None and left_out.any():
         readings = readings[~left_out]
     return replace(readings, findings=readings.findings + tuple(findings + more))
@@ -132,6 +137,16 @@ def _told(log: Log | LogDescription | None, plan: TablePlan | None) -> tuple[boo
         return bool(seen[:, 1:].any()), bool(seen[:, 0].any()) or table.rate is not None
     names = [c not in (None, "") for c in table.columns or (None, None, None)]
     return any(names[1:]), names[0] or table.rate is not None
+
+
+def _outer(log: Log | LogDescription | None) -> bool:
+    """Tell whether the log has the outer angle."""
+    table = None if log is None else log.table
+    if table is None:
+        return False
+    if isinstance(table, TableColumns):
+        return bool(np.isfinite(table.angles[:, 0]).any())
+    return bool(table.columns) and table.columns[0] not in (None, "")
 
 
 def enough_readings(readings: Readings, rests: int, spins: int, what: str = "") -> None:

@@ -184,6 +184,7 @@ def read_positions(
     checked = check_readings(
         found, plan, described,
         angles_matter=task.trust is not None, shortest=s.shortest,
+        table_rate_sd=s.table_rate_sd if "spin_rate" in s.model_fields_set else None,
     )  # fmt: skip
     check_gyro_axes(found)  # `checked` has the senses of spins from the gyros
     first_as_declared(found, described)
