@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from foucault.errors import Finding
 from foucault.models.noise import ImuNoise, TriadNoise, rounding_bias
+from foucault.models.session_noise import window_covariance
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -41,6 +42,9 @@ class Readings:
         Whether the noise was declared, not measured.
     findings : tuple of Finding
         What was noticed when they were made.
+    slow : ImuNoise or None
+        Bias instability and random walk that were declared: they are in the covariances, and tie
+        the readings together besides; None for none [SI].
     """
 
     angles: FloatArray
@@ -55,6 +59,7 @@ class Readings:
     interval: float = 0.0
     declared: bool = False
     findings: tuple[Finding, ...] = field(default=())
+    slow: ImuNoise | None = None
 
     def __len__(self) -> int:
         return len(self.rate)
@@ -75,8 +80,8 @@ class Readings:
     def with_noise(self, noise: ImuNoise) -> Readings:
         """Return the same readings with the covariance that declared `noise` [SI] gives them.
 
-        White noise and rounding average out; bias instability and random walk do so hardly, and
-        are taken as independent from one reading to the next.
+        White noise and rounding average out. Bias instability and random walk do so hardly, and
+        tie one reading to the next: see `wander`.
         """
         accel = mean_variance(noise.accel, self.time, self.interval)
         gyro = mean_variance(noise.gyro, self.time, self.interval)
@@ -86,7 +91,46 @@ class Readings:
             gyro_cov=gyro[:, None, None] * np.eye(3),
             declared=True,
             findings=tuple(f for f in self.findings if f.code != "readings.noise_unknown"),
+            slow=slow_part(noise),
         )
+
+    def wander(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return the covariance of the slow biases over all readings, as accel and gyro have them.
+
+        Each shape (n, n), alike for the three axes [SI]; None where nothing slow was declared.
+        """
+        if self.slow is None:
+            return None, None
+        start = self.start - self.start.min()
+        out = []
+        for means, noise in ((self.accel, self.slow.accel), (self.gyro, self.slow.gyro)):
+            none = means is None or not (noise.bias_instability or noise.random_walk)
+            out.append(None if none else window_covariance(start, start + self.time, noise))
+        return out[0], out[1]
+
+    def without_wander(self) -> Readings:
+        """Return the same readings with the covariance of what is new in each of them alone."""
+        if self.slow is None:
+            return self
+        quick = []
+        for cov, noise in ((self.accel_cov, self.slow.accel), (self.gyro_cov, self.slow.gyro)):
+            slow = mean_variance(noise, self.time, self.interval)
+            quick.append(cov - slow[:, None, None] * np.eye(3))
+        return replace(self, accel_cov=quick[0], gyro_cov=quick[1])
+
+
+def slow_part(noise: ImuNoise) -> ImuNoise | None:
+    """Return bias instability and random walk alone, None where there is neither.
+
+    Parameters
+    ----------
+    noise : ImuNoise
+        Noise of the instrument [SI].
+    """
+    if not any(t.bias_instability or t.random_walk for t in (noise.accel, noise.gyro)):
+        return None
+    alone = (replace(t, white=0.0, quantisation=0.0) for t in (noise.accel, noise.gyro))
+    return ImuNoise(*alone)
 
 
 def mean_variance(noise: TriadNoise, time: FloatArray, interval: float) -> FloatArray:

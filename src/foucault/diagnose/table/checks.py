@@ -383,9 +383,8 @@ def detectable(e: TableEvidence) -> FloatArray:
 def _table(e: TableEvidence) -> list[Check]:
     """Compare the errors of the table that were found with what was believed of it."""
     estimate = e.fit.estimate
-    prior = estimate.blocks < 0
-    known = int(np.isfinite(estimate.coefficients.prior_sd).sum())
-    rows = np.flatnonzero(prior)[: int(prior.sum()) - known]
+    of_table = int(np.isfinite(estimate.state.geometry.prior()[1]).sum())
+    rows = np.flatnonzero(estimate.blocks < 0)[:of_table]
     if not len(rows):
         return []
     value = float(np.sum(estimate.residuals[rows] ** 2))

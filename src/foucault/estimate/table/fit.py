@@ -22,7 +22,7 @@ from foucault.estimate.table.likelihood import Observed, build
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles
-from foucault.models.table_state import State
+from foucault.models.table_state import State, Unknowns
 from foucault.result import Estimate, Linearised, Problem
 
 FloatArray = npt.NDArray[np.float64]
@@ -126,6 +126,12 @@ class TableFit:
     suspects: tuple[int, ...] = ()
     wrong_angles: tuple[int, ...] = ()
     angle_suspects: tuple[int, ...] = ()
+
+    @property
+    def first_of_geometry(self) -> int:
+        """Column of the first unknown of the geometry [1]."""
+        o = self.options
+        return Unknowns(o.names, o.lever_arm, o.level, o.offset).before_geometry
 
 
 def kinds_of(readings: Readings, blocks: IntArray) -> IntArray:
@@ -260,7 +266,7 @@ def _believed_again(found: TableFit, options: Options, weights: FloatArray) -> T
     g: Angles = state.geometry
     if not g.doubted:
         return found
-    first = found.estimate.state_cov.shape[0] - (g.heading is not None) - g.position.size
+    first = found.first_of_geometry + 3 + len(g.used)
     limit = chi_square_limits(2.0, 2 * FALSE_ALARM / len(g.position))[1]
     kept = []
     for j in g.doubted:
