@@ -11,6 +11,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import (
     plausible_scales,
     prior_check,
+    reversed_earth_at_rest,
     reversed_earth_check,
     status_check,
 )
@@ -84,6 +85,7 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
     out += [_explained(e, kind) for kind in KINDS if kind in e.fit.before]
     out += _scatter(e) + _g_sensitivity(e)
     sign = reversed_earth_check(estimate.coefficients, e.site)
+    sign = sign or _earth_at_rest(e)
     out += [sign] if sign is not None else []
     out += [_outliers(e), _controlled(e), *_rate_as_declared(e)]
     if isinstance(estimate.state.geometry, Angles):
@@ -222,6 +224,21 @@ class Slope:
     def significant(self) -> bool:
         """Whether it is more than chance."""
         return self.slope > SIGNIFICANT * self.sd
+
+
+def _earth_at_rest(e: TableEvidence) -> Check | None:
+    """Look for a reversed Earth rate in the rests, where no g-sensitivity takes it up."""
+    r, state, names = e.readings, e.fit.estimate.state, e.fit.options.names
+    rest = ~r.spin
+    if r.gyro is None or "gyro.scale.x" not in names or "gyro.g_sensitivity.xx" in names:
+        return None
+    M = state.model.gyro_matrix
+    rates = r.gyro[rest] - state.geometry.earth()[0][rest] @ M.T
+    # Rounding that is alike in many rests shows in no scatter, but in their covariance.
+    noise = np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2)
+    sd = float(np.sqrt(noise.mean())) if rest.any() else 0.0
+    up = state.geometry.directions()[rest]
+    return reversed_earth_at_rest(rates, up, M, e.site, sd)
 
 
 def rest_slope(e: TableEvidence) -> Slope | None:
