@@ -22,6 +22,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of
 from foucault.models.size_effect import SizeEffect
 from foucault.models.temperature import TemperatureModel
+from foucault.symptoms import DOUBTS
 from foucault.tables import Log
 
 FloatArray = npt.NDArray[np.float64]
@@ -112,6 +113,9 @@ class Estimate:
         Robust weight of every observation.
     weakest : tuple of str
         Combinations of coefficients that the data cannot tell apart, in words.
+    alone : CoefficientVector or None
+        What the observations say without the prior, with covariance; None where they do not
+        determine all coefficients, or where nobody asked [SI].
     """
 
     coefficients: CoefficientVector
@@ -127,6 +131,7 @@ class Estimate:
     state_cov: FloatArray
     weights: FloatArray
     weakest: tuple[str, ...] = ()
+    alone: CoefficientVector | None = None
 
 
 class Level(StrEnum):
@@ -154,6 +159,13 @@ class Check:
     sentence: str
     fails: Level = Level.DOUBTFUL
 
+    def __post_init__(self) -> None:
+        # Nothing beyond its limit has passed, whoever says so.
+        beyond = (self.low is not None and self.value < self.low) or (
+            self.high is not None and self.value > self.high
+        )
+        object.__setattr__(self, "passed", bool(self.passed) and not beyond)
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -178,6 +190,19 @@ class Verdict:
         level = max((c.fails for c in failed), key=order.index, default=Level.PASS)
         failed.sort(key=lambda c: -order.index(c.fails))
         return cls(level, tuple(c.sentence for c in failed))
+
+    def doubted(self, findings: tuple[Finding, ...]) -> Verdict:
+        """Return this verdict, lowered where a finding says that the numbers may be wrong.
+
+        Parameters
+        ----------
+        findings : tuple of Finding
+            What was noticed; those of `symptoms.DOUBTS` count.
+        """
+        told = [f"{f.message} {f.cure}" for f in findings if f.code in DOUBTS]
+        more = tuple(words for words in told if words not in self.reasons)
+        level = Level.DOUBTFUL if more and self.level is Level.PASS else self.level
+        return Verdict(level, (*self.reasons, *more))
 
 
 @dataclass(frozen=True)
@@ -229,6 +254,10 @@ class Result:
     provenance: dict[str, Any] = field(default_factory=dict)
     tables: dict[str, TableData] = field(default_factory=dict)
     temperature: TemperatureModel | None = None
+
+    def __post_init__(self) -> None:
+        # Wherever a result comes from, a pass does not stand beside a doubt.
+        object.__setattr__(self, "verdict", self.verdict.doubted(self.findings))
 
     @property
     def model(self) -> ImuModel | ClusterModel:

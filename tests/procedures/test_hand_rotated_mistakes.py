@@ -243,6 +243,23 @@ def _seen(up_b):
     return simulate(plan, model=draw_errors("tactical", 1), noise=NOISE, site=SITE, seed=2).log
 
 
+@pytest.mark.parametrize("lean", [0.0, 0.02])
+def test_rests_in_a_plane_and_two_more_are_no_pass(lean):
+    """Two rests show the third axis: its terms are known much worse than the others."""
+    a = 2 * np.pi * np.arange(14) / 14
+    across = lean * np.random.default_rng(3).normal(size=14)
+    up = np.concatenate([np.stack([np.cos(a), np.sin(a), across], 1), [[0.1, 0, 1], [0, -0.1, -1]]])
+    log = _seen(up / np.linalg.norm(up, axis=1, keepdims=True))
+    result = calibrate(replace(log, gyro=None), site=SITE)
+    sd = result.coefficients["accel.misalignment"].sd
+    assert sd.max() > 5 * sd.min()
+    assert result.verdict.level is not Level.PASS
+    assert "condition" in failed(result)
+    assert any(
+        "determine the accelerometer coefficients poorly" in r for r in result.verdict.reasons
+    )
+
+
 def test_all_rests_in_a_plane():
     a = 2 * np.pi * np.arange(14) / 14
     problem = refused(_seen(np.stack([np.cos(a), np.sin(a), 0 * a], 1)))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import ADVICE, Status
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.drift import Drift
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.result import Check, Level
+from foucault.result import Check, Estimate, Level
 from foucault.tables import AXES
+from foucault.units import display_unit, factor, plain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -19,6 +21,9 @@ VISIBLE = 4.0
 
 NEAR = 3.0
 """A g-sensitivity within this of what a reversed sign makes may well be that [sd]."""
+
+SEEN = 1e-6
+"""A prior whose variance nothing narrows by more than this share is not tested [1]."""
 
 REVERSED = (
     'the accelerometers read gravity instead of specific force (reads = "gravity"), both triads '
@@ -70,26 +75,119 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
     return out
 
 
-def prior_check(coefficients: CoefficientVector, residuals: FloatArray) -> Check:
-    """Compare the estimate with what was said to be known beforehand.
+def judge_prior(estimate: Estimate) -> list[Check]:
+    """Return the check of what was said to be known beforehand, where anything was.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        A solution of `estimate.gauss_newton`, best of its `add_prior`.
+    """
+    known = int(np.isfinite(estimate.coefficients.prior_sd).sum())
+    if not known:
+        return []
+    rows = estimate.residuals[-known:]  # the prior's rows come last
+    return [prior_check(estimate.coefficients, rows, estimate.alone)]
+
+
+def prior_check(
+    coefficients: CoefficientVector,
+    residuals: FloatArray,
+    alone: CoefficientVector | None = None,
+) -> Check:
+    """Compare what was said to be known beforehand with what the observations alone say.
 
     Parameters
     ----------
     coefficients : CoefficientVector
-        The estimate.
+        The estimate, priors included, with its covariance [SI].
     residuals : ndarray, shape (k,)
         White residuals of the k priors, in order [1].
+    alone : CoefficientVector or None
+        The estimate without the priors, where it is known [SI].
+
+    Notes
+    -----
+    A narrow prior draws the estimate to itself, so its residual ``r = (prior - estimate) / s``
+    says little. It is compared with the estimate without it, ``d = (prior - alone) / s`` of
+    covariance ``C = I + S^-1 P S^-1``, s the sd of the priors and P the covariance of `alone`.
+    Where that is not known, the same follows from r, of covariance ``C = I - S^-1 P S^-1``, P that
+    of the estimate [1]_: with a prior that is so narrow that nothing is left of C it is not tested.
+    Each prior is tested by ``d_i^2 / C_ii``, and all together by ``d' C^-1 d``.
+
+    The covariance must not know the prior otherwise: see `estimate.gauss_newton.add_prior`.
+
+    References
+    ----------
+    .. [1] W. Baarda, "A testing procedure for use in geodetic networks", 1968.
     """
     known = np.flatnonzero(np.isfinite(coefficients.prior_sd))
-    miss = np.abs(residuals)
-    limit = float(np.sqrt(chi_square_limits(1, tests=len(known))[1]))
+    sd, off = coefficients.prior_sd[known], np.asarray(residuals, float)
+    C = np.eye(len(known))
+    if alone is not None and alone.cov is not None:
+        off = off + (coefficients.values - alone.values)[known] / sd
+        C += alone.cov[np.ix_(known, known)] / np.outer(sd, sd)
+    elif coefficients.cov is not None:
+        C -= coefficients.cov[np.ix_(known, known)] / np.outer(sd, sd)
+    own = np.diag(C)
+    miss = np.abs(off) / np.sqrt(np.where(own > SEEN, own, 1.0))
+    tests = len(known) + (len(known) > 1)  # each, and all together
+
+    def highest(dof: float) -> float:
+        """One-sided: agreement that is too good is none of a prior's faults."""
+        return float(np.sqrt(chi_square_limits(dof, 2 * FALSE_ALARM, tests)[1]))
+
+    limit = highest(1.0)
     worst = int(np.argmax(miss))
-    fine = bool(miss[worst] <= limit)
-    name = coefficients.names[known[worst]]
-    words = f"{name} is {miss[worst]:.1f} standard deviations from what was known before" + (
-        "." if fine else ": the prior is wrong or too narrow, and it bends the other coefficients."
+    value, name = float(miss[worst]), coefficients.names[known[worst]]
+    words = f"{name} is {value:.1f} standard deviations from what was known before"
+    if value <= limit and len(known) > 1:
+        # In units of what is left of each, so that a narrow prior does not hide the others.
+        unit = np.sqrt(np.where(own > SEEN, own, np.inf))
+        size, axes = np.linalg.eigh(C / np.outer(unit, unit))
+        seen = size > SEEN
+        together = float(np.linalg.norm(axes[:, seen].T @ (off / unit) / np.sqrt(size[seen])))
+        if seen.any() and together > highest(float(seen.sum())):
+            value, limit = together, highest(float(seen.sum()))
+            words = (
+                f"The {len(known)} coefficients that were known before, taken together, are "
+                f"{value:.1f} standard deviations from that, {limit:.1f} allowed"
+            )
+    fine = value <= limit
+    words += (
+        "."
+        if fine
+        else ": the prior is wrong or too narrow, and it bends the other coefficients. Leave "
+        "[prior] out to see what the log alone says."
     )
-    return Check("prior", float(miss[worst]), None, limit, fine, words)
+    return Check("prior", value, None, limit, fine, words)
+
+
+def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
+    """Judge the drift that was found; nothing to judge where none would show.
+
+    Parameters
+    ----------
+    found : Drift or None
+        The drift, see `estimate.drift.find_drift`.
+    layout : Layout
+        The coefficients, for their units.
+    """
+    if found is None:
+        return []
+    coefficient = next(c for c in layout.coefficients if c.name.startswith(found.name))
+    unit = display_unit(coefficient.kind, abs(found.size))
+    scale = factor(unit, coefficient.kind)
+    size = f"{plain(found.size / scale, 2)} +- {plain(found.sd / scale, 2)} {unit}"
+    words = (
+        f"The residuals do not follow time: the clearest drift, of {found.name}, is {size}."
+        if not found.significant
+        else f"The residuals follow time as if {found.name} had drifted by {size} from the first "
+        "to the last observation: its value is that of the middle of the session, and what it "
+        "changed by is in no uncertainty. Let the instrument warm up, take it in shorter sessions, "
+        "or calibrate over temperature."
+    )
+    return [Check("drift", found.ratio, None, found.limit, not found.significant, words)]
 
 
 CHANCE = 0.005

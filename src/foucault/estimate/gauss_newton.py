@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,9 @@ PATIENCE = 8
 
 SETTLED = 0.05
 """A last step shorter than this is of no account, in units of its standard deviation [1]."""
+
+CREEPS = 100
+"""Steps allowed where residuals may be large, as they are with a prior that is wrong [1]."""
 
 LEFT_OUT = 1e-6
 """Weight of an observation that is left out; not zero, so that its residual is still known [1]."""
@@ -127,6 +131,33 @@ def solve(
     if status is Status.NOT_CONVERGED and moved < SETTLED:
         status = Status.CONVERGED
     return _estimate(problem, state, at, weights, status, iterations)
+
+
+def add_prior(problem: Problem, alone: Estimate) -> Estimate:
+    """Add the prior of a problem to what the observations alone say.
+
+    Scatter and outliers are to be settled without the prior (``replace(problem, prior=None)``) and
+    then held: they would take up what contradicts it, and the more wrong a prior, the more surely
+    it would be believed. `diagnose.checks.judge_prior` compares the two.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its prior, and with the noise and scatter that the observations showed.
+    alone : Estimate
+        Its solution without the prior.
+    """
+    estimate = solve(
+        replace(problem, start=alone.state), loss=partial(_held, alone.weights),
+        weights=alone.weights, max_iterations=CREEPS,
+    )  # fmt: skip
+    seen = alone.status is Status.CONVERGED
+    return replace(estimate, alone=alone.coefficients if seen else None)
+
+
+def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
+    """A loss whose weights are settled."""
+    return weights
 
 
 def leave_out(

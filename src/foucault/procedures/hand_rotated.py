@@ -57,7 +57,7 @@ from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
 from foucault.procedures import Progress, silent
-from foucault.result import Estimate, Result, Verdict, provenance
+from foucault.result import Estimate, Problem, Result, Verdict, provenance
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
 from foucault.tables import AXES, Log
@@ -321,12 +321,14 @@ def _likelihood(
     )  # fmt: skip
     progress(0.7, "predicting held-out rests")
     prediction = predict(data, names, estimate.state, noise.turn_psd)
-    held_out = _held_out(data, names, estimate, noise, prior, settings)
+    problem = likelihood.build(data, names, estimate.state, noise, prior)
+    held_out = _held_out(data, problem, estimate, noise, settings)
     up_b = estimate.state.C_nb[:, 2, :]
     evidence = judge.Evidence(
         data, estimate, noise, declared is not None, before,
         likelihood.components(estimate, data, clipped=True), coverage(up_b), up_b, held_out,
         rest_levels(rests),
+        likelihood.clearest_drift(problem, estimate, data, noise, prediction),
     )  # fmt: skip
     vertical = vertical_check(data, estimate)
     checks = judge.checks(evidence) + ((vertical,) if vertical else ())
@@ -365,10 +367,9 @@ def _diagnostics(e: judge.Evidence, prediction: Prediction) -> dict[str, Any]:
 
 def _held_out(
     data: SessionData,
-    names: tuple[str, ...],
+    problem: Problem,
     estimate: Estimate,
     noise: SessionNoise,
-    prior: CoefficientVector,
     settings: Settings,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     n = len(data.accel_mean)
@@ -376,7 +377,6 @@ def _held_out(
     if folds < 2:
         none = np.full(n, np.nan)
         return none, none, none
-    problem = likelihood.build(data, names, estimate.state, noise, prior)
     at = problem.linearise(estimate.state, estimate.weights)
     refit = partial(gauss_newton.leave_out, problem, estimate, at)
     return hold_out(data, noise, refit, folds, estimate.weights[:n] > 0.5)

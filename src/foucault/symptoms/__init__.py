@@ -108,6 +108,17 @@ SYMPTOMS: dict[str, Symptom] = {
 """Code -> row."""
 
 
+DOUBTS = frozenset(
+    {
+        "rate_table.scatter",
+        "systematic.bends",
+        "systematic.curves",
+        "transfer.drift",
+    }
+)
+"""Warnings that the numbers of a result may be wrong: no result that has one is a pass."""
+
+
 def markdown() -> str:
     """Return the table for the documentation."""
     lines = ["| symptom | | message | what to do |", "|---|---|---|---|"]

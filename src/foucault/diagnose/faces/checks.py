@@ -9,14 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.diagnose.checks import (
+    drift_check,
+    judge_prior,
     plausible_scales,
-    prior_check,
     reversed_earth_check,
     status_check,
 )
 from foucault.diagnose.faces.rests import Faces
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.drift import Drift
 from foucault.estimate.faces.covariance import Belief, FaceNoise
 from foucault.estimate.faces.likelihood import Scene
 from foucault.estimate.faces.scatter import Scatter
@@ -70,6 +72,8 @@ class FaceEvidence:
         Tests of the single readings.
     angle_given : bool
         Whether it was declared how nearly the turns ended where they began.
+    drift : Drift or None
+        The drift of a coefficient that the residuals show most clearly.
     """
 
     scene: Scene
@@ -83,6 +87,7 @@ class FaceEvidence:
     cov: FloatArray
     snooping: Snooping
     angle_given: bool = False
+    drift: Drift | None = None
 
     def component(self, kind: str) -> tuple[float, float]:
         """Return sum of squares and redundancy of the "accel", "gyro" or "turns" residuals [1]."""
@@ -104,7 +109,8 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     """
     vector = e.estimate.coefficients
     out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
-    out += plausible_scales(vector)
+    out += judge_prior(e.estimate)
+    out += [*plausible_scales(vector), *drift_check(e.drift, vector.layout)]
     out.append(_explained(e, "accel"))
     if e.scene.rests.gyro is not None:
         out.append(_explained(e, "gyro"))
@@ -113,9 +119,6 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     out.append(_placement(e))
     sign = reversed_earth_check(vector, e.scene.site)
     out += [sign] if sign is not None else []
-    known = np.isfinite(vector.prior_sd)
-    if known.any():
-        out.append(prior_check(vector, e.estimate.residuals[-int(known.sum()) :]))
     return tuple(out)
 
 
@@ -161,8 +164,8 @@ def _explained(e: FaceEvidence, kind: str) -> Check:
     # Uncertainties that are too large, from noise measured at rest, are only careful. Declared
     # noise that is contradicted is not.
     wrong = e.declared and _contradicted(e, kind)
-    fine = value <= high and (value >= low or added or not e.declared) and not wrong
-    return Check(name, value, low, high, fine, words)
+    least = low if e.declared and not added else None
+    return Check(name, value, least, high, value <= high and not wrong, words)
 
 
 _KINDS = {

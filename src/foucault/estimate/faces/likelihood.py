@@ -25,6 +25,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.estimate import gauss_newton
+from foucault.estimate.drift import Drift, by_time, find_drift
 from foucault.estimate.faces.ferraris import turn_spread
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.faces import FaceReadings, TurnReadings
@@ -325,6 +327,40 @@ def build(
         return state.model.coefficients(names).values
 
     return Problem(layout, start, linearise, retract, values, k, prior)
+
+
+def clearest_drift(
+    scene: Scene, problem: Problem, estimate: Estimate, cov: FloatArray
+) -> Drift | None:
+    """Return the drift of a coefficient that the residuals show most clearly.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was observed [SI].
+    problem : Problem
+        The problem that was solved.
+    estimate : Estimate
+        Its solution.
+    cov : ndarray, shape (3 k, 3 k)
+        Covariance of all readings [SI].
+    """
+    from scipy.linalg import solve_triangular
+
+    names, rests = problem.layout.names, scene.rests
+    middle = rests.start + rests.time / 2
+    n, rated, m = scene.sizes
+    time = np.concatenate([middle, middle[:rated]])
+    if scene.turns is not None:
+        time = np.append(time, scene.turns.start + scene.turns.time / 2)
+    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
+    at = gauss_newton.with_prior(problem, estimate.state, at)
+    changed = predict(scene, names, estimate.state)[1][:, :, : len(names)]
+    changed = (changed * by_time(time)[:, None, None]).reshape(len(cov), -1)
+    rows = np.zeros((len(at.residuals), len(names)))
+    rows[: len(cov)] = solve_triangular(np.linalg.cholesky(cov), changed, lower=True)
+    kinds = np.repeat([0, 1, 2], (n, rated, m))
+    return find_drift(at, names, time, kinds=kinds, candidates=rows)
 
 
 def unbiased(estimate: Estimate) -> Estimate:

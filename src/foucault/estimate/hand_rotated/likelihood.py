@@ -31,6 +31,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.drift import Drift, by_time, find_drift
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.rests_and_turns import Attitudes, Prediction, Session, predict
 from foucault.models.rotation import exp
@@ -172,6 +173,54 @@ def build(
     return Problem(layout, start, linearise, retract, values_of, n_blocks, prior)
 
 
+def clearest_drift(
+    problem: Problem, estimate: Estimate, session: Session, noise: SessionNoise, at: Prediction
+) -> Drift | None:
+    """Return the drift of a coefficient that the residuals show most clearly.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem that was solved.
+    estimate : Estimate
+        Its solution.
+    session : Session
+        What was observed.
+    noise : SessionNoise
+        Noise of the observations, with scatter.
+    at : Prediction
+        The prediction at the solution.
+    """
+    names, time, n = problem.layout.names, middle(session), len(session.accel_mean)
+    white = gauss_newton.with_prior(
+        problem, estimate.state, problem.linearise(estimate.state, estimate.weights)
+    )
+    share = np.sqrt(estimate.weights)[:, None, None] * by_time(time)[:, None, None]
+    rows = np.zeros((len(white.residuals), len(names)))
+    tied = correlated(session, noise, at)
+    rows[: 3 * len(time)] = whiten(
+        at.residuals, at.jacobian[:, :, : len(names)] * share, blocks(session, noise, at), tied
+    )[1]
+    kinds = np.minimum(np.arange(len(time)) // n, 2)
+    return find_drift(white, names, time, kinds=kinds, candidates=rows)
+
+
+def middle(session: Session) -> FloatArray:
+    """Return the middle of each observation: rests, rests again (their rates), turns [s].
+
+    Parameters
+    ----------
+    session : Session
+        What was observed.
+    """
+    t = session.log.time
+    rests = (t[session.first] + t[session.last - 1]) / 2
+    if session.gyro_mean is None:
+        return np.asarray(rests)
+    turns = (t[session.last[:-1] - 1] + t[session.first[1:]]) / 2
+    return np.concatenate([rests, rests, turns])
+
+
 def components(
     estimate: Estimate, session: Session, *, clipped: bool = False
 ) -> dict[str, Component]:
@@ -248,6 +297,8 @@ def fit(
     before : dict of str to Component
         How well the noise alone explained the residuals.
     """
+    if prior is not None and np.isfinite(prior.prior_sd).any():
+        return _with_prior(session, names, start, noise, prior, loss, repeatability, pretest)
     robust = loss is not gauss_newton.least_squares
     state, outliers, memory = start, np.zeros(0), Memory()
     before: dict[str, Component] = {}
@@ -255,7 +306,7 @@ def fit(
         # At first only significant scatter, lest an outlier be taken for scatter of all.
         careful = pretest or (robust and attempt == 0)
         estimate, noise, fits = _with_scatter(
-            build(session, names, state, noise, prior, memory), session, names, noise, loss,
+            build(session, names, state, noise, None, memory), session, names, noise, loss,
             repeatability, careful, memory,
         )  # fmt: skip
         before = fits if attempt == 0 else before
@@ -266,6 +317,28 @@ def fit(
         # does not count that pull. Once the outliers are known they are left out altogether.
         outliers, loss = found, partial(_held, found)
     return estimate, noise, before
+
+
+def _with_prior(
+    session: Session,
+    names: Sequence[str],
+    start: Attitudes,
+    noise: SessionNoise,
+    prior: CoefficientVector,
+    loss: gauss_newton.Loss,
+    repeatability: bool,
+    pretest: bool,
+) -> tuple[Estimate, SessionNoise, dict[str, Component]]:
+    """Settle scatter and outliers without the prior, then add it.
+
+    A prior that the observations contradict would make residuals of them, which scatter takes up:
+    the more wrong the prior, the more surely it would be believed.
+    """
+    alone, noise, before = fit(
+        session, names, start, noise, loss=loss, repeatability=repeatability, pretest=pretest
+    )
+    problem = build(session, names, start, noise, prior)
+    return gauss_newton.add_prior(problem, alone), noise, before
 
 
 def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:

@@ -21,7 +21,14 @@ from foucault.diagnose.rests import Rests, detection_table, measure_noise
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.faces.covariance import FaceNoise, covariance_parts, noise_parts
-from foucault.estimate.faces.likelihood import Scene, State, build, closed_form, unbiased
+from foucault.estimate.faces.likelihood import (
+    Scene,
+    State,
+    build,
+    clearest_drift,
+    closed_form,
+    unbiased,
+)
 from foucault.estimate.faces.scatter import believe
 from foucault.estimate.snooping import snoop
 from foucault.models.earth import Site
@@ -153,18 +160,17 @@ def solve(
     scene = scene.tilted(belief.placement, belief.level)
     parts = covariance_parts(scene, start, noise, belief, given[0] is None)
     cov = np.asarray(sum(parts.values()))
-    problem = build(
-        scene,
-        names,
-        start,
-        cov,
-        CoefficientVector.prior(LAYOUT.subset(names), prior) if prior else None,
-    )
+    problem = build(scene, names, start, cov)
     estimate = gauss_newton.solve(problem)
+    if prior:
+        known = CoefficientVector.prior(LAYOUT.subset(names), prior)
+        problem = replace(problem, prior=known)
+        estimate = gauss_newton.add_prior(problem, estimate)
     at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
     evidence = FaceEvidence(
         scene, faces, unbiased(estimate), noise, declared, belief, given[0] is not None, found, cov,
         snoop(at, estimate.state_cov), given[2] is not None,
+        clearest_drift(scene, problem, estimate, cov),
     )  # fmt: skip
     return Solution(evidence, problem, parts)
 

@@ -182,16 +182,21 @@ def _evidence(
     robust = settings.loss == "robust"
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
     unknown = any(f.code == UNKNOWN for f in _told(readings))
+    # Noise, scatter and outliers are those of the steps alone: a prior that they contradict would
+    # be taken for scatter.
     if unknown:
-        steps = scaled_noise(steps, names, trust, prior)
-    problem, estimate = fit(steps, names, trust, prior, loss)
+        steps = scaled_noise(steps, names, trust)
+    problem, estimate = fit(steps, names, trust, None, loss)
     before, added = rate_checks.limits(estimate), 0.0
     if settings.repeatability and not unknown:
-        wider = fit_scatter(steps, names, trust, prior, loss)
+        wider = fit_scatter(steps, names, trust, None, loss)
         if wider != trust:
             added = float(np.sqrt(wider.rate_jitter**2 - trust.rate_jitter**2))
             trust = wider
-            problem, estimate = fit(steps, names, trust, prior, loss)
+            problem, estimate = fit(steps, names, trust, None, loss)
+    if prior is not None:
+        problem = replace(problem, prior=prior)
+        estimate = gauss_newton.add_prior(problem, estimate)
     return RateEvidence(
         steps, names, trust, problem, estimate, site, readings.declared, unknown, before, added
     )

@@ -1,0 +1,55 @@
+"""A tick never stands beside a value that is beyond its limit, nor a pass beside a doubt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from foucault.errors import finding
+from foucault.result import Check, Level, Verdict
+from foucault.symptoms import DOUBTS, SYMPTOMS
+from make_result import make_result
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "passed"),
+    [
+        (2.0, None, 1.0, False),
+        (2.0, 3.0, None, False),
+        (2.0, 1.0, 3.0, True),
+        (2.0, None, None, True),
+        (float("nan"), 1.0, 3.0, True),
+    ],
+)
+def test_a_check_beyond_its_limit_has_not_passed(value, low, high, passed):
+    check = Check("any", value, low, high, True, "It is fine.")
+    assert check.passed is passed
+    assert Verdict.of((check,)).level is (Level.PASS if passed else Level.DOUBTFUL)
+
+
+def test_a_check_within_its_limits_may_fail_for_another_reason():
+    assert not Check("any", 2.0, 1.0, 3.0, False, "It is not.").passed
+
+
+def test_doubts_are_warnings():
+    assert {SYMPTOMS[code].severity for code in DOUBTS} == {"warning"}
+
+
+def test_a_pass_never_stands_beside_a_doubt():
+    result = make_result()
+    assert result.verdict.level is Level.PASS
+    said = finding("rate_table.scatter", ppm="34")
+    doubted = replace(result, findings=(*result.findings, said))
+    assert doubted.verdict.level is Level.DOUBTFUL
+    assert doubted.verdict.reasons == (f"{said.message} {said.cure}",)
+    # Said once, however often a result is made anew; what is unusable stays so.
+    again = replace(doubted, instrument={"name": "any"})
+    assert again.verdict == doubted.verdict
+    bad = replace(doubted, verdict=Verdict(Level.UNUSABLE, ("It did not converge.",)))
+    assert bad.verdict.level is Level.UNUSABLE and len(bad.verdict.reasons) == 2
+
+
+def test_a_note_lowers_nothing():
+    said = finding("rate_table.no_latitude", sd="9")
+    assert replace(make_result(), findings=(said,)).verdict.level is Level.PASS
