@@ -6,7 +6,7 @@ checks, a verdict and tables and returns a `Result`. N procedures and M estimato
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
@@ -206,6 +206,50 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class TimeBase:
+    """What the clock of a log makes of the coefficients: one cause, which nothing in a log shows.
+
+    Attributes
+    ----------
+    source : str
+        Whose clock counted the time, see `tables.CLOCKS`; "several" for results of several clocks
+        merged, whose covariance is in seconds already.
+    sd : float
+        Relative standard deviation of its rate [1].
+    declared : bool
+        Whether that was declared; else it is usual for the source.
+    error : mapping of str to float
+        Coefficient -> its error per standard deviation of the clock [SI]; others do not depend on
+        it.
+    """
+
+    source: str
+    sd: float
+    declared: bool
+    error: Mapping[str, float] = field(default_factory=dict)
+
+    @staticmethod
+    def mean(results: Iterable[Result]) -> TimeBase | None:
+        """Return the time base of results made one: theirs, where it is of one kind."""
+        bases = [r.clock for r in results if r.clock is not None]
+        if not bases:
+            return None
+        declared = all(b.declared for b in bases)
+        if len({(b.source, b.sd) for b in bases}) > 1:
+            return TimeBase("several", 0.0, declared)
+        said: dict[str, list[float]] = {}
+        for base in bases:
+            for name, error in base.error.items():
+                said.setdefault(name, []).append(error)
+        mean = {name: float(np.mean(errors)) for name, errors in said.items()}
+        return TimeBase(bases[0].source, bases[0].sd, declared, mean)
+
+    def of(self, names: Iterable[str]) -> FloatArray:
+        """Return the errors of the coefficients `names`, shape (n,) [SI]."""
+        return np.array([self.error.get(name, 0.0) for name in names])
+
+
+@dataclass(frozen=True)
 class Result:
     """A calibration: coefficients with covariance, and everything needed to trust and use it.
 
@@ -214,7 +258,8 @@ class Result:
     procedure : str
         Name of the procedure, as in the campaign file.
     coefficients : CoefficientVector
-        The coefficients with covariance [SI].
+        The coefficients with covariance, in the log's own time: what is right for whoever
+        integrates with the same stamps [SI]. `in_seconds` has the error of the clock too.
     equation : str
         The model equation in words and symbols.
     frame : str
@@ -236,6 +281,8 @@ class Result:
     temperature : TemperatureModel or None
         The coefficients as functions of temperature, where they are known so; `coefficients` are
         then those at its reference temperature.
+    clock : TimeBase or None
+        What the clock of the log adds to the uncertainty; None where nothing is known of it.
     """
 
     procedure: str
@@ -254,6 +301,16 @@ class Result:
     provenance: dict[str, Any] = field(default_factory=dict)
     tables: dict[str, TableData] = field(default_factory=dict)
     temperature: TemperatureModel | None = None
+    clock: TimeBase | None = None
+
+    @property
+    def in_seconds(self) -> CoefficientVector:
+        """The coefficients with the covariance in seconds: that of the clock is part of it."""
+        vector = self.coefficients
+        if self.clock is None or vector.cov is None:
+            return vector
+        error = self.clock.of(vector.names)
+        return replace(vector, cov=vector.cov + np.outer(error, error))
 
     def __post_init__(self) -> None:
         # Wherever a result comes from, a pass does not stand beside a doubt.

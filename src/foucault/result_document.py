@@ -20,7 +20,7 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.errors import ADVICE, Finding, Status
 from foucault.files import plain_json
 from foucault.models.temperature import TemperatureModel
-from foucault.result import Check, Level, Result, Verdict
+from foucault.result import Check, Level, Result, TimeBase, Verdict
 
 SCHEMA = "foucault.result/1"
 """Name and version of the document."""
@@ -42,12 +42,18 @@ class CoefficientRow(BaseModel):
     kind: str = Field(description="What is measured, for instance 'angular rate'; fixes the unit")
     unit: str = Field(description="SI unit of value, sd and prior_sd")
     value: float | None = Field(description="null where the computation met no finite number")
-    sd: float | None = Field(description="Standard deviation; null where unknown")
+    sd: float | None = Field(
+        description="Standard deviation in the log's own time; null where unknown"
+    )
     free: bool = Field(description="true where estimated, false where held at its value")
     prior_sd: float | None = Field(description="Standard deviation of the prior; null for none")
     display_unit: str
     display_value: float | None
     display_sd: float | None
+    sd_seconds: float | None = Field(
+        None, description="Standard deviation in seconds: with that of the log's clock"
+    )
+    display_sd_seconds: float | None = None
 
     @model_validator(mode="after")
     def _unit_is_si(self) -> Self:
@@ -63,6 +69,18 @@ class Covariance(BaseModel):
 
     names: list[str] = Field(description="Coefficient of each row and column")
     matrix: list[list[float | None]]
+
+
+class ClockDocument(BaseModel):
+    """What the clock of the log adds to the uncertainty, as one cause; `sd` is without it."""
+
+    source: str = Field(description="Whose clock: 'sensor', 'host', 'disciplined' or 'several'")
+    sd: float = Field(ge=0, description="Relative standard deviation of its rate [1]")
+    declared: bool = Field(description="true where declared, false where usual for the source")
+    error: dict[str, float] = Field(
+        description="Coefficient -> its error per standard deviation of the clock [SI unit of it]; "
+        "the covariance in seconds is `covariance` plus its outer product"
+    )
 
 
 class VerdictRow(BaseModel):
@@ -234,6 +252,10 @@ class ResultDocument(BaseModel):
         None, description="null where coefficients are not known as functions of temperature"
     )
 
+    clock: ClockDocument | None = Field(
+        None, description="null in results made before it was known"
+    )
+
     @model_validator(mode="after")
     def _names_agree(self) -> Self:
         names = [row.name for row in self.coefficients]
@@ -284,7 +306,7 @@ def document(result: Result) -> dict[str, Any]:
         "frame": result.frame,
         "gauge": result.gauge,
         "validity": plain_json(result.validity),
-        "coefficients": plain_json(vector.rows()),
+        "coefficients": plain_json(_rows(result)),
         "covariance": covariance,
         "checks": [plain_json(vars(check)) for check in result.checks],
         "findings": [finding.as_dict() for finding in result.findings],
@@ -295,8 +317,22 @@ def document(result: Result) -> dict[str, Any]:
     }
     if result.temperature is not None:
         out["temperature"] = _functions(result.temperature)
+    if result.clock is not None:
+        out["clock"] = plain_json(vars(result.clock))
     ResultDocument.model_validate(out)  # what is written can be read back
     return out
+
+
+def _rows(result: Result) -> list[dict[str, Any]]:
+    """Return one dictionary per coefficient, with both standard deviations."""
+    rows = result.coefficients.rows()
+    if result.clock is None:
+        return rows
+    both = zip(rows, result.in_seconds.rows(), strict=True)
+    return [
+        row | {"sd_seconds": one["sd"], "display_sd_seconds": one["display_sd"]}
+        for row, one in both
+    ]
 
 
 def result_of(doc: ResultDocument, tables: dict[str, Any]) -> Result:
@@ -321,6 +357,7 @@ def result_of(doc: ResultDocument, tables: dict[str, Any]) -> Result:
         provenance=dict(doc.provenance),
         tables=tables,
         temperature=None if doc.temperature is None else _temperature(doc),
+        clock=None if doc.clock is None else TimeBase(**doc.clock.model_dump()),
     )
 
 

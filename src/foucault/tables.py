@@ -178,6 +178,39 @@ TRAJECTORY = (
 """A navigated trajectory."""
 
 
+CLOCKS = {"sensor": 1e-2, "host": 1e-4, "disciplined": 1e-6}
+"""Whose clock counted a log's time -> relative standard deviation of its rate [1].
+
+A sensor's own oscillator: inside a MEMS instrument it is trimmed to a percent or so (data sheets of
+such give a register for the deviation). A host or logger counts by a crystal. A disciplined clock
+is steered by GNSS or a network (PTP).
+"""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How far the time of a log can be trusted: nothing in the log shows that its clock is fast.
+
+    Attributes
+    ----------
+    source : {"sensor", "host", "disciplined"}
+        Whose clock it is.
+    sd : float
+        Relative standard deviation of its rate [1].
+    declared : bool
+        Whether the standard deviation was declared; else it is usual for the source.
+    """
+
+    source: str = "host"
+    sd: float = CLOCKS["host"]
+    declared: bool = False
+
+    @classmethod
+    def of(cls, source: str, sd: float | None = None) -> Clock:
+        """Return the clock of a `source`, with the usual standard deviation where `sd` is None."""
+        return cls(source, CLOCKS[source] if sd is None else sd, sd is not None)
+
+
 @dataclass(frozen=True)
 class TableColumns:
     """What a log says about the table that the instrument stood on.
@@ -230,6 +263,8 @@ class Log:
         What the reader noticed and repaired or left as it was.
     source : dict
         Where the log came from: file, sha256, size and the description it was read with.
+    clock : Clock
+        What counted its time.
     """
 
     time: FloatArray
@@ -241,6 +276,7 @@ class Log:
     source: dict[str, Any] = field(default_factory=dict)
     table: TableColumns | None = None
     averaged: FloatArray | None = None
+    clock: Clock = Clock()
 
     def __len__(self) -> int:
         return len(self.time)
@@ -312,6 +348,8 @@ class IndexedLog:
         What the reader noticed.
     source : dict
         Where the log came from: file, sha256, rows and the description it was read with.
+    clock : Clock
+        What counted its time.
     """
 
     time: FloatArray
@@ -325,6 +363,7 @@ class IndexedLog:
     averaged: FloatArray | None = None
     findings: tuple[Finding, ...] = ()
     source: dict[str, Any] = field(default_factory=dict)
+    clock: Clock = Clock()
 
     def __len__(self) -> int:
         return len(self.time)

@@ -11,7 +11,9 @@ import pytest
 from foucault import campaign
 from foucault.campaign import optimisation
 from foucault.campaign.preflight import foresee
+from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import FoucaultError
+from foucault.models import imu
 from foucault.models.earth import Site
 from foucault.plans import optimise
 from foucault.plans.optimise import descend
@@ -19,7 +21,7 @@ from foucault.plans.systematic.built_in import action_sequences, nine_positions,
 from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.procedures import systematic
 from foucault.procedures.systematic import plan as systematic_plan
-from foucault.procedures.systematic.bound import bound, foreseen
+from foucault.procedures.systematic.bound import bound, foreseen, without_prior
 from foucault.procedures.systematic.foresight import shown
 from foucault.procedures.systematic.plan import HERE
 from foucault.procedures.systematic.quick import Quick
@@ -140,6 +142,16 @@ def test_the_bound_needs_no_prior_and_knows_what_is_not_seen():
     names = systematic.public(found.solution, settings).names
     unseen = [n for n, v in zip(names, limit, strict=True) if v is None]
     assert "accel.scale.x" in unseen and len(unseen) < len(names)
+
+
+def test_what_is_known_well_does_not_blur_what_is_hardly_known():
+    layout = Layout(imu.LAYOUT.coefficients[:4])
+    V = np.linalg.qr(np.random.default_rng(2).normal(size=(4, 4)))[0]
+    told = np.array([1e11, 1e5, 1e-2, 0.0])
+    states = CoefficientVector(layout, np.zeros(4), V / (1 + told) @ V.T, prior_sd=np.ones(4))
+    _, found, directions = np.linalg.svd(without_prior(states).root)
+    np.testing.assert_allclose(found[2] ** 2, 1e-2, rtol=1e-6)
+    assert abs(directions[2] @ V[:, 2]) > 1 - 1e-12
 
 
 # -- the quick covariance --------------------------------------------------------------------------

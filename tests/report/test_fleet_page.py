@@ -53,6 +53,21 @@ def make_table(n=60, broken=1, reports=True):
 LIMITS = Tolerance((Entry("accel.bias.x", 5 * MG),), "limits.toml")
 
 
+def test_a_serial_number_makes_no_link_and_no_element():
+    for serial in ("SN\tjavascript:evil()", '"><a href="javascript:evil()">', "=1+1<script>"):
+        table = make_table(n=12, broken=0)
+        rows = [dataclasses.replace(row, serial=f"{serial}{i}") for i, row in enumerate(table.rows)]
+        page = page_of.html(FleetTable.of(LINEAR_LOWER, rows), ABOUT)
+        links = re.findall(r'href="([^"]*)"', page.split("<main>")[1].split("</main>")[0])
+        assert links
+        assert all(link.startswith("instruments/SN0") for link in links)
+        assert "<a href=javascript" not in page
+        assert "<script>0" not in page
+    rows = [dataclasses.replace(row, report="javascript:evil()") for row in make_table().rows]
+    page = page_of.html(FleetTable.of(LINEAR_LOWER, rows), ABOUT)
+    assert 'href="javascript%3Aevil%28%29"' in page
+
+
 def titles(page):
     return re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
 

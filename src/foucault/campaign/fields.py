@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import types
 from collections.abc import Mapping
@@ -11,6 +10,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from foucault.escape import toml_text
 from foucault.units import Quantity
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -18,11 +18,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 def dotted(keys: tuple[str | int, ...]) -> str:
     """Write `keys`, shape (any,), as TOML would: ``prior."gyro.bias".sd``."""
-    return ".".join(str(k) if _BARE.fullmatch(str(k)) else _quoted(str(k)) for k in keys)
-
-
-def _quoted(key: str) -> str:
-    return json.dumps(key, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return ".".join(str(k) if _BARE.fullmatch(str(k)) else toml_text(k) for k in keys)
 
 
 def kind_of(field: FieldInfo) -> str | None:

@@ -22,6 +22,7 @@ from foucault.campaign.reading import Campaign
 from foucault.campaign.running import simulate
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, finding
+from foucault.escape import csv_cell
 from foucault.files import atomic
 from foucault.models.noise import grade
 
@@ -127,6 +128,7 @@ def write(foresight: Foresight, path: str | Path) -> None:
     for row in foresight.rows():
         numbers = (row["display_sd"], row["display_prior_sd"], row["of_prior"])
         sd, before, share = ("" if v is None else f"{v:.6g}" for v in numbers)
-        lines.writerow((row["name"], sd, before, row["display_unit"], share))
+        words = (row["name"], sd, before, row["display_unit"], share)
+        lines.writerow([csv_cell(word) for word in words])
     with atomic(path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")

@@ -18,6 +18,7 @@ from foucault.campaign import earlier
 from foucault.campaign.fields import dotted, kind_of
 from foucault.campaign.reading import Campaign
 from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
+from foucault.escape import commented, toml_text
 from foucault.tables import IndexedLog, Log
 
 _HEAD = """\
@@ -213,7 +214,7 @@ def _text(value: Any) -> str:
         return '""'  # a column that is not there: TOML knows no null
     if isinstance(value, float) and not abs(value) < float("inf"):
         return "nan" if value != value else ("inf" if value > 0 else "-inf")
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return toml_text(value) if isinstance(value, str) else json.dumps(value)
 
 
 # -- the file as resolved ------------------------------------------------------------------
@@ -283,7 +284,7 @@ def changed(campaign: Campaign, changes: Mapping[str, Mapping[str, Any]], note: 
             block.pop(key, None)
             if value is not None:
                 block[key] = value
-    parts = [f"# {note}", *(_table(name, block) for name, block in raw.items())]
+    parts = [commented([note], "#"), *(_table(name, block) for name, block in raw.items())]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
@@ -318,4 +319,4 @@ def _table(name: str, values: Mapping[str, Any]) -> str:
         if len(line) > WIDTH and isinstance(value, list | tuple):  # one item in a line
             line = "\n".join([f"{dotted((key,))} = [", *(f"    {_text(v)}," for v in value), "]"])
         lines.append(line)
-    return "\n".join([f"[{name}]", *lines, ""])
+    return "\n".join([f"[{dotted((name,))}]", *lines, ""])

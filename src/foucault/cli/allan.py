@@ -98,6 +98,7 @@ def _write(seen: LogAllan, name: str, folder: Path) -> None:
     """Write the plot, the table of deviations and, where there is one, the noise block."""
     from foucault.diagnose.allan.log import deviation_table, noise_block
     from foucault.errors import FoucaultError
+    from foucault.escape import commented
     from foucault.files import atomic, unwritable
     from foucault.report import allan as report
 
@@ -108,7 +109,7 @@ def _write(seen: LogAllan, name: str, folder: Path) -> None:
     try:
         block = noise_block(seen)
     except FoucaultError as nothing_seen:
-        block = f"# {nothing_seen}\n"
+        block = commented([nothing_seen], "#") + "\n"
     texts = {NOISE_FILE: block, TABLE_FILE: deviation_table(seen)}
     for file, text in texts.items():
         with atomic(folder / file) as temporary:

@@ -35,10 +35,13 @@ def calibrate(
 ) -> None:
     """Calibrate an instrument from its log, and write the report."""
     from foucault import campaign as campaigns
+    from foucault.diagnose.time_base import in_words
 
     screen: Screen = ctx.obj
     result = _run(screen, campaigns.load(campaign), output)
     screen.say("", result.coefficients)
+    if said := in_words(result):
+        screen.say(said)
     _conclude(screen, result, output)
 
 

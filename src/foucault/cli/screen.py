@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from foucault.errors import Finding, FoucaultError
+from foucault.escape import screen
 from foucault.result import Level
 
 PATIENCE = 1.0
@@ -34,7 +35,7 @@ class Screen:
         """Print lines for people; nothing with --quiet or --json."""
         if not (self.quiet or self.json):
             for line in lines:
-                _console().print(str(line), style=style, markup=False, highlight=False)
+                _console().print(screen(line), style=style, markup=False, highlight=False)
 
     def table(self, title: str, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
         """Print a table; columns after the first are aligned right."""
@@ -44,11 +45,16 @@ class Screen:
         from rich.table import Table
         from rich.text import Text
 
-        out = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        out = Table(
+            title=Text(screen(title)) if title else None,
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            pad_edge=False,
+        )
         for i, heading in enumerate(headings):
             out.add_column(heading, justify="right" if i else "left", no_wrap=i == 0)
         for row in rows:
-            out.add_row(*(Text(str(cell)) for cell in row))
+            out.add_row(*(Text(screen(cell)) for cell in row))
         _console().print(out)
 
     def findings(self, findings: Iterable[Finding]) -> None:
@@ -67,8 +73,10 @@ class Screen:
         from rich.console import Console
 
         console = Console(stderr=True, soft_wrap=True)
-        console.print(f"error: {problem.message}", style="bold red", markup=False, highlight=False)
-        console.print(f"  {problem.cure}", style="red", markup=False, highlight=False)
+        console.print(
+            screen(f"error: {problem.message}"), style="bold red", markup=False, highlight=False
+        )
+        console.print(screen(f"  {problem.cure}"), style="red", markup=False, highlight=False)
         parts = {"code": problem.code, "message": problem.message, "cure": problem.cure}
         self.data({"error": parts})
 

@@ -31,8 +31,27 @@ FloatArray = npt.NDArray[np.float64]
 INVISIBLE = 1e-9
 """A scaled singular value below this is zero: the combination is not seen at all [1]."""
 
-UNTOUCHED = 1e-6
-"""A share in the unseen directions below this is rounding: the coefficient is seen [1]."""
+UNTOUCHED = 1e-11
+"""A share in the unseen directions below this times the standard deviation in the seen ones, of the
+scaled problem, is rounding: the coefficient is seen [1]. Rounding turns a direction that is seen
+with singular value s into the unseen ones by about ``eps / s``, so the share of a coefficient by
+some ``eps`` times its standard deviation; what is truly shared is far more."""
+
+
+def untouched(s: FloatArray, Vt: FloatArray, seen: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Tell which coefficients have no share in the directions that are not seen, shape (n,).
+
+    Parameters
+    ----------
+    s : ndarray, shape (n,)
+        Singular values of the scaled problem, the largest first [1].
+    Vt : ndarray, shape (n, n)
+        A row for each: its direction [1].
+    seen : ndarray of bool, shape (n,)
+        Which of them are seen.
+    """
+    sd = s[0] * np.linalg.norm(Vt[seen] / s[seen, None], axis=0)
+    return np.asarray(np.linalg.norm(Vt[~seen], axis=0) <= UNTOUCHED * sd)
 
 
 def largest_shares(layout: Layout, direction: FloatArray, most: int = 4) -> dict[str, float]:
@@ -157,7 +176,7 @@ class Information:
         s, Vt, seen = self._svd
         half = Vt[seen] / s[seen, None] / self._scale
         out = np.asarray(half.T @ half)
-        blind = np.flatnonzero((np.abs(Vt[~seen]) > UNTOUCHED).any(axis=0))
+        blind = np.flatnonzero(~untouched(s, Vt, seen))
         out[blind, :] = out[:, blind] = 0.0
         out[blind, blind] = np.inf
         return out

@@ -41,17 +41,20 @@ import numpy.typing as npt
 from foucault.coefficients import Layout
 from foucault.diagnose.information import (
     INVISIBLE,
-    UNTOUCHED,
     Combination,
     largest_shares,
     proper_prior,
     terms,
+    untouched,
 )
 from foucault.errors import error
 from foucault.result import Linearised
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+
+NAMED = 1e-6
+"""Directions and motions below this are rounding [1]."""
 
 
 @dataclass(frozen=True)
@@ -308,7 +311,7 @@ def _still(Q: FloatArray, F: FloatArray, tolerance: float) -> bool:
     """Whether what a segment does not see, null(Q), does not move in it."""
     s, Vt = _svd(Q, len(F))
     moved = F @ Vt[int(np.sum(s > tolerance * s[0])) :].T
-    return bool(np.abs(moved).max(initial=0.0) <= UNTOUCHED * np.abs(F).max())
+    return bool(np.abs(moved).max(initial=0.0) <= NAMED * np.abs(F).max())
 
 
 def _stacked(parts: Iterable[FloatArray]) -> Iterator[FloatArray]:
@@ -347,7 +350,7 @@ def _gains(
     seen, alone = np.zeros((0, n)), np.zeros(n, bool)
     for label, (s, Vt) in zip(labels, split, strict=True):
         rank = int(np.sum(s > zero))
-        now = np.linalg.norm(Vt[rank:], axis=0) < UNTOUCHED
+        now = untouched(s, Vt, np.arange(n) < rank)
         fresh = tuple(layout.names[i] for i in np.flatnonzero(now & ~alone))
         together = _together(Vt[:rank], seen, now, layout) if rank > len(seen) else ()
         gains.append(Gain(label, rank, rank - len(seen), s, fresh, together))
@@ -371,11 +374,11 @@ def _together(
         return ()
     # What was known, with the states that are now known by themselves taken out of it.
     _, s, Vt = np.linalg.svd(before[:, others], full_matrices=False)
-    known = Vt[s > UNTOUCHED]
+    known = Vt[s > NAMED]
     now = seen[:, others] - (seen[:, others] @ known.T) @ known
     _, s, Vt = np.linalg.svd(now, full_matrices=False)
     part = Layout(tuple(layout.coefficients[i] for i in others))
-    return tuple(largest_shares(part, d) for d in _sparse(Vt[s > UNTOUCHED]))
+    return tuple(largest_shares(part, d) for d in _sparse(Vt[s > NAMED]))
 
 
 def _sparse(basis: FloatArray) -> FloatArray:

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from foucault.export.numbers import commented, inverse, number, row, rows, tensor
+from foucault.escape import c_comment, commented
+from foucault.export.numbers import inverse, number, row, rows, tensor
 from foucault.export.request import FAMILIES, Counts, Request
 from foucault.models.imu import ImuModel
 from foucault.models.size_effect import SizeEffect
@@ -28,11 +29,9 @@ def text(wanted: Request) -> str:
     """Write the header."""
     model = wanted.model
     quadratic, bends = bool(model.accel_quadratic.any()), bool(model.deflection.any())
-    # What a user has named must not end the comment.
-    statement = [line.replace("*/", "* /") for line in wanted.statement()]
     parts = [
         "/*",
-        commented(statement, " *"),
+        commented(wanted.statement(), " *"),
         " *",
         " * Readings and results: accelerometers in m/s^2, gyros in rad/s. C99 and C++, nothing to",
         " * link, no state but the caller's; the results must not share memory with the readings."
@@ -142,7 +141,7 @@ def _from_counts(counts: Mapping[str, Counts], stepping: bool) -> list[str]:
         triad = counts[name]
         out += [
             f"/* SI = (count - zero) * factor [{kind} per count]; counts in this order:"
-            f" {', '.join(triad.columns)}. */",
+            f" {c_comment(', '.join(triad.columns))}. */",
             _vector(f"foucault_{name}_zero", triad.zero),
             _vector(f"foucault_{name}_factor", triad.factor),
         ]

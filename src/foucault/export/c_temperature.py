@@ -11,8 +11,9 @@ import re
 
 import numpy as np
 
+from foucault.escape import commented
 from foucault.export import c_header as plain
-from foucault.export.numbers import commented, number, row
+from foucault.export.numbers import number, row
 from foucault.export.request import Request
 from foucault.export.temperature_terms import TemperatureTerms
 from foucault.models.imu import ImuModel
@@ -30,7 +31,6 @@ def text(wanted: Request) -> str:
     assert terms is not None
     model = terms.pattern
     blocks = _blocks(model)
-    statement = [line.replace("*/", "* /") for line in (*wanted.statement(), terms.statement())]
     body = [plain._SOLVE] if _solves(model) else []  # the parts of a header are one family's own
     if model.accel_quadratic.any():
         body += [plain._NEWTON.replace("STEPS", str(plain.NEWTON_STEPS))]
@@ -41,7 +41,7 @@ def text(wanted: Request) -> str:
     body += plain._from_counts(wanted.counts, bool(wanted.size))
     return "\n".join([
         "/*",
-        commented(statement, " *"),
+        commented([*wanted.statement(), terms.statement()], " *"),
         " *",
         " * Readings and results: accelerometers in m/s^2, gyros in rad/s. C99 and C++, nothing to",
         " * link, no state but the caller's; the results must not share memory with the readings.",

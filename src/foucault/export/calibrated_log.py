@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
+from foucault.escape import json_remark
 from foucault.logs import own, streaming
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import is_cluster
@@ -142,7 +142,7 @@ def _made_by(result: Result, sha256: str) -> str:
         "created": result.provenance.get("created"),
         "instrument": {key: result.instrument.get(key) for key in ("name", "serial")},
     }
-    return json.dumps(keep)
+    return json_remark(keep)
 
 
 def _calibrated(

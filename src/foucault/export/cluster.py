@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.escape import commented
 from foucault.export.c_header import NEWTON_STEPS
-from foucault.export.numbers import commented, inverse, nested
+from foucault.export.numbers import inverse, nested
 from foucault.export.request import about
 from foucault.models.cluster import EQUATION, INVERSE, ClusterModel
 from foucault.result import Result
@@ -43,10 +44,9 @@ def _constants(model: ClusterModel) -> dict[str, tuple[str, FloatArray]]:
 
 def c(result: Result) -> str:
     """Write a C header."""
-    lines = [line.replace("*/", "* /") for line in about(result, AXES)]
     parts = [
         "/*",
-        commented(lines, " *"),
+        commented(about(result, AXES), " *"),
         " *",
         " * Readings of the accelerometers in m/s^2, commanded rates in rad/s. C99 and C++,",
         " * nothing to link, no state; the results must not share memory with the readings.",

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.export.numbers import commented, number, row
+from foucault.escape import commented
+from foucault.export.numbers import number, row
 from foucault.export.request import Request
 from foucault.models.imu import Gauge
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.export.numbers import commented, nested, number
+from foucault.escape import commented
+from foucault.export.numbers import nested, number
 from foucault.export.request import OWN_AXES, about
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import ImuModel
@@ -45,9 +46,8 @@ def _constants(result: Result) -> dict[str, tuple[str, FloatArray]]:
 
 def c(result: Result) -> str:
     """Write a C header."""
-    lines = [line.replace("*/", "* /") for line in about(result, AXES)]
     parts = [
-        "/*", commented(lines, " *"), " *",
+        "/*", commented(about(result, AXES), " *"), " *",
         " * C99 and C++; link with the library of math.h. No state.", " */",
         "#ifndef FOUCAULT_CALIBRATION_H", "#define FOUCAULT_CALIBRATION_H", "",
         "#include <math.h>", "",

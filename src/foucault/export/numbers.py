@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 import numpy.typing as npt
 
@@ -44,8 +42,3 @@ def nested(values: FloatArray, opening: str, closing: str) -> str:
         return f"{opening}{row(values)}{closing}"
     lines = (rows if values.ndim == 2 else tensor)(values, opening, closing)
     return f"{opening}\n{lines},\n{closing}"
-
-
-def commented(lines: Iterable[str], mark: str) -> str:
-    """Put a comment mark before each of `lines`."""
-    return "\n".join(f"{mark} {line}".rstrip() for line in lines)

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from foucault.export.numbers import commented, number
+from foucault.escape import commented
+from foucault.export.numbers import number
 from foucault.export.request import Request
 
 CAN = ("accel.bias", "accel.scale", "gyro.bias")

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from foucault.escape import commented, hash_comment
 from foucault.export.c_header import NEWTON_STEPS
-from foucault.export.numbers import commented, inverse, number, row, rows, tensor
+from foucault.export.numbers import inverse, number, row, rows, tensor
 from foucault.export.request import FAMILIES, Request
 from foucault.models.imu import ImuModel
 
@@ -71,7 +72,7 @@ def text(wanted: Request) -> str:
             counts = wanted.counts[name]
             parts += [
                 "# SI = (count - zero) * factor; counts in this order: "
-                f"{', '.join(counts.columns)}.",
+                f"{hash_comment(', '.join(counts.columns))}.",
                 f"{name.upper()}_ZERO = ({row(counts.zero)})",
                 f"{name.upper()}_FACTOR = ({row(counts.factor)})",
             ]

@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 from dataclasses import fields
 
+from foucault.escape import commented, hash_comment
 from foucault.export import python_module as plain
 from foucault.export.c_header import NEWTON_STEPS
-from foucault.export.numbers import commented, number, row
+from foucault.export.numbers import number, row
 from foucault.export.request import Request
 from foucault.export.temperature_terms import TemperatureTerms
 from foucault.models.imu import ImuModel
@@ -46,7 +47,7 @@ def text(wanted: Request) -> str:
             counts = wanted.counts[name]
             constants += [
                 "# SI = (count - zero) * factor; counts in this order: "
-                f"{', '.join(counts.columns)}.",
+                f"{hash_comment(', '.join(counts.columns))}.",
                 f"{name.upper()}_ZERO = ({row(counts.zero)})",
                 f"{name.upper()}_FACTOR = ({row(counts.factor)})",
             ]

@@ -11,7 +11,8 @@ their bias. The ports to ROS 2 read the same keys.
 
 from __future__ import annotations
 
-from foucault.export.numbers import commented, inverse, row
+from foucault.escape import commented
+from foucault.export.numbers import inverse, row
 from foucault.export.request import Request
 
 CAN = ("accel.bias", "accel.scale", "accel.misalignment")

@@ -54,16 +54,22 @@ def complete(
     if "time" in blocks:
         del said["rate"]
     filled = type(description).model_validate({**said, **blocks})
-    return filled, tuple(name for name in blocks if name != "time")
+    return filled, tuple(name for name in blocks if name not in ("time", "clock"))
 
 
 def _over(
     declared: Mapping[str, Any], description: LogDescription, path: Path
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, Any]:
     """Let what a description gives take the place of what a format declares, key by key."""
-    out: dict[str, dict[str, Any]] = {name: dict(block) for name, block in declared.items()}
+    out: dict[str, Any] = {
+        name: dict(block) if isinstance(block, Mapping) else block
+        for name, block in declared.items()
+    }
     if description.rate is not None:
         out.pop("time", None)
+        out.pop("clock", None)
+    if description.clock is not None:
+        out["clock"] = description.clock
     for name in ("time", "gyro", "accel", "temperature", "table", "averaged"):
         block = getattr(description, name)
         if block is not None:

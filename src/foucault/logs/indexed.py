@@ -72,7 +72,8 @@ def read(
     )  # fmt: skip
     _one_heading(log)
     found = (*raw.findings, *dropped, *again, *_timing(log))
-    return replace(log, findings=(*found, *implausible(log, description)))
+    told = (*found, *implausible(log, description))
+    return replace(log, findings=told, clock=description.time_base)
 
 
 def _columns(used: IndexedDescription, raw: RawTable, path: Path) -> Data:

@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from foucault.errors import FoucaultError, error
-from foucault.tables import FloatArray
-from foucault.units import CELSIUS, ZERO_CELSIUS, Quantity, factor, parse
+from foucault.tables import Clock, FloatArray
+from foucault.units import CELSIUS, ZERO_CELSIUS, Quantity, Ratio, factor, parse
 
 ColumnName = int | str
 """A column by name, or by number from 0; text may start with "-" to flip the sign."""
@@ -240,9 +240,28 @@ class FileLayout(Block):
     rate: Annotated[float, Quantity("frequency")] | None = Field(
         None, description="sample rate, only where there is no time column"
     )
+    clock: Literal["sensor", "host", "disciplined"] | None = Field(
+        None,
+        description='what counts its time: "sensor", the instrument\'s own oscillator; "host", the '
+        'crystal of the logger or computer; "disciplined", a clock steered by GNSS or PTP. Left '
+        "out: sensor where only `rate` is given, host where there is a time column",
+    )
+    clock_sd: Annotated[Ratio, Field(ge=0, le=0.1)] | None = Field(
+        None,
+        examples=["100 ppm"],
+        description="standard deviation of the rate of that clock. Left out: 1 % for sensor, "
+        "100 ppm for host, 1 ppm for disciplined",
+    )
     missing: Literal["error", "drop"] = Field(
         "error", description='"drop" leaves out rows with missing or infinite values'
     )
+
+    @property
+    def time_base(self) -> Clock:
+        """How far the time of the log can be trusted."""
+        # A rate alone is a data sheet's number for the instrument's own oscillator.
+        source = self.clock or ("sensor" if self.rate is not None else "host")
+        return Clock.of(source, self.clock_sd)
 
     @field_validator("delimiter")
     @classmethod

@@ -296,7 +296,7 @@ def finished(
     kind = next(block.kind for block in triads.values() if block is not None)
     if used.averaged is not None:
         log = means_log(data, kind, findings, source)
-        return replace(log, findings=findings + implausible(log, used))
+        return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
     findings += checks.timing(time)
     for name, block in triads.items():
         if block is not None:
@@ -307,7 +307,7 @@ def finished(
             data[name] /= dt
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
               findings, source, table_of(data))  # fmt: skip
-    return replace(log, findings=findings + implausible(log, used))
+    return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
 
 
 def limits_si(block: Triad) -> FloatArray | None:

@@ -149,6 +149,7 @@ _FORMATS = {
         _novatel_row,
         {
             "time": {"column": "time", "unit": "s"},
+            "clock": "disciplined",  # the time of GPS
             **{name: {"columns": [f"{name}_x", f"-minus_{name}_y", f"{name}_z"],
                       "kind": "increment"} for name in ("gyro", "accel")},
         },

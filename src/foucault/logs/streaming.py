@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,7 @@ from foucault.logs.reading import (
     read,
 )
 from foucault.logs.table_rows import table_of
-from foucault.tables import FloatArray, Log
+from foucault.tables import Clock, FloatArray, Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -63,6 +64,13 @@ class OnDisk:
         """Size of its files together, 0 where one is missing, shape () [1]."""
         files = [self.folder / name for name in self.description.files()]
         return sum(f.stat().st_size for f in files) if all(f.is_file() for f in files) else 0
+
+    @cached_property
+    def clock(self) -> Clock:
+        """What counts its time: as described, else as its format has it."""
+        name, wanted = next(iter(self.description.files().items()))
+        raw = open_raw(self.folder / name, self.description)
+        return complete(self.description, wanted, raw, self.folder / name)[0].time_base
 
     def source(self) -> dict[str, Any]:
         """Return what a result remembers of the log, as `Log.source` does."""
@@ -225,5 +233,5 @@ def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Itera
                 data[name] /= dt[:, None]
         log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind,
                   data.get("temperature"), findings, table=table_of(data))  # fmt: skip
-        yield replace(log, findings=findings + implausible(log, used))
+        yield replace(log, findings=findings + implausible(log, used), clock=used.time_base)
         before, start = time[-1:], start + len(time)

@@ -1,7 +1,9 @@
 """What a reference that is not known exactly makes of the coefficients found by it.
 
 Local gravity is common to all accelerometers, the rate of a table to all gyros: no reading shows
-that either is wrong, so that its uncertainty is added to the covariance of the estimate.
+that either is wrong, so that its uncertainty is added to the covariance of the estimate. The clock
+of the log is a third: it is kept apart (`result.TimeBase`), because who integrates with the same
+clock has no error by it.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
+from foucault.models.layouts import is_cluster
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -95,4 +98,67 @@ def rate_slope(vector: CoefficientVector) -> FloatArray:
         block, where = coefficient_slot(vector.names[i])
         if block == "gyro_matrix":
             out[i] = -model.gyro_matrix[where]
+    return out
+
+
+def clock_slope(vector: CoefficientVector, *, turned: bool, summed: bool) -> FloatArray:
+    """Return how coefficients change with the rate of the clock that counted the log's time, (n,).
+
+    A clock that is fast by the fraction e makes every interval longer by e. Two things hang on it.
+    A gyro that is compared with an *angle* (`turned`: turns between rests, whole turns of a table
+    over the log's time) is told that it turned slower by e, so that what multiplies the n-th power
+    of the rate grows by n e. *Increments* (`summed`) are divided by the interval, so that all that
+    the instrument says, bias and all, shrinks by e. A gyro that says rates and is compared with
+    rates (those that a table was told, the Earth's) does not depend on the clock, nor does an
+    accelerometer that says specific force.
+
+    Parameters
+    ----------
+    vector : CoefficientVector
+        The coefficients [SI].
+    turned : bool
+        Whether the reference of the gyros is an angle over the time of the log.
+    summed : bool
+        Whether the readings are increments.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Derivative with respect to the logarithm of the clock's rate [SI unit of each coefficient].
+    """
+    if is_cluster(vector):
+        return _cluster_clock_slope(vector, summed=summed)
+    # The asymmetries are ratios of what is sensed; the cubic term acts on the rate sensed, which
+    # an increment has divided.
+    powers = {
+        "gyro_matrix": turned - summed, "deflection": turned - summed, "gyro_cubic": 2 * summed,
+        "gyro_bias": -summed, "g_sensitivity": -summed,
+        "accel_matrix": -summed, "accel_bias": -summed, "accel_quadratic": -summed,
+    }  # fmt: skip
+    known = [i for i, name in enumerate(vector.names) if name in LAYOUT]
+    model = ImuModel.from_coefficients(vector.chosen(vector.names[i] for i in known))
+    out = np.zeros(len(vector))
+    for i in known:
+        block, where = coefficient_slot(vector.names[i])
+        out[i] = powers.get(block, 0) * getattr(model, block)[where]
+    return out
+
+
+def _cluster_clock_slope(vector: CoefficientVector, *, summed: bool) -> FloatArray:
+    """Return the same of a torqued cluster: its gyros are commands, integrated over the log's time.
+
+    The cluster turned by ``(I + K) w_c + drift`` over true time: drift and, where commands are
+    rates, the torquer are said to be smaller by what the clock is fast.
+    """
+    out = np.zeros(len(vector))
+    for i, name in enumerate(vector.names):
+        triad, _, rest = name.partition(".")
+        one = 1.0 if rest.startswith(("torquer_scale.", "scale.")) else 0.0
+        if triad == "gyro":
+            torqued = rest.startswith("torquer_scale.")
+            out[i] = 0.0 if torqued and summed else -(one + vector.values[i])
+        elif triad == "accel" and summed:
+            out[i] = -(one + vector.values[i])
+    # The directions of the input axes are angles between axes, whatever counts the time.
+    out[[name.startswith("gyro.misalignment.") for name in vector.names]] = 0.0
     return out

@@ -44,6 +44,7 @@ from foucault.diagnose.rests import (
     rest_levels,
     rest_table,
 )
+from foucault.diagnose.time_base import with_clock
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.hand_rotated import likelihood
@@ -243,7 +244,7 @@ def complete(
         How long it took [s].
     """
     site, log = data.site, data.log
-    return replace(
+    whole = replace(
         result,
         findings=(*findings, *result.findings),
         instrument=dict(instrument),
@@ -263,6 +264,7 @@ def complete(
         provenance=provenance(log.source, seconds),
         tables=dict(result.tables) | {"detection": detection_table(log, rests)},
     )
+    return with_clock(whole, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:

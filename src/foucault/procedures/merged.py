@@ -19,7 +19,7 @@ from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.fusion import Fused, Known, fused, with_sources
 from foucault.models import cluster
 from foucault.models.layouts import BESIDE, is_cluster
-from foucault.result import Check, Level, Result, Verdict
+from foucault.result import Check, Level, Result, TimeBase, Verdict
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,8 +49,13 @@ class Earlier:
     growth: Mapping[str, float]
     inflate: float = 1.0
 
-    def known(self, without: Iterable[str] = (), among: Iterable[str] | None = None) -> Known:
-        """Return what it says `among` some coefficients, less groups that are said otherwise."""
+    def known(
+        self, without: Iterable[str] = (), among: Iterable[str] | None = None, clock: str = ""
+    ) -> Known:
+        """Return what it says `among` some coefficients, less groups that are said otherwise.
+
+        With the name of its `clock` in seconds, else in the time of its log.
+        """
         whole = _measured(self.label, self.result)
         layout = whole.layout
         said = {int(i) for name in without if _in(layout.names, name) for i in layout.group(name)}
@@ -62,7 +67,7 @@ class Earlier:
                 grown[vector.layout.group(name)] = sd  # unknown names raise with a suggestion
         assert vector.cov is not None
         cov = self.inflate**2 * vector.cov + np.diag(grown**2)
-        return _known(self.result, replace(vector, cov=cov))
+        return _known(self.result, replace(vector, cov=cov), clock)
 
 
 def merged(results: Sequence[Hashed]) -> Result:
@@ -90,14 +95,18 @@ def merged(results: Sequence[Hashed]) -> Result:
             _fits(before, (label, sha, result))
     label, _, first = results[0]
     vector = _measured(label, first)
-    known = _known(first, vector)
+    every = [r for _, _, r in results]
+    known = _known(first, vector, _clock_of(first, every))
+    apart = _known(first, vector, _own_clock(first, label, every))
     checks, told, unlike = [], list[Finding](), set[str]()
     for label, _, result in results[1:]:
         vector = _measured(label, result)
         unlike |= _unlike(known.own.names, vector.names)
-        step = fused(known, _known(result, vector))
+        # Whether two clocks of a kind are one nobody says: for the sum they are, else not.
+        step = fused(apart, _known(result, vector, _own_clock(result, label, every)))
         checks.append(_agree(step, label, tests=len(results) - 1))
-        known = step.known
+        apart = step.known
+        known = fused(known, _known(result, vector, _clock_of(result, every))).known
     if unlike:
         told.append(finding("merge.only_some", names=", ".join(sorted(unlike))))
     checks += [_passed(label, result) for label, _, result in results]
@@ -126,9 +135,13 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
     told = (finding("prior.left", label=earlier.label, names=", ".join(left)),) if left else ()
     sure = np.isfinite(vector.sd) & (vector.sd > 0)
     alone = vector.chosen(n for n, s in zip(vector.names, sure, strict=True) if s)
-    step = fused(earlier.known(own, names), _known(result, alone))
-    check = _agree(step, earlier.label, tests=1)
-    kept = replace(result, coefficients=_over(vector, step.known.own))
+    both = (result, earlier.result)
+    step = fused(earlier.known(own, names, _clock_of(earlier.result, both)),
+                 _known(result, alone, _clock_of(result, both)))  # fmt: skip
+    clocks = _own_clock(earlier.result, earlier.label, both), _own_clock(result, "the log", both)
+    apart = fused(earlier.known(own, names, clocks[0]), _known(result, alone, clocks[1]))
+    check = _agree(apart, earlier.label, tests=1)
+    kept = replace(result, coefficients=_over(vector, step.known.own), clock=TimeBase.mean(both))
     reasons = result.verdict.reasons + (() if check.passed else (check.sentence,))
     level = result.verdict.level
     if not check.passed and level is Level.PASS:
@@ -232,15 +245,43 @@ def _unlike(one: Sequence[str], other: Sequence[str]) -> set[str]:
     return {n for n in set(one) ^ set(other) if n.partition(".")[0] in triads}
 
 
-def _known(result: Result, vector: CoefficientVector) -> Known:
-    """Return what a result says of the coefficients `vector`, and what it owes to which gravity."""
+def _known(result: Result, vector: CoefficientVector, clock: str = "") -> Known:
+    """Return what a result says of the coefficients `vector`, and what it owes to which gravity.
+
+    With the name of a `clock` it is said in seconds, and owes the error of that clock too.
+    """
     whole = result.coefficients
     at = [whole.layout.index(name) for name in vector.names]
-    errors = gravity.gravity_errors(result, whole)
-    return with_sources(
-        Known(vector, means_of(result)),
-        {site: error[at] for site, error in errors.items() if error[at].any()},
-    )
+    errors: dict[Any, FloatArray] = dict(gravity.gravity_errors(result, whole))
+    owed = {site: error[at] for site, error in errors.items() if error[at].any()}
+    base = result.clock
+    if clock and base is not None and (error := base.of(vector.names)).any():
+        assert vector.cov is not None
+        vector = replace(vector, cov=vector.cov + np.outer(error, error))
+        owed[(CLOCK, clock)] = error
+    return with_sources(Known(vector, means_of(result)), owed)
+
+
+CLOCK = "clock of the log"
+"""Begins the source of an error that is a clock's, where that of gravity begins with a number."""
+
+
+def _clock_of(result: Result, others: Sequence[Result]) -> str:
+    """Return the name of the clock of a result; none where all have one, and so one time."""
+    kinds = {(r.clock.source, r.clock.sd) for r in (result, *others) if r.clock is not None}
+    base = result.clock
+    return "" if base is None or len(kinds) < 2 else f"{base.source} {base.sd!r}"
+
+
+def _own_clock(result: Result, label: str, others: Sequence[Result]) -> str:
+    """Return the name of the clock of a result where no two loggers have one.
+
+    The oscillator of a sensor goes with it, and what changes in it is a change of the instrument.
+    """
+    sources = {r.clock.source for r in others if r.clock is not None}
+    if sources <= {"sensor"} or result.clock is None:
+        return ""
+    return "sensor" if result.clock.source == "sensor" else label
 
 
 def _given(known: Known) -> dict[str, list[float]]:
@@ -254,6 +295,7 @@ def _owed(known: Known) -> dict[str, Any]:
     """Return the diagnostics that say what coefficients owe to which gravity."""
     names = known.own.names
     errors: Iterable[tuple[Any, FloatArray]] = known.shared(names).items()
+    errors = [(site, error) for site, error in errors if site[0] != CLOCK]
     return {gravity.KEY: gravity.as_kept({
         site: dict(zip(names, error.tolist(), strict=True)) for site, error in errors
     })}  # fmt: skip
@@ -334,13 +376,13 @@ def _result(
                 "inputs": [one for r in every for one in _before(r)],
             },
         },
-        tables={"merged": _table(results, known)},
+        tables={"merged": _table(results, known.own)},
+        clock=TimeBase.mean(every),
     )  # fmt: skip
 
 
-def _table(results: Sequence[Hashed], known: Known) -> dict[str, Any]:
+def _table(results: Sequence[Hashed], own: CoefficientVector) -> dict[str, Any]:
     """Return one row per coefficient and result, the merged one last."""
-    own = known.own
     rows = [
         (name, label, vector.value(name), float(vector.chosen([name]).sd[0]))
         for name in own.names

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from foucault.escape import figure
 from foucault.files import atomic
 from foucault.run_folder import REPORT_FILE, load_result
 
@@ -126,7 +127,7 @@ def _template() -> Any:
 
     def script(value: Any) -> Markup:
         """Write JSON that cannot end the script element it stands in."""
-        text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+        text = json.dumps(figure(value), allow_nan=False, separators=(",", ":"))
         return Markup(text.replace("<", "\\u003c"))
 
     def prose(text: str) -> Markup:

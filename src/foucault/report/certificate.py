@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.diagnose.time_base import WORDS
 from foucault.report.page import Facts, Section
 from foucault.result import Result
 from foucault.units import ZERO_CELSIUS
@@ -31,6 +32,7 @@ def certificate(result: Result) -> Section | None:
         ("temperature", _temperature(result.validity)),
         ("next calibration due", _text(instrument, "due")),
         *_site(result.site),
+        *_clock(result),
         *_covered(result),
         ("procedure", result.procedure),
         *_positions(result),
@@ -79,6 +81,15 @@ def gravity(site: dict[str, Any]) -> str:
 def _site(site: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [("place", place(site)), ("local gravity", gravity(site))]
     return [(what, words) for what, words in rows if words]
+
+
+def _clock(result: Result) -> list[tuple[str, str]]:
+    """Whose clock counted the time, and how well its rate is known."""
+    base = result.clock
+    if base is None or base.source == "several":
+        return []
+    known = "declared" if base.declared else "usual for it"
+    return [("time base", f"{WORDS[base.source]} ± {base.sd * 1e6:.3g} ppm ({known})")]
 
 
 def _temperature(validity: dict[str, Any]) -> str:

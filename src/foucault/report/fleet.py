@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,7 @@ from foucault.models.imu import LAYOUT
 from foucault.report import ends, render
 from foucault.report.ends import STATES, Heading
 from foucault.report.fleet_figures import families, ratios
-from foucault.report.page import Column, Items, Section, Table, Text
+from foucault.report.page import Column, Items, Link, Section, Table, Text
 from foucault.report.uncertainty import shown
 from foucault.result import Level
 from foucault.units import display_unit, factor, plain
@@ -228,8 +227,7 @@ def _listed(table: FleetTable, odd: list[Outlying], some: list[int], why: bool) 
     rows = []
     for i in some:
         row = table.rows[i]
-        link = f"\t{quote(row.report)}" if row.report else ""
-        cells = [LOOKS[outcomes[i]], row.serial + link, outcomes[i]]
+        cells = [LOOKS[outcomes[i]], Link.to(row.report, row.serial), outcomes[i]]
         cells += [_percent(use[i])] * tolerance
         cells += [_plain(ratio[i, 0]), _plain(ratio[i, 1])] * tested
         worst = _worst(table, i) if not why else _why(table, i, odd)

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from foucault.escape import address
+
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "mu": "μ", "tau": "τ"}
 """Symbols that are letters of another alphabet."""
 
@@ -58,14 +60,27 @@ class Column:
     """A table column: its heading and how its cells look.
 
     `look` is "text", "short", "long" (may break anywhere), "meaning" (only where there is room),
-    "name", "symbol", "number", "state" or "link" (text, tab, address); `aside` columns are left
-    out on a narrow screen, `optional` ones until they are asked for.
+    "name", "symbol", "number", "state" or "link" (cells are `Link`); `aside` columns are left out
+    on a narrow screen, `optional` ones until they are asked for.
     """
 
     heading: str
     look: str = "text"
     aside: bool = False
     optional: bool = False
+
+
+class Link(str):
+    """The text of a cell that leads to a file beside the page, or to none."""
+
+    address: str
+
+    @classmethod
+    def to(cls, file: str, text: str) -> Link:
+        """Return `text` with a link to `file`, the page's neighbour; empty for none."""
+        out = cls(text)
+        out.address = address(file) if file else ""
+        return out
 
 
 @dataclass(frozen=True)

@@ -34,12 +34,14 @@ def coefficients(result: Result) -> Section | None:
         return None
     prior = bool(np.isfinite(vector.prior_sd).any())
     bound = _bound(result)
+    seconds = result.in_seconds.sd if result.clock is not None else None
     columns = [
         Column("coefficient", "name"),
         Column("symbol", "symbol", aside=True),
         Column("value", "number"),
         Column("± sd", "number"),
         Column("± U (k=2)", "number", optional=True),
+        *([Column("± sd in seconds", "number")] if seconds is not None else []),
         Column("unit", "short"),
         *([Column("prior sd", "number")] if prior else []),
         *([Column("sd / bound", "number")] if bound is not None else []),
@@ -50,12 +52,18 @@ def coefficients(result: Result) -> Section | None:
     for head in dict.fromkeys(name.partition(".")[0] for name in vector.names):
         part = vector[head]
         limit = None if bound is None else bound[start : start + len(part)]
-        rows += [[TRIADS.get(head, head)], *_coefficient_rows(part, prior, limit)]
+        timed = None if seconds is None else seconds[start : start + len(part)]
+        rows += [[TRIADS.get(head, head)], *_coefficient_rows(part, prior, limit, timed)]
         start += len(part)
     lead = f"Value and standard deviation (1 sigma). Axes: {result.frame}; {result.gauge}."
     if result.temperature is not None:
         at = f"{result.temperature.reference - ZERO_CELSIUS:.1f}".replace("-", "−")
         lead = f"At {at}\N{NO-BREAK SPACE}°C. {lead}"
+    if seconds is not None:
+        lead += (
+            " sd is in the log's own time: that for whoever integrates with the same stamps. In "
+            "seconds, as another clock counts them, the error of the log's clock comes to it."
+        )
     if bound is not None:
         lead += (
             " sd / bound compares with the smallest uncertainty that the sensor noise alone "
@@ -76,7 +84,7 @@ def _bound(result: Result) -> FloatArray | None:
 
 
 def _coefficient_rows(
-    vector: CoefficientVector, prior: bool, bound: FloatArray | None
+    vector: CoefficientVector, prior: bool, bound: FloatArray | None, seconds: FloatArray | None
 ) -> list[list[str]]:
     """Return the cells of each coefficient, in the order of the columns."""
     out = []
@@ -87,6 +95,9 @@ def _coefficient_rows(
         free = row["free"]
         cells = [row["name"], row["symbol"], known]
         cells += [_size(sd) if free else "held", _size(COVERAGE * sd) if free and sd else ""]
+        if seconds is not None:
+            timed = float(seconds[i]) / units.factor(unit, row["kind"])
+            cells.append(_size(timed) if free else "")
         cells.append(shown(unit))
         if prior:
             cells.append(_size((row["prior_sd"] or 0.0) / units.factor(unit, row["kind"])))
@@ -137,6 +148,7 @@ def unseen(result: Result) -> Section | None:
 
 # -- budget --------------------------------------------------------------------------------
 
+CLOCK = "clock of the log"
 _MEASURED = ("A", "scatter of the samples within the readings")
 _LEFT = ("A", "scatter of the residuals")
 _UNKNOWN = ("", "not known; it is part of the scatter")
@@ -166,6 +178,7 @@ _BASIS = {
     "table, latitude and what was known before": ("B", "what the campaign says of them"),
     "prior": ("B", "prior as given in the campaign"),
     "local gravity": ("B", "standard uncertainty of local gravity"),
+    CLOCK: ("B", "standard uncertainty of the log's clock; in seconds only"),
 }
 """Source -> evaluation of type A (statistics) or B (other knowledge), and what it rests on."""
 
@@ -185,6 +198,8 @@ def budget(result: Result) -> Section | None:
     }
     if not parts:
         return None
+    if result.clock is not None and (error := result.clock.of(vector.names)).any():
+        parts[CLOCK] = error**2
     total = np.sum(list(parts.values()), axis=0)
     share = {s: 100 * v / np.where(total > 0, total, np.nan) for s, v in parts.items()}
     share = {s: v for s, v in share.items() if np.isfinite(v).any()}
@@ -197,6 +212,8 @@ def budget(result: Result) -> Section | None:
         "Where the variance of each coefficient comes from. Type A: evaluated from the scatter of "
         "these data; type B: from other knowledge."
     )
+    if CLOCK in parts:
+        lead += f" In seconds: without the {CLOCK} it is the variance in the log's own time."
     blocks: list[Block] = [
         figures.shares(symbols, {s: share[s] for s in large}),
         _sources(result, {s: share[s] for s in order}),

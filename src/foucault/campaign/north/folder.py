@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from foucault.campaign.folder import as_arrays, parquet, read_table, write
 from foucault.errors import error
+from foucault.escape import csv_cell
 from foucault.files import plain_json, read_document
 from foucault.models.readings import mean_variance
 from foucault.run_folder import RESULT_FILE
@@ -298,7 +299,7 @@ def _csv(about: Mapping[str, Any]) -> str:
         cells += [_degrees(v) for v in (r["heading"]["bound"], r["reference_heading"], other)]
         offset = "" if r["gyro_offset"] is None else f"{3600 * np.degrees(r['gyro_offset']):.6f}"
         cells += [offset, str(r["dwells"]), f"{r['measured']:.3f}", r["verdict"], r["warnings"]]
-        writer.writerow(cells)
+        writer.writerow([csv_cell("" if cell is None else cell) for cell in cells])
     return stream.getvalue()
 
 

@@ -189,7 +189,11 @@ def _kind(result: Result) -> str:
 
 def _of_instrument(entry: Entry) -> CoefficientVector:
     """Return what belongs to the instrument, not to how it was mounted or stood in the end."""
-    vector = of_sensors(entry.result.coefficients)
+    result = entry.result
+    # Two loggers are wrong each by itself, so that only seconds compare; the oscillator of a sensor
+    # goes with it, and what changes in it is a change of the instrument.
+    own = result.clock is not None and result.clock.source == "sensor"
+    vector = of_sensors(result.coefficients if own else result.in_seconds)
     return vector.chosen(n for n in vector.names if n not in cluster.ATTITUDE)
 
 

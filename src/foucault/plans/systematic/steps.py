@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from foucault.errors import error
+from foucault.escape import csv_cell, toml_text
 from foucault.files import atomic
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.sequence import (
@@ -120,7 +121,9 @@ def write_steps(sequence: CalibrationSequence, path: str | Path) -> None:
         text = _toml(sequence)
     else:
         stream = io.StringIO()
-        csv.writer(stream, lineterminator="\n").writerows(rows(sequence))
+        csv.writer(stream, lineterminator="\n").writerows(
+            [csv_cell(cell) for cell in row] for row in rows(sequence)
+        )
         text = stream.getvalue()
     with atomic(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -128,13 +131,9 @@ def write_steps(sequence: CalibrationSequence, path: str | Path) -> None:
 
 def _toml(sequence: CalibrationSequence) -> str:
     start = ", ".join(f'"{way}"' for way in plain_start(sequence))
-    lines = [f'name = "{sequence.name}"', f"start = [{start}]"]
+    lines = [f"name = {toml_text(sequence.name)}", f"start = [{start}]"]
     for action in sequence.actions:
         pairs = plain_action(action).items()
         lines += ["", "[[action]]"]
-        lines += [f"{k} = {v if isinstance(v, int) else _quoted(v)}" for k, v in pairs]
+        lines += [f"{k} = {v if isinstance(v, int) else toml_text(v)}" for k, v in pairs]
     return "\n".join([*lines, ""])
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

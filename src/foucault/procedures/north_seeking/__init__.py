@@ -25,6 +25,7 @@ from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north import calibration_report as shown
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import late_index, stops, units_first
+from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
 from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.attitude import Known
@@ -133,13 +134,15 @@ def calibrate(
         solution = solved(dwells, site, settings, declared, noise is not None, prior or {})
     progress(1.0, "done")
     result = _result(solution, dwells, settings, site)
-    return replace(
+    whole = replace(
         result,
         findings=(*log.findings, *told, *result.findings),
         instrument=dict(instrument or {}),
         validity=_validity(log, dwells, solution),
         provenance=provenance(log.source, clock.monotonic() - started),
     )
+    # Rates of the Earth are compared with rates as read.
+    return with_clock(whole, log.clock, turned=False, summed=False)
 
 
 def foresee(

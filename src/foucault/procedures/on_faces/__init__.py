@@ -18,6 +18,7 @@ from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.hand_rotated import report as session_report
 from foucault.diagnose.information import information
 from foucault.diagnose.rests import Rests, detection_table, measure_noise
+from foucault.diagnose.time_base import with_clock
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.faces.covariance import FaceNoise, covariance_parts, noise_parts
@@ -203,7 +204,7 @@ def result_of(
     tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
     if faces.rests is not None:
         tables["detection"] = detection_table(log, faces.rests)
-    return Result(
+    result = Result(
         procedure=procedure,
         coefficients=with_references(estimate.coefficients, site),
         equation=EQUATION,
@@ -220,6 +221,7 @@ def result_of(
         provenance=provenance(log.source, seconds),
         tables=tables,
     )
+    return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def _diagnostics(log: Log, solution: Solution) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.checks import TableEvidence
 from foucault.diagnose.table.gyro_axes import check_gyro_axes
 from foucault.diagnose.table.input import check_readings, enough_readings
+from foucault.diagnose.time_base import times_the_table, with_clock
 from foucault.errors import Finding, error, finding
 from foucault.estimate.table import likelihood as table_likelihood
 from foucault.estimate.table.fit import Options, TableFit, fit
@@ -133,13 +134,25 @@ def calibrate(
     result = from_readings(readings, task, site=site, prior=prior)
     seconds = clock.monotonic() - started
     progress(1.0, "done")
-    return replace(
+    whole = replace(
         result,
         findings=(*log.findings, *result.findings),
         instrument=dict(instrument or {}),
         validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
         provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
     )
+    turned, summed = _clocked(log)
+    return with_clock(whole, log.clock, turned=turned, summed=summed)
+
+
+def _clocked(log: Log | OnDisk) -> tuple[bool, bool]:
+    """Tell whether spin rates are timed by the clock of the log, and whether it is increments."""
+    if isinstance(log, Log):
+        return times_the_table(log), log.sampled == "increment"
+    table, accel = log.description.table, log.description.accel
+    outer = table is not None and table.columns is not None and table.columns[0] is not None
+    timed = outer and log.description.averaged is None
+    return timed, accel is not None and accel.kind == "increment"
 
 
 def read_positions(

@@ -22,6 +22,7 @@ import numpy as np
 
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.foresight import Foresight
+from foucault.diagnose.time_base import with_clock
 from foucault.diagnose.tumble import checks as judge
 from foucault.diagnose.tumble import input as tumble_input
 from foucault.diagnose.tumble import report as tumble_report
@@ -169,13 +170,14 @@ def _calibrate(
     progress(0.8, "judging the result")
     result = _result(solution, shown)
     progress(1.0, "done")
-    return replace(
+    whole = replace(
         result,
         findings=(*log.findings, *told, *said, *more, *result.findings),
         instrument=instrument,
         validity=_validity(log, site),
         provenance=provenance(log.source, clock.monotonic() - started),
     )
+    return with_clock(whole, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def foresee(

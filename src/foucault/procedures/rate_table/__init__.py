@@ -30,6 +30,7 @@ from foucault.diagnose.rate_table import checks as rate_checks
 from foucault.diagnose.rate_table import report as rate_report
 from foucault.diagnose.rate_table.checks import RateEvidence
 from foucault.diagnose.rate_table.steps import Commanded, rate_steps, require_determined
+from foucault.diagnose.time_base import times_the_table, with_clock
 from foucault.errors import Finding, error
 from foucault.estimate import gauss_newton
 from foucault.estimate.rate_table.likelihood import Trust, build, fit
@@ -128,13 +129,15 @@ def calibrate(
     if log.temperature is not None:
         validity["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
         validity["temperature_mean"] = float(log.temperature.mean())
-    return replace(
+    whole = replace(
         result,
         findings=(*log.findings, *result.findings),
         instrument=dict(instrument or {}),
         validity=validity,
         provenance=provenance(log.source, clock.monotonic() - started),
     )
+    turned, summed = times_the_table(log), log.sampled == "increment"
+    return with_clock(whole, log.clock, turned=turned, summed=summed)
 
 
 def from_readings(

@@ -28,6 +28,7 @@ from foucault.diagnose.systematic import checks as judge
 from foucault.diagnose.systematic import deflection_verdict
 from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
+from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
 from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
@@ -128,8 +129,9 @@ def calibrate(
     result = _calibrate(*arguments, shown=True)
     progress(1.0, "done")
     seconds = clock.monotonic() - started
-    return replace(result, instrument=dict(instrument or {}),
-                   provenance=provenance(log.source, seconds))  # fmt: skip
+    result = replace(result, instrument=dict(instrument or {}),
+                     provenance=provenance(log.source, seconds))  # fmt: skip
+    return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def trial(

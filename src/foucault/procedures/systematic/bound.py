@@ -40,11 +40,12 @@ SURE = 1e-2
 """At best the velocity at rest is as sure as this part of what the noise adds to it from one update
 to the next [1]."""
 
-NOTHING = 1e-6
-"""Information below this share of that of the prior is rounding [1]."""
-
 BLIND = 1e3
 """A coefficient that is left less certain than so many times its prior is not seen [1]."""
+
+WIDER, FIRM = 10.0, 1.1
+"""Nor is one whose bound grows by more than `FIRM` where the prior is `WIDER` times less certain:
+it hangs on what the session does not show. Rounding adds far less, what is shared far more [1]."""
 
 
 @dataclass(frozen=True)
@@ -173,17 +174,20 @@ def bound(problem: SystematicProblem, solution: Solution, settings: Settings) ->
         p.increments, begun, p.site, p.sensors, p.rests, p.start_cov(), p.noise, first=p.first,
         at_rest=sure, estimate=solution.states.values,
     )  # fmt: skip
-    alone = without_prior(replace(found.estimate, prior_sd=p.prior.prior_sd))
-    vector = public(replace(solution, states=_stretched(solution.states, alone)), settings)
-    seen = vector.sd < BLIND * vector.prior_sd
-    return {"bound": [float(v) if s else None for v, s in zip(vector.sd, seen, strict=True)]}
+    told = replace(found.estimate, prior_sd=p.prior.prior_sd)
+    near, far = (
+        public(replace(solution, states=_hardly_known(told, wide)), settings)
+        for wide in (BLIND, WIDER * BLIND)
+    )
+    seen = (far.sd < FIRM * near.sd) & (near.sd < BLIND * near.prior_sd)
+    return {"bound": [float(v) if s else None for v, s in zip(far.sd, seen, strict=True)]}
 
 
-def _stretched(states: CoefficientVector, alone: Information) -> CoefficientVector:
-    """Return the bound as a covariance that is finite where nothing is seen, too."""
-    cov = np.where(np.isfinite(alone.cov), alone.cov, 0.0)
-    np.fill_diagonal(cov, np.minimum(alone.sd, 10.0 * BLIND * states.prior_sd) ** 2)
-    return replace(states, cov=cov)
+def _hardly_known(states: CoefficientVector, wide: float) -> CoefficientVector:
+    """Return what a session tells where the prior is `wide` times less certain."""
+    values, vectors, unit = _told(states)
+    half = vectors / np.sqrt(values + wide**-2.0) * unit[:, None]
+    return replace(states, cov=half @ half.T)
 
 
 def without_prior(states: CoefficientVector) -> Information:
@@ -194,9 +198,18 @@ def without_prior(states: CoefficientVector) -> Information:
     states : CoefficientVector
         With covariance, and prior standard deviations that were not correlated [SI].
     """
+    values, vectors, unit = _told(states)
+    return Information(states.layout, (vectors * np.sqrt(values)).T / unit)
+
+
+def _told(states: CoefficientVector) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the information of a session alone, its directions, and the unit of both: the prior.
+
+    From the covariance itself: where nothing is told that is the prior's, exactly, whereas the
+    rounding of its inverse is that of what is known best.
+    """
     unit = states.prior_sd
     assert states.cov is not None
-    told = np.linalg.inv(states.cov / np.outer(unit, unit)) - np.eye(len(unit))
-    values, vectors = np.linalg.eigh((told + told.T) / 2)
-    values = np.where(values > NOTHING, values, 0.0)
-    return Information(states.layout, (vectors * np.sqrt(values)).T / unit)
+    left, vectors = np.linalg.eigh(states.cov / np.outer(unit, unit))
+    left = np.clip(left, np.finfo(float).eps * left[-1], 1.0)
+    return (1.0 - left) / left, vectors, unit

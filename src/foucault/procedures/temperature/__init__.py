@@ -33,7 +33,7 @@ from foucault.procedures.temperature.task import (
     solved,
     task_of,
 )
-from foucault.result import Level, Result, Verdict, provenance
+from foucault.result import Level, Result, TimeBase, Verdict, provenance
 from foucault.tables import AXES
 
 __all__ = ["NAME", "Ramp", "Session", "Settings", "calibrate"]
@@ -116,6 +116,7 @@ def calibrate(
         provenance=_provenance(sessions, time.perf_counter() - begun),
         tables=_tables(seen, model, ramps),
         temperature=model,
+        clock=TimeBase.mean(s.result for s in sessions),
     )
 
 

@@ -40,6 +40,7 @@ from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.transfer import checks as judge
 from foucault.diagnose.transfer import findings, report
 from foucault.diagnose.transfer.checks import Evidence
+from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
 from foucault.logs.master_description import MasterDescription
 from foucault.models.earth import Site
@@ -131,8 +132,9 @@ def calibrate(
     result = _calibrate(log, site, settings or Settings(), noise, prior or {}, progress, shown=True)
     progress(1.0, "done")
     seconds = clock.monotonic() - started
-    return replace(result, instrument=dict(instrument or {}),
-                   provenance=provenance(log.source, seconds))  # fmt: skip
+    result = replace(result, instrument=dict(instrument or {}),
+                     provenance=provenance(log.source, seconds))  # fmt: skip
+    return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def trial(

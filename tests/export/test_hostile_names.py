@@ -1,0 +1,287 @@
+"""Whatever a person writes stays a name: no target runs, computes or draws anything of it."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import json
+import shutil
+import subprocess
+import sys
+import tokenize
+import tomllib
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from foucault import escape
+from foucault.campaign.fields import dotted
+from foucault.campaign.writing import _text
+from foucault.export import RECEIVERS, write
+from foucault.export.csv_table import CAN
+from foucault.logs.description import LogDescription
+from foucault.models.cluster import LAYOUT as CLUSTER
+from foucault.plans.systematic.file import parse_sequence
+from foucault.plans.systematic.steps import write_steps
+from foucault.report import html
+from foucault.result import Result
+from make_result import make_result
+from make_terms import with_terms
+
+HOSTILE = (
+    "*/ int evil(void){return 1;} /*",
+    "/* */ *\\\n/ int evil;",
+    "*??/\n/ int evil;",
+    "x\nopen('evil', 'w')",
+    "x\ropen('evil', 'w')",
+    "x\x0copen('evil', 'w')",
+    "x\x85open('evil', 'w')",
+    "x\u2028open('evil', 'w')",
+    "coding: utf-7 +AAo-open('evil', 'w')",
+    "-*- coding=utf-7 -*-",
+    '"""\nopen("evil", "w")\n"""',
+    "</script><script>evil()</script>",
+    "<img src=x onerror=evil()>",
+    "SN1\tjavascript:evil()",
+    '" onmouseover="evil()',
+    '<a href="javascript:evil()">SN</a>',
+    "{{ 7 * 7 }}{% raw %}",
+    "`<b>",
+    "=HYPERLINK(\"http://evil\")",
+    "a,=cmd|' /C calc'!A0",
+    'a,"=1+1"',
+    "+1+cmd|x",
+    "-1+cmd|x",
+    "@SUM(1)",
+    "\t=1+1",
+    "evil: true\n- evil",
+    'x"\n[evil]\ny = "',
+    "\x1b]0;evil\x07\x1b[2J",
+    "\u202eevil\u202c",
+    "\x00",
+    "${IFS}$(touch evil)`touch evil`; touch evil",
+    "%{x}<extra>evil</extra>",
+    "",
+)  # fmt: skip
+
+IDS = [str(k) for k in range(len(HOSTILE))]
+
+
+def hostile_result(name: str, result: Result) -> Result:
+    """Put `name` wherever a person can write."""
+    about = dict.fromkeys(("name", "serial", "operator", "due", "note", "more"), name)
+    verdict = replace(result.verdict, reasons=(name,))
+    made = result.provenance | {
+        "created": name, "inputs": [{"file": name}], "campaign": name,
+        "versions": {"foucault": name},
+    }  # fmt: skip
+    return replace(
+        result, instrument=about, provenance=made, verdict=verdict, procedure=name, equation=name,
+        gauge=name, frame=name, site=result.site | {"gravity_source": name},
+    )  # fmt: skip
+
+
+def counted(name: str) -> LogDescription:
+    """Return a log in counts whose columns are called so."""
+    block = {"columns": [name + "1", name + "2", name + "3"], "unit": "count"}
+    return LogDescription.model_validate({
+        "file": "log.csv", "rate": "100 Hz",
+        "accel": block | {"scale": "415 count/(m/s^2)"},
+        "gyro": block | {"scale": "4778 count/(rad/s)"},
+    })  # fmt: skip
+
+
+def written(receiver: str, name: str, path: Path) -> Path:
+    families = ("accel.bias",) if receiver in ("px4", "ros2", "kalibr", "imucal") else CAN
+    drop = ["accel.bias"] if receiver == "kalibr" else []
+    result = hostile_result(name, with_terms(*families))
+    return write(result, receiver, path, log=counted(name), drop=drop)
+
+
+def names_in(code: str) -> set[str]:
+    """Return the functions and names that a module holds."""
+    return {
+        getattr(node, "name", None) or getattr(node, "id", None) or ""
+        for node in ast.walk(ast.parse(code))
+    }
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+def test_c(name: str, tmp_path: Path) -> None:
+    header = written("c", name, tmp_path / "calibration.h")
+    gcc = ["gcc", "-E", "-P", "-std=c99", "-x", "c", str(header)]
+    done = subprocess.run(gcc, capture_output=True, text=True, check=True)
+    assert "evil" not in done.stdout
+    done = subprocess.run(
+        ["gcc", "-std=c99", "-Wall", "-Werror", "-Wno-unused", "-fsyntax-only", "-x", "c",
+         str(header)], capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+def test_python(name: str, tmp_path: Path) -> None:
+    module = written("python", name, tmp_path / "calibration.py")
+    with module.open("rb") as stream:
+        assert tokenize.detect_encoding(stream.readline)[0] == "utf-8"
+    plain = written("python", "plain", tmp_path / "plain.py")
+    assert names_in(module.read_text()) == names_in(plain.read_text())
+
+
+@pytest.mark.thorough
+def test_python_runs_nothing(tmp_path: Path) -> None:
+    for k, name in enumerate(HOSTILE):
+        written("python", name, tmp_path / f"m{k}.py")
+    program = (
+        "import sys, importlib, pathlib\n"
+        "def hook(event, args):\n"
+        "    bad = event == 'open' and 'evil' in str(args[0])\n"
+        "    if bad or event.startswith(('os.system', 'subprocess')): raise SystemExit(event)\n"
+        "sys.addaudithook(hook)\n"
+        f"for k in range({len(HOSTILE)}):\n"
+        "    module = importlib.import_module(f'm{k}')\n"
+        "    assert not hasattr(module, 'evil')\n"
+        "    f, w = module.compensate([0.0] * 3, [0.0] * 3)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", f"import sys; sys.path[:0] = ['.']\n{program}"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "evil").exists()
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+@pytest.mark.parametrize("receiver", ["kalibr", "ros2"])
+def test_yaml(receiver: str, name: str, tmp_path: Path) -> None:
+    yaml = pytest.importorskip("yaml")
+    got = yaml.safe_load(written(receiver, name, tmp_path / "out.yaml").read_text("utf-8"))
+    want = yaml.safe_load(written(receiver, "plain", tmp_path / "plain.yaml").read_text("utf-8"))
+    assert got == want
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+@pytest.mark.parametrize("receiver", ["json", "imucal"])
+def test_json(receiver: str, name: str, tmp_path: Path) -> None:
+    got = json.loads(written(receiver, name, tmp_path / "out.json").read_text("utf-8"))
+    want = json.loads(written(receiver, "plain", tmp_path / "plain.json").read_text("utf-8"))
+    assert got.keys() == want.keys()
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+def test_px4(name: str, tmp_path: Path) -> None:
+    lines = written("px4", name, tmp_path / "out").read_text("utf-8").splitlines()
+    assert all(line.startswith(("#", "param set CAL_", "param save")) for line in lines)
+
+
+def formulas(path: Path) -> list[str]:
+    """Return the cells that a spreadsheet would compute, whatever it takes to part them."""
+    out = []
+    for part in ",;\t":
+        for row in csv.reader(path.read_text("utf-8").splitlines(), delimiter=part):
+            for cell in row:
+                try:
+                    float(cell)
+                except ValueError:
+                    cell = cell.strip().strip("'\"" if cell.startswith('"') else "")
+                    out += [cell] if cell.startswith(("=", "+", "-", "@")) else []
+    return out
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+def test_csv(name: str, tmp_path: Path) -> None:
+    path = written("csv", name, tmp_path / "out.csv")
+    assert formulas(path) == []
+    assert not [line for line in path.read_text("utf-8").splitlines() if line.startswith("evil")]
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+@pytest.mark.parametrize("receiver", ["c", "python", "json"])
+def test_cluster(receiver: str, name: str, tmp_path: Path) -> None:
+    from foucault.coefficients import CoefficientVector
+
+    vector = CoefficientVector.zeros(CLUSTER)
+    result = hostile_result(name, replace(make_result(), coefficients=vector, tables={}))
+    text = write(result, receiver, tmp_path / "out").read_text("utf-8")
+    if receiver == "json":
+        json.loads(text)
+    elif receiver == "python":
+        assert "evil" not in names_in(text)
+    else:
+        assert text.count("/*") == text.count("*/")
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+def test_toml(name: str, tmp_path: Path) -> None:
+    value = {name: [name, {name: name}]}
+    text = "\n".join(f"{dotted((k,))} = {_text(v)}" for k, v in value.items())
+    assert tomllib.loads(text) == value
+    plain = parse_sequence(SEQUENCE)
+    first = replace(plain.actions[0], label=name)
+    sequence = replace(plain, name=name, actions=(first, *plain.actions[1:]))
+    write_steps(sequence, tmp_path / "plan.toml")
+    again = tomllib.loads((tmp_path / "plan.toml").read_text("utf-8"))
+    assert again["name"] == name
+    assert again["action"][0].get("label", "") == name
+    write_steps(sequence, tmp_path / "plan.csv")
+    assert formulas(tmp_path / "plan.csv") == []
+    assert tomllib.loads(escape.commented([name], "#")) == {}
+
+
+SEQUENCE = """
+name = "short"
+start = ["up", "east", "north"]
+[[action]]
+rest = "2 min"
+label = "first"
+[[action]]
+turn = "-90 deg"
+about = "y"
+rate = "20 deg/s"
+"""
+
+
+class Tags(HTMLParser):
+    """What a page is made of: elements with the names of their attributes, and its links."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, tuple[str, ...]]] = []
+        self.links: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, tuple(name for name, _ in attrs)))
+        self.links += [value or "" for name, value in attrs if name in ("href", "src")]
+
+
+@pytest.mark.parametrize("name", [name for name in HOSTILE if set(name) & set('<>"{`')])
+def test_page(name: str) -> None:
+    page = html(hostile_result(name, make_result()))
+    tags = Tags(page)
+    allowed = {tag for tag, _ in Tags(html(make_result())).seen} | {"code", "sub", "sup", "b", "i"}
+    assert {tag for tag, _ in tags.seen} <= allowed
+    assert not [a for _, attrs in tags.seen for a in attrs if a.startswith("on")]
+    assert all(link.startswith("#s") for link in tags.links)
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+def test_screen_and_figures_and_links(name: str) -> None:
+    assert not set(escape.screen(name)) & {"\x1b", "\x07", "\x00", "\r", "\x85"}
+    drawn = escape.figure({"data": [{"y": [name], "name": name}]})
+    assert "<a" not in str(drawn) and "<img" not in str(drawn) and "<script" not in str(drawn)
+    assert not escape.address(name).startswith("/")
+    assert not set(escape.address(name)) & set(':\\"<>\t')
+    assert json.loads(escape.json_remark({"name": name})) == {"name": name}
+
+
+def test_texts_that_harm_nobody_stay_as_they_are() -> None:
+    for text in ("MTi-28 no. 0180-2214", "a = b - c, (-1.5, -2e-3) m/s^2", "Müller & Söhne, 北"):
+        assert escape.c_comment(text) == escape.hash_comment(text) == text
+        assert escape.csv_comment(text) == text
+        assert escape.csv_cell(text) == escape.screen(text) == text
+    assert escape.csv_cell("-30.5") == "-30.5"
+    assert set(RECEIVERS) == {"c", "python", "json", "csv", "kalibr", "imucal", "px4", "ros2"}
