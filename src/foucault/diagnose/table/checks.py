@@ -9,15 +9,19 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import (
+    drift_check,
+    judge_prior,
     plausible_scales,
-    prior_check,
     reversed_earth_at_rest,
     reversed_earth_check,
     status_check,
 )
 from foucault.diagnose.coverage import Coverage
+from foucault.errors import Status
+from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit
+from foucault.estimate.drift import Drift, find_drift
+from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit, kinds_of
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles
@@ -90,11 +94,22 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
     out += [_outliers(e), _controlled(e), *_rate_as_declared(e)]
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)
-    if np.isfinite(estimate.coefficients.prior_sd).any():
-        known = np.isfinite(estimate.coefficients.prior_sd)
-        # The coefficients' prior rows follow those of the table.
-        out.append(prior_check(estimate.coefficients, estimate.residuals[-int(known.sum()) :]))
-    return tuple(out)
+    out += drift_check(_clearest_drift(e), estimate.coefficients.layout)
+    return tuple(out + judge_prior(estimate))
+
+
+def _clearest_drift(e: TableEvidence) -> Drift | None:
+    """Return the drift of a coefficient that the residuals show most clearly."""
+    fit, r, n = e.fit, e.readings, len(e.readings)
+    estimate, problem = fit.estimate, fit.problem
+    if estimate.coefficients.names != fit.options.names or estimate.status is not Status.CONVERGED:
+        return None
+    at = problem.linearise(estimate.state, estimate.weights)
+    at = gauss_newton.with_prior(problem, estimate.state, at)
+    time = np.tile(r.start + r.time / 2, 2)
+    # Specific forces have one scatter, rates at rest and in spins each their own.
+    kinds = np.maximum(kinds_of(r, np.arange(2 * n)), 1)
+    return find_drift(at, fit.options.names, time, kinds=kinds)
 
 
 def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.errors import Status
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.hand_rotated.likelihood import Component
@@ -161,8 +162,25 @@ def fit(readings: Readings, site: Site, start: State, options: Options) -> Table
     start : State
         Where to start; its geometry says what is believed of the table.
     options : Options
-        How to fit.
+        How to fit. A prior comes last, when outliers and scatter are settled: they would take up
+        what contradicts it.
     """
+    found = _fit(readings, site, start, replace(options, prior=None))
+    if options.prior is None:
+        return found
+    if found.estimate.status is Status.UNOBSERVABLE:  # nothing can be said without it
+        return _fit(readings, site, start, options)
+    problem = replace(found.problem, prior=options.prior)
+    estimate = gauss_newton.add_prior(problem, found.estimate)
+    at = problem.linearise(estimate.state, estimate.weights)
+    return replace(
+        found, options=options, problem=problem, estimate=estimate, at=at,
+        snooping=snoop(at, estimate.state_cov),
+    )  # fmt: skip
+
+
+def _fit(readings: Readings, site: Site, start: State, options: Options) -> TableFit:
+    """Estimate the coefficients, the outliers, and the scatter, all at once."""
     observed = Observed.of(
         readings, site, start, rate_sd=options.rate_sd, gyro_at_rest=options.gyro_at_rest
     )
