@@ -252,8 +252,14 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Give `latitude` in [site]."),
     ("readings.no_angles", "error",
      "A procedure that uses the angles of the table, without angles",
-     "'{procedure}' needs middle and inner angle of every position, and some are unknown.",
-     "Describe them in [log.table], or give the plan, or use norm_observation, which needs none."),
+     "'{procedure}' needs the {what} of every position, and some are unknown.",
+     "Describe them in [log.table], or give the plan whose positions were measured, or use "
+     "norm_observation, which needs none."),
+    ("readings.gyro_constant", "error",
+     "Gyros that read the same all the time on a table",
+     "All gyros read the same in every rest and every spin, to the last digit.",
+     "Look at `columns` of [log.gyro], and whether the gyros were switched on; remove [log.gyro] "
+     "to calibrate the accelerometers alone."),
     ("readings.no_solution", "error",
      "Readings whose norms fit no instrument",
      "No instrument gives readings like these: their norms do not lie on an ellipsoid.",

@@ -299,7 +299,7 @@ def _far_too_slow(data: Reduced, rests: list[Stretch], commanded: FloatArray) ->
         return
     w, f = (np.array([mean(data.cells, x, r) for r in rests])
             for x in (data.cells.gyro, data.cells.accel))  # fmt: skip
-    up = f / np.linalg.norm(f, axis=1)[:, None]
+    up = f / np.maximum(np.linalg.norm(f, axis=1), 1e-300)[:, None]
     bias = bias_across(w, up, np.array([_time(data, r) for r in rests]))
     along = np.abs(((w - bias) * up).sum(axis=1))
     for told in commanded:

@@ -271,7 +271,10 @@ def _named(given: float, miss: Miss, angles: FloatArray, cure: str) -> FoucaultE
               for order in permutations(range(3))]  # fmt: skip
     orders.sort(key=lambda o: (sum(s < 0 for s in o[1]), sum(i != k for i, k in enumerate(o[0]))))
     for order, signs in orders[1:]:
-        off = miss(angles[:, order] * np.array([1, *signs]), 1.0)
+        tried = angles[:, order] * np.array([1, *signs])
+        if not np.isfinite(tried[:, 1:]).all():  # an angle that the log does not have
+            continue
+        off = miss(tried, 1.0)
         if off < FITS:
             names = [("-" if s < 0 else "") + NAMES[k]
                      for k, s in zip(order, (1, *signs), strict=True)]  # fmt: skip

@@ -40,7 +40,7 @@ from foucault.models.table_state import State
 from foucault.models.turntable import up_k
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
-from foucault.procedures import Progress, silent
+from foucault.procedures import Progress, silent, solvable
 from foucault.procedures.on_table.session import TableSettings
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import AXES, Log
@@ -129,9 +129,11 @@ def calibrate(
     if not task.settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.05, "finding rests and spins")
-    readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
+    with solvable():
+        readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
     progress(0.4, "calibrating")
-    result = from_readings(readings, task, site=site, prior=prior)
+    with solvable():
+        result = from_readings(readings, task, site=site, prior=prior)
     seconds = clock.monotonic() - started
     progress(1.0, "done")
     whole = replace(
@@ -192,6 +194,8 @@ def read_positions(
             log.description, log.folder, plan=plans[True], noise=noise, shortest=s.shortest,
             progress=progress,
         )  # fmt: skip
+    if found.gyro is not None and len(found) > 1 and _the_same(found.gyro):
+        raise error("readings.gyro_constant")
     # Accelerometers alone need no spins, and none are missing then.
     plan = plans[described.gyro is not None or bool(found.spin.any())]
     checked = check_readings(
@@ -202,6 +206,11 @@ def read_positions(
     check_gyro_axes(found)  # `checked` has the senses of spins from the gyros
     first_as_declared(found, described)
     return checked
+
+
+def _the_same(means: FloatArray) -> bool:
+    """Tell whether all readings are the same to the last digits: no noise is so small."""
+    return bool(np.all(np.ptp(means, axis=0) <= 1e-12 * np.abs(means).max()))
 
 
 def from_readings(
@@ -287,7 +296,10 @@ def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[
     elif site.latitude is None:
         raise error("readings.no_latitude")
     if task.trust is not None and not np.isfinite(readings.angles).all():
-        raise error("readings.no_angles", procedure=task.procedure)
+        lacking = ~np.isfinite(readings.angles).all(axis=0)
+        names = [n for n, lacks in zip(("outer", "middle", "inner"), lacking, strict=True) if lacks]
+        what = f"{' and '.join(names)} angle"
+        raise error("readings.no_angles", procedure=task.procedure, what=what)
     needed = NORM_NEEDS + 3 * task.settings.accel_quadratic if task.trust is None else 4
     spins = 0 if readings.gyro is None else (NORM_NEEDS if task.trust is None else 4)
     enough_readings(readings, needed, spins)
@@ -316,7 +328,8 @@ def _rough_up(readings: Readings) -> FloatArray:
     if np.isfinite(readings.angles[:, 1:]).all():
         return up_k(readings.angles)
     assert readings.accel is not None
-    return np.asarray(readings.accel / np.linalg.norm(readings.accel, axis=1, keepdims=True))
+    size = np.linalg.norm(readings.accel, axis=1, keepdims=True)
+    return np.asarray(readings.accel / np.maximum(size, 1e-300))
 
 
 def _result(
