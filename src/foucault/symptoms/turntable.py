@@ -225,6 +225,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "used as a spin: {why}.",
      "A spin is about the vertical. If this one was, look for vibration or loose mounting, or log "
      "the number of the position or the outer angle and name the column in [log.table]."),
+    ("positions.unlogged", "note",
+     "Moves from one position of a table to the next that are not in the log",
+     "The log has {count} gaps, all between one position and the next: the moves were not logged.",
+     "Nothing to do."),
     ("positions.order", "warning",
      "Positions taken in another order than planned",
      "The positions were not taken in the order of the plan; each reading was matched by the "

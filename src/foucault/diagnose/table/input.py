@@ -352,9 +352,17 @@ def _matching(
         others = np.flatnonzero(more & (row < 0) & some)
         if len(others):
             out.append(finding(code, which=numbered(readings, others)))
-    if not found.ordered:
+    if not found.ordered and not _each_in_order(readings, found):
         out.append(finding("positions.order"))
     return out
+
+
+def _each_in_order(readings: Readings, found: Match) -> bool:
+    """Tell whether rests and spins are each in the order of the plan, if not one after another."""
+    return all(
+        bool(np.all(np.diff(found.row[(found.row >= 0) & kind]) > 0))
+        for kind in (readings.spin, ~readings.spin)
+    )
 
 
 def _position(plan: TablePlan, k: int) -> str:

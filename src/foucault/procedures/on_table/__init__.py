@@ -138,7 +138,7 @@ def calibrate(
     progress(1.0, "done")
     whole = replace(
         result,
-        findings=(*log.findings, *result.findings),
+        findings=_without_gaps((*log.findings, *result.findings)),
         instrument=dict(instrument or {}),
         validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
         provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
@@ -155,6 +155,13 @@ def _clocked(log: Log | OnDisk) -> tuple[bool, bool]:
     outer = table is not None and table.columns is not None and table.columns[0] is not None
     timed = outer and log.description.averaged is None
     return timed, accel is not None and accel.kind == "increment"
+
+
+def _without_gaps(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Moves that nobody logged are no lost data."""
+    if "positions.unlogged" not in [f.code for f in findings]:
+        return findings
+    return tuple(f for f in findings if f.code != "log.gap")
 
 
 def read_positions(
