@@ -231,22 +231,34 @@ def _linearise(
     prior[np.arange(len(known)), unknowns.before_geometry + known] = 1.0 / sd[known]
     residuals.append(-value[known])
     slopes.append(prior)
-    column = unknowns.before_geometry + len(sd)
-    for k, root in enumerate(observed.wander_roots):
-        if root is None:
-            continue
-        now = np.zeros((n, 3)) if state.wander is None else state.wander[:, 3 * k : 3 * k + 3]
-        rows = np.zeros((3 * n, slopes[0].shape[1]))
-        rows[:, column : column + 3 * n] = np.kron(root, np.eye(3))
-        residuals.append(-(root @ now).reshape(-1))
-        slopes.append(rows)
-        column += 3 * n
+    for miss, slope in _slow_rows(observed, state, unknowns.before_geometry + len(sd), prior):
+        residuals.append(miss)
+        slopes.append(slope)
     out, used = np.concatenate(residuals), sum(len(b) for b in blocks)
     return Linearised(
         out,
         np.concatenate(slopes),
         np.concatenate([*blocks, np.full(len(out) - used, -1)]),
     )
+
+
+def _slow_rows(
+    observed: Observed, state: State, column: int, like: FloatArray
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return what is known of the slow biases: white residuals and slopes of each triad.
+
+    Their unknowns begin at `column`; the slopes have as many columns as `like`.
+    """
+    n, out = len(observed.readings), []
+    for k, white in enumerate(observed.wander_roots):
+        if white is None:
+            continue
+        now = np.zeros((n, 3)) if state.wander is None else state.wander[:, 3 * k : 3 * k + 3]
+        slope = np.zeros((3 * n, like.shape[1]))
+        slope[:, column : column + 3 * n] = np.kron(white, np.eye(3))
+        out.append((-(white @ now).reshape(-1), slope))
+        column += 3 * n
+    return out
 
 
 # -- starts --------------------------------------------------------------------------------
