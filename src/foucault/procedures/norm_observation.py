@@ -185,8 +185,9 @@ def linear(
                     moved.append(at.coefficients(names).values)
                 slope[:, i] = (moved[0] - moved[1]) / (2 * step)
             cov += slope @ covs[j] @ slope.T
-        if slow[triad] is not None:
-            cov += np.einsum("iak,ij,jbk->ab", slopes, slow[triad], slopes)
+        tied = slow[triad]
+        if tied is not None:
+            cov += np.einsum("iak,ij,jbk->ab", slopes, tied, slopes)
     vector = CoefficientVector(LAYOUT.subset(names), values, cov)
     return vector, replace(fit.estimate.state, model=model, lever_arm=lever_arm)
 

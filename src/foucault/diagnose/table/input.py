@@ -146,7 +146,8 @@ def _outer(log: Log | LogDescription | None) -> bool:
         return False
     if isinstance(table, TableColumns):
         return bool(np.isfinite(table.angles[:, 0]).any())
-    return bool(table.columns) and table.columns[0] not in (None, "")
+    columns = table.columns
+    return columns is not None and columns[0] is not None and columns[0] != ""
 
 
 def enough_readings(readings: Readings, rests: int, spins: int, what: str = "") -> None:

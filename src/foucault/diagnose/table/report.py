@@ -104,8 +104,8 @@ def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[fl
     parts["jitter of the spin rate and unknown Earth rate"] = total - sum(parts.values())
     out = {k: np.einsum("cki,kij,ckj->c", gain, v[blocks], gain) for k, v in parts.items()}
     first = int(np.sum(used)) + int(np.isfinite(estimate.state.geometry.prior()[1]).sum())
-    for triad, root in zip(("accelerometer", "gyro"), observed.wander_roots, strict=True):
-        if root is not None:
+    for triad, white in zip(("accelerometer", "gyro"), observed.wander_roots, strict=True):
+        if white is not None:
             rows = fit.at.jacobian[first : first + 3 * len(r)]
             slow = estimate.state_cov[:count] @ rows.T
             out[f"wandering {triad} bias"] = np.sum(slow**2, axis=1)

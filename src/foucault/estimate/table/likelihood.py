@@ -234,11 +234,11 @@ def _linearise(
     for miss, slope in _slow_rows(observed, state, unknowns.before_geometry + len(sd), prior):
         residuals.append(miss)
         slopes.append(slope)
-    out, used = np.concatenate(residuals), sum(len(b) for b in blocks)
+    out, observations = np.concatenate(residuals), sum(len(b) for b in blocks)
     return Linearised(
         out,
         np.concatenate(slopes),
-        np.concatenate([*blocks, np.full(len(out) - used, -1)]),
+        np.concatenate([*blocks, np.full(len(out) - observations, -1)]),
     )
 
 

@@ -303,8 +303,11 @@ def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[
     elif site.latitude is None:
         raise error("readings.no_latitude")
     if task.trust is not None and not np.isfinite(readings.angles).all():
-        lacking = ~np.isfinite(readings.angles).all(axis=0)
-        names = [n for n, lacks in zip(("outer", "middle", "inner"), lacking, strict=True) if lacks]
+        names = [
+            name
+            for name, angle in zip(("outer", "middle", "inner"), readings.angles.T, strict=True)
+            if not np.isfinite(angle).all()
+        ]
         what = f"{' and '.join(names)} angle"
         raise error("readings.no_angles", procedure=task.procedure, what=what)
     needed = NORM_NEEDS + 3 * task.settings.accel_quadratic if task.trust is None else 4
