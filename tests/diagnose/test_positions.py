@@ -413,3 +413,28 @@ def test_a_log_that_never_rests_is_refused():
     with pytest.raises(FoucaultError) as problem:
         find_readings(Log(time, shaken[0], shaken[1]))
     assert problem.value.code == "positions.none"
+
+
+@pytest.mark.parametrize("labelled", [True, False], ids=["labels", "nothing"])
+def test_moves_that_nobody_logged_are_no_lost_data(labelled):
+    session = Session(plan_of(FACES, 0.0, time=10.0), accel_noise=1e-3, gyro_noise=1e-4, rate=20.0)
+    log = session.log(("position",))
+    inside = log.table.position >= 0
+    label = log.table.position if labelled else np.full(len(log), -1)
+
+    def found(keep):
+        table = TableColumns(log.table.angles[keep], None, label[keep])
+        kept = replace(
+            log, time=log.time[keep], gyro=log.gyro[keep], accel=log.accel[keep],
+            table=table if labelled else None,
+        )  # fmt: skip
+        return find_readings(kept).findings
+
+    (told,) = found(inside)
+    assert told.code == "positions.unlogged"
+    assert "5 gaps, all between one position and the next" in told.message
+    start, _ = session.marks[2]
+    lost = inside & ~((log.time > start + 4) & (log.time < start + 5))
+    assert "positions.unlogged" not in [f.code for f in found(lost)]
+    # Rows that are missing have not moved.
+    assert "position.moving" not in [f.code for f in found(lost)]

@@ -362,3 +362,16 @@ def test_six_faces_are_enough_to_tell_the_mistakes():
     assert codes(checked(faces)) == []
     refused("table.order", faces, angles=lambda a: a[:, [0, 2, 1]])
     assert codes(checked(faces, done=only(faces, [0, 1, 2, 3, 5]))) == ["positions.missing"]
+
+
+def test_rests_each_followed_by_its_spin_are_in_order():
+    plan = TablePlan(
+        "both", np.concatenate([ICO, ICO]), np.repeat([0.0, 10 * DEG], 12),
+        np.concatenate([RESTS.time, SPINS.time]),
+    )  # fmt: skip
+    each = np.ravel(np.column_stack([np.arange(12), 12 + np.arange(12)]))
+    got = checked(plan, done=only(plan, each))
+    assert len(got) == 24
+    assert "positions.order" not in codes(got)
+    shuffled = np.r_[[3, 1, 2, 0], 4:24]
+    assert "positions.order" in codes(checked(plan, done=only(plan, shuffled)))

@@ -92,15 +92,16 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     given = read_log(campaign, progress) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
-        result: Result = module.calibrate(
-            given,
-            site=campaign.site,
-            settings=campaign.settings,
-            noise=campaign.noise,
-            prior=prior,
-            instrument=campaign.instrument,
-            progress=progress,
-        )
+        with procedures.solvable():
+            result: Result = module.calibrate(
+                given,
+                site=campaign.site,
+                settings=campaign.settings,
+                noise=campaign.noise,
+                prior=prior,
+                instrument=campaign.instrument,
+                progress=progress,
+            )
         return earlier.with_given(_stuck_first(result), prior)
 
     if campaign.earlier is None:

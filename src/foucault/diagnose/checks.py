@@ -318,6 +318,100 @@ def alike_check(
     return Check(f"{group} alike", z, -limit, limit, fine, words)
 
 
+CHANCE = 0.005
+"""False alarms of the test of the Earth's sign at rest, one-sided [1]."""
+
+
+def reversed_earth_at_rest(
+    rates: FloatArray, up: FloatArray, matrix: FloatArray, site: Site, sd: float = 0.0
+) -> Check | None:
+    """Doubt rates at rest that are nearer to those of a reversed Earth rate than to none.
+
+    A reversed sign of the vertical part leaves ``-2 w_ie sin(L) up`` in every rest. One number is
+    looked for, not nine of a g-sensitivity, so that gyros tell it whose noise hides each of those.
+
+    Parameters
+    ----------
+    rates : ndarray, shape (n, 3)
+        Mean rates at rest, without the Earth's rate as the latitude says it [rad/s].
+    up : ndarray, shape (n, 3)
+        Directions of up, body axes [1].
+    matrix : ndarray, shape (3, 3)
+        Scale factors and misalignments of the gyros [1].
+    site : Site
+        Latitude.
+    sd : float
+        Least scatter of these rates that their noise makes, per axis [rad/s].
+
+    Returns
+    -------
+    Check or None
+        None where the latitude is unknown or the directions are too few or too much alike.
+    """
+    from scipy.special import stdtrit
+
+    n = len(rates)
+    if site.latitude is None or n < 3:
+        return None
+    made = float(-2 * EARTH_RATE * np.sin(site.latitude))
+    x, y = up @ matrix.T, rates
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    size, dof = float(np.sum(x**2)), 3 * n - 4
+    if size < 0.1 * n or made == 0.0:
+        return None
+    k = float(np.sum(x * y)) / size
+    scatter = max(float(np.sqrt(np.sum((y - k * x) ** 2) / dof)), sd)
+    slope_sd = scatter / np.sqrt(size)
+    if slope_sd <= 0.0:
+        return None
+    limit = float(stdtrit(dof, 1 - CHANCE))
+    away = k / slope_sd * float(np.sign(made))
+    nearer = abs(k - made) < abs(k)
+    fine = bool(away <= limit or not nearer)
+    hour = np.degrees(1.0) * 3600
+    words = (
+        f"The rates at rest point along up by {hour * k:+.2f} +- {hour * slope_sd:.2f} deg/h; a "
+        f"reversed sign of the Earth's rate would make it {hour * made:+.2f}"
+    ) + ("." if fine else f". It is probably that: {REVERSED}.")
+    top = limit if nearer else None
+    return Check("vertical Earth rate", away, None, top, fine, words)
+
+
+MANY = 10.0
+"""An uncertainty so many times what noise and plan allow is no success of the plan [1]."""
+
+
+def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Check:
+    """Compare the uncertainties with those that noise and plan allow.
+
+    Scatter that is estimated makes a result honest, not good: where one reading spoils all, the
+    uncertainties grow until everything fits.
+
+    Parameters
+    ----------
+    coefficients : CoefficientVector
+        The estimate, with covariance [SI].
+    bound : array_like, shape (n,)
+        Cramer-Rao bound of the same coefficients by the noise alone, as sd; NaN or infinite where
+        nothing tells them [SI].
+    """
+    least = np.asarray(bound, float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(np.isfinite(least) & (least > 0), coefficients.sd / least, 0.0)
+    worst = int(np.argmax(ratio))
+    fine = bool(ratio[worst] <= MANY)
+    words = (
+        f"The uncertainty of {coefficients.names[worst]} is {ratio[worst]:.1f} times what noise "
+        "and plan allow"
+    ) + (
+        "."
+        if fine
+        else ": `foucault preflight` promises a better result of this plan. Some readings do not "
+        "belong to the others, and their scatter is shared by all."
+    )
+    return Check("uncertainty against the plan", float(ratio[worst]), None, MANY, fine, words)
+
+
 def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:
     """Doubt a g-sensitivity that is what a reversed sign of the Earth's rate would make.
 

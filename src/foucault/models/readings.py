@@ -45,8 +45,8 @@ class Readings:
     findings : tuple of Finding
         What was noticed when they were made.
     slow : ImuNoise or None
-        Declared noise whose bias wanders and so ties readings to one another; `accel_cov` and
-        `gyro_cov` hold what it does to each reading alone [SI].
+        Bias instability and random walk that were declared: they are in the covariances, and tie
+        the readings together besides; None for none [SI].
     """
 
     angles: FloatArray
@@ -83,10 +83,9 @@ class Readings:
     def with_noise(self, noise: ImuNoise) -> Readings:
         """Return the same readings with the covariance that declared `noise` [SI] gives them.
 
-        White noise and rounding average out; bias instability and random walk do so hardly, and
-        tie readings to one another: see `wander`.
+        White noise and rounding average out. Bias instability and random walk do so hardly, and
+        tie one reading to the next: see `wander`.
         """
-        wanders = any(t.bias_instability or t.random_walk for t in (noise.accel, noise.gyro))
         accel = mean_variance(noise.accel, self.time, self.interval, self.increments)
         gyro = mean_variance(noise.gyro, self.time, self.interval, self.increments)
         return replace(
@@ -94,9 +93,47 @@ class Readings:
             accel_cov=accel[:, None, None] * np.eye(3),
             gyro_cov=gyro[:, None, None] * np.eye(3),
             declared=True,
-            slow=noise if wanders else None,
             findings=tuple(f for f in self.findings if f.code != "readings.noise_unknown"),
+            slow=slow_part(noise),
         )
+
+    def wander(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return the covariance of the slow biases over all readings, as accel and gyro have them.
+
+        Each shape (n, n), alike for the three axes [SI]; None where nothing slow was declared.
+        """
+        if self.slow is None:
+            return None, None
+        out = []
+        for means, noise in ((self.accel, self.slow.accel), (self.gyro, self.slow.gyro)):
+            none = means is None or not (noise.bias_instability or noise.random_walk)
+            middle = self.start + self.time / 2
+            out.append(None if none else wander(noise, middle, self.time))
+        return out[0], out[1]
+
+    def without_wander(self) -> Readings:
+        """Return the same readings with the covariance of what is new in each of them alone."""
+        if self.slow is None:
+            return self
+        quick = []
+        for cov, noise in ((self.accel_cov, self.slow.accel), (self.gyro_cov, self.slow.gyro)):
+            slow = wander_variance(noise, self.time)
+            quick.append(cov - slow[:, None, None] * np.eye(3))
+        return replace(self, accel_cov=quick[0], gyro_cov=quick[1])
+
+
+def slow_part(noise: ImuNoise) -> ImuNoise | None:
+    """Return bias instability and random walk alone, None where there is neither.
+
+    Parameters
+    ----------
+    noise : ImuNoise
+        Noise of the instrument [SI].
+    """
+    if not any(t.bias_instability or t.random_walk for t in (noise.accel, noise.gyro)):
+        return None
+    alone = (replace(t, white=0.0, quantisation=0.0) for t in (noise.accel, noise.gyro))
+    return ImuNoise(*alone)
 
 
 def wander(noise: TriadNoise, middle: FloatArray, time: FloatArray) -> FloatArray:

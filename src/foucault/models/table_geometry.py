@@ -155,6 +155,10 @@ class Trust:
     latitude: float | None
 
 
+DOUBTED = np.radians(30.0)
+"""Sd of an angle that is not believed: wide enough to say nothing, and finite, since an inner angle
+about the vertical is seen by nothing else [rad]."""
+
 STRAIGHT = 1e-6
 """Steps smaller than this need no correction: its square is beyond any reading [rad]."""
 
@@ -179,6 +183,8 @@ class Angles:
         Errors of the middle and inner angle in each position [rad].
     heading : float or None
         Azimuth of table y [rad]; None where no rest says anything of it.
+    doubted : tuple of int, shape (k,)
+        Readings whose middle and inner angle are not believed [1].
     """
 
     readings_angles: FloatArray
@@ -188,6 +194,7 @@ class Angles:
     common: FloatArray
     position: FloatArray
     heading: float | None
+    doubted: tuple[int, ...] = ()
 
     @property
     def used(self) -> npt.NDArray[np.intp]:
@@ -308,7 +315,9 @@ class Angles:
         values, sds = [none, self.common[self.used]], [free, self.trust.common_sd[self.used]]
         if self.trust.position_sd > 0:
             values.append(self.position.reshape(-1))
-            sds.append(np.full(self.position.size, self.trust.position_sd))
+            each = np.full(self.position.shape, self.trust.position_sd)
+            each[list(self.doubted)] = DOUBTED
+            sds.append(each.reshape(-1))
         if self.heading is not None:
             values.append(np.zeros(1))
             sds.append(np.full(1, np.inf))

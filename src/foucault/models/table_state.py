@@ -45,6 +45,9 @@ class State:
         ln of the norm of the mean specific force in spins over local gravity [1].
     offset : ndarray, shape (3,)
         Gyro bias at rest minus that in spins: they are measured at different times [rad/s].
+    wander : ndarray, shape (n, 6), or None
+        Slow biases in each reading less their long-term mean, accelerometers and gyros; None for
+        zero [SI].
     """
 
     model: ImuModel
@@ -52,11 +55,15 @@ class State:
     lever_arm: FloatArray
     level: float = 0.0
     offset: FloatArray = field(default_factory=lambda: np.zeros(3))
+    wander: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Which unknowns a step has, in order: coefficients, lever arm, level, offset, geometry.
+    """Which unknowns a step has.
+
+    In order: coefficients, lever arm, level, offset, geometry, and for every reading how far the
+    slow biases of accelerometers and of gyros are from their long-term mean.
 
     Attributes
     ----------
@@ -64,12 +71,15 @@ class Unknowns:
         Coefficients.
     lever_arm, level, offset : bool
         Whether these are unknown.
+    wander : tuple of bool, shape (2,)
+        Whether the slow biases of accelerometers and of gyros are [1].
     """
 
     names: tuple[str, ...]
     lever_arm: bool
     level: bool
     offset: bool = False
+    wander: tuple[bool, bool] = (False, False)
 
     @property
     def before_geometry(self) -> int:
@@ -152,17 +162,24 @@ def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) ->
         "ik,nkj->nij", state.model.accel_quadratic, products_slope(f)
     )
     own_accel, own_gyro = _coefficient_slope(unknowns.names, f, w)
-    gyro_slope = state.model.gyro_matrix @ w_slope + state.model.g_sensitivity @ f_slope
+    gyro_by_all = state.model.gyro_matrix @ w_slope + state.model.g_sensitivity @ f_slope
     if unknowns.offset:
         at = unknowns.before_geometry - len(unknowns.names) - 3
-        gyro_slope[~spin, :, at : at + 3] = eye
+        gyro_by_all[~spin, :, at : at + 3] = eye
+    if state.wander is not None:
+        accel, gyro = accel + state.wander[:, :3], gyro + state.wander[:, 3:]
+    accel_slope = [own_accel, accel_by_f @ f_slope]
+    gyro_slope = [own_gyro, gyro_by_all]
+    for mine, other, used in (
+        (accel_slope, gyro_slope, unknowns.wander[0]),
+        (gyro_slope, accel_slope, unknowns.wander[1]),
+    ):
+        if used:  # three unknowns per reading
+            n = len(o)
+            mine.append(np.einsum("nm,ij->nimj", np.eye(n), eye).reshape(n, 3, 3 * n))
+            other.append(np.zeros((n, 3, 3 * n)))
     return Prediction(
-        accel,
-        gyro,
-        np.concatenate([own_accel, accel_by_f @ f_slope], axis=2),
-        np.concatenate([own_gyro, gyro_slope], axis=2),
-        f,
-        w,
+        accel, gyro, np.concatenate(accel_slope, axis=2), np.concatenate(gyro_slope, axis=2), f, w
     )
 
 
@@ -209,4 +226,13 @@ def moved(state: State, step: FloatArray, unknowns: Unknowns) -> State:
     offset = state.offset
     if unknowns.offset:
         offset, at = offset + step[at : at + 3], at + 3
-    return State(model, state.geometry.moved(step[at:]), lever_arm, level, offset)
+    end = at + len(state.geometry.prior()[0])
+    geometry = state.geometry.moved(step[at:end])
+    wander = state.wander
+    if any(unknowns.wander):
+        n = (len(step) - end) // (3 * sum(unknowns.wander))
+        wander = np.zeros((n, 6)) if wander is None else wander.copy()
+        for k in np.flatnonzero(unknowns.wander):
+            wander[:, 3 * k : 3 * k + 3] += step[end : end + 3 * n].reshape(n, 3)
+            end += 3 * n
+    return State(model, geometry, lever_arm, level, offset, wander)

@@ -10,7 +10,8 @@ methods: they hold what the methods on the faces of a cube and on a table share.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from foucault.errors import error, suggestion
@@ -45,6 +46,23 @@ def silent(fraction: float, words: str) -> None:
     words : str
         What is being done.
     """
+
+
+@contextmanager
+def solvable() -> Iterator[None]:
+    """Name equations that cannot be solved, as what is wrong with a log, not as what NumPy says.
+
+    Raises
+    ------
+    FoucaultError
+        ``solution.singular``.
+    """
+    from numpy.linalg import LinAlgError
+
+    try:
+        yield
+    except LinAlgError as problem:
+        raise error("solution.singular", why=str(problem)) from problem
 
 
 def load(name: str) -> Any:

@@ -164,6 +164,7 @@ def linear(
     names = tuple(n for n in LINEAR_LOWER if readings.gyro is not None or n.startswith("accel."))
     values = model.coefficients(names).values
     cov = np.zeros((len(names), len(names)))
+    slow = dict(zip(("accel", "gyro"), some.wander(), strict=True))
     blocks = [
         ("accel", fit.observed.accel_cov[kept], 1e-4),
         ("gyro", fit.observed.gyro_cov[kept], 1e-6),
@@ -172,8 +173,9 @@ def linear(
         means = getattr(some, triad)
         if means is None:
             continue
+        slopes = np.empty((len(some), len(names), 3))
         for j in range(len(some)):
-            slope = np.empty((len(names), 3))
+            slope = slopes[j]
             for i in range(3):
                 moved = []
                 for sign in (1.0, -1.0):
@@ -183,6 +185,9 @@ def linear(
                     moved.append(at.coefficients(names).values)
                 slope[:, i] = (moved[0] - moved[1]) / (2 * step)
             cov += slope @ covs[j] @ slope.T
+        tied = slow[triad]
+        if tied is not None:
+            cov += np.einsum("iak,ij,jbk->ab", slopes, tied, slopes)
     vector = CoefficientVector(LAYOUT.subset(names), values, cov)
     return vector, replace(fit.estimate.state, model=model, lever_arm=lever_arm)
 

@@ -136,6 +136,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A log made in a program that holds NaN or infinite numbers",
      "Sample {index} of {what} is not a finite number.",
      "Leave such samples out, or read the log with `foucault.read_log`, which says what it found."),
+    ("solution.singular", "error",
+     "A log whose equations have no solution",
+     "The equations that follow from this log cannot be solved ({why}).",
+     "Look at the log with `foucault inspect`: an axis that reads nothing, a column taken twice, "
+     "or one axis in another unit."),
     ("published.unweighted", "error",
      "Noise or a prior given to the published recipe, which has no place for them",
      "The published recipe weighs all residuals alike; it cannot use {what}.",

@@ -113,6 +113,13 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The table did not turn at the rate of the plan",
      "The plan says {told} deg/s, but the table says {measured} deg/s; the table is believed.",
      "Correct the spin rate in [procedure]."),
+    ("spin.rate_clock", "warning",
+     "The outer angle over the time of the log is not the rate of the spins as declared",
+     "The spins were declared with {told} deg/s, but the outer angle over the time of the log says "
+     "{measured} deg/s: {ppm} ppm, and the table's rate is good to {sd} ppm (sd). If the time of "
+     "the log is wrong by so much, all gyro scale factors are.",
+     "Find out whether the table or the clock of the log is wrong. The clock: give [log] the true "
+     "`rate`. The table: correct `spin_rate` in [procedure], or declare its `table_rate_sd`."),
     ("spin.sense", "error",
      "All spins have the other sense than the gyros say",
      "In all {count} spins the gyros turn {measured} seen from above, the other way than {said} "
@@ -194,6 +201,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Readings that are not those of the plan",
      "The readings are not in the positions of the plan. {used}",
      "Check `plan` (or `positions`) in [procedure]; nothing to do if other positions were meant."),
+    ("table.angle", "warning",
+     "An angle of the table that is far off in one position",
+     "The angles of {reading} do not fit what the instrument reads there: the {how}. They were not "
+     "used.",
+     "Look at this angle in the log, or in `positions` of [procedure]; if it is right, the "
+     "instrument slipped on the table."),
     ("table.unused", "warning",
      "Directions of gravity that do not fit table angles which nobody needs",
      "The directions of gravity miss those of the logged table angles by {given} deg. The "
@@ -212,6 +225,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "used as a spin: {why}.",
      "A spin is about the vertical. If this one was, look for vibration or loose mounting, or log "
      "the number of the position or the outer angle and name the column in [log.table]."),
+    ("positions.unlogged", "note",
+     "Moves from one position of a table to the next that are not in the log",
+     "The log has {count} gaps, all between one position and the next: the moves were not logged.",
+     "Nothing to do."),
     ("positions.order", "warning",
      "Positions taken in another order than planned",
      "The positions were not taken in the order of the plan; each reading was matched by the "
@@ -239,8 +256,14 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Give `latitude` in [site]."),
     ("readings.no_angles", "error",
      "A procedure that uses the angles of the table, without angles",
-     "'{procedure}' needs middle and inner angle of every position, and some are unknown.",
-     "Describe them in [log.table], or give the plan, or use norm_observation, which needs none."),
+     "'{procedure}' needs the {what} of every position, and some are unknown.",
+     "Describe them in [log.table], or give the plan whose positions were measured, or use "
+     "norm_observation, which needs none."),
+    ("readings.gyro_constant", "error",
+     "Gyros that read the same all the time on a table",
+     "All gyros read the same in every rest and every spin, to the last digit.",
+     "Look at `columns` of [log.gyro], and whether the gyros were switched on; remove [log.gyro] "
+     "to calibrate the accelerometers alone."),
     ("readings.no_solution", "error",
      "Readings whose norms fit no instrument",
      "No instrument gives readings like these: their norms do not lie on an ellipsoid.",

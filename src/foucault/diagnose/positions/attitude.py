@@ -95,6 +95,6 @@ def _frame(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return right-handed axes with the first between two directions, shape (k, 3, 3)."""
     one = x + y
     three = np.cross(x, y)
-    one = one / np.linalg.norm(one, axis=1)[:, None]
-    three = three / np.linalg.norm(three, axis=1)[:, None]
+    one = one / np.maximum(np.linalg.norm(one, axis=1), 1e-300)[:, None]
+    three = three / np.maximum(np.linalg.norm(three, axis=1), 1e-300)[:, None]
     return np.stack([one, np.cross(three, one), three], axis=2)

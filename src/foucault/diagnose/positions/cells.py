@@ -25,6 +25,18 @@ SAMPLES = 20_000
 HOLE = 0.25
 """Where no sample came for longer, a rest or a spin is broken [s]."""
 
+
+def longest_step(interval: float) -> float:
+    """Return the longest time from a sample to the next without samples missing [s].
+
+    Parameters
+    ----------
+    interval : float
+        Sample interval [s].
+    """
+    return max(HOLE, 1.5 * interval)
+
+
 Source = Callable[[], Iterator[Log]]
 """Gives the blocks of a log, from its beginning each time it is called."""
 
@@ -261,7 +273,7 @@ def _reduced(rows: _Rows, state: _State, final: bool) -> tuple[dict[str, Any] | 
         return None, 0
     number = (state.row + np.arange(n)) // state.samples
     step = np.diff(rows.time, prepend=state.before)
-    gap = step > max(HOLE, 1.5 * state.interval)
+    gap = step > longest_step(state.interval)
     new = gap | (np.diff(number, prepend=number[0]) > 0)
     new |= np.diff(rows.label, prepend=rows.label[0]) != 0
     new[0] = True

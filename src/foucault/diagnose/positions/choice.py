@@ -118,6 +118,7 @@ def choose(source: Source, data: Reduced, commanded: FloatArray, shortest: float
     chosen = [windows.get(run) or _rest(data, run) for run in good]
     if labelled:
         findings += _cut(data, good, chosen)
+    findings += _unlogged(data, good)
     return Choice(good, chosen, pauses, tuple(findings))
 
 
@@ -193,6 +194,40 @@ def _same_position(data: Reduced, a: Stretch, b: Stretch) -> bool:
 def _time(data: Reduced, run: Stretch) -> float:
     reach = cells_of(data, run)
     return reach.end - reach.start
+
+
+def _logged(data: Reduced, run: Stretch) -> float:
+    """Return how long the samples of a stretch stand for, missing ones not counted [s]."""
+    part = slice(run.first, run.last)
+    return float(np.sum(data.cells.end[part] - data.cells.start[part]))
+
+
+def _unlogged(data: Reduced, runs: list[Stretch]) -> list[Finding]:
+    """Tell that moves were not logged, where every gap is between two positions."""
+    gaps, label = np.flatnonzero(data.cells.broken), data.cells.label
+    if np.any((label[gaps] >= 0) & (label[gaps] == label[gaps - 1])):
+        return []
+    for k in gaps.tolist():
+        before = [r for r in runs if r.last <= k]
+        after = [r for r in runs if r.first >= k]
+        if not before or not after:
+            continue
+        a, b = before[-1], after[0]
+        numbered = min(label[a.first], label[b.first]) >= 0
+        if not numbered and (a.rate == 0) == (b.rate == 0) and _same_place(data, a, b):
+            return []  # samples are missing inside a position
+    return [finding("positions.unlogged", count=len(gaps))] if len(gaps) else []
+
+
+def _same_place(data: Reduced, a: Stretch, b: Stretch) -> bool:
+    """Tell whether two rests, or two spins, look as if the table had not moved between them."""
+    cells = data.cells
+    name = "accel" if "accel" in data.has else "gyro"
+    x, y = (mean(cells, getattr(cells, name), run) for run in (a, b))
+    turned = cells.from_angles[b.first] - cells.to_angles[a.last - 1]
+    if name == "gyro" or (a.rate == 0 and np.any(np.abs(np.nan_to_num(turned)) > SAME)):
+        return bool(np.all(np.abs(np.nan_to_num(turned)) <= SAME))
+    return bool(np.linalg.norm(x - y) < SAME * np.linalg.norm(x))
 
 
 def _rest(data: Reduced, run: Stretch) -> Window:
@@ -299,7 +334,7 @@ def _far_too_slow(data: Reduced, rests: list[Stretch], commanded: FloatArray) ->
         return
     w, f = (np.array([mean(data.cells, x, r) for r in rests])
             for x in (data.cells.gyro, data.cells.accel))  # fmt: skip
-    up = f / np.linalg.norm(f, axis=1)[:, None]
+    up = f / np.maximum(np.linalg.norm(f, axis=1), 1e-300)[:, None]
     bias = bias_across(w, up, np.array([_time(data, r) for r in rests]))
     along = np.abs(((w - bias) * up).sum(axis=1))
     for told in commanded:
@@ -355,7 +390,10 @@ def _by_label(
             findings.append(finding("position.moving", used="none of it", **words))
             continue
         chosen.append(best)
-        moving = _time(data, whole) - _time(data, best)
+        moving = _logged(data, whole) - _time(data, best)
+        if data.cells.broken[a + 1 : b].any():  # what is between two gaps need not have moved
+            still = [r for r in inside if r.rate == best.rate]
+            moving = _logged(data, whole) - sum(_time(data, r) for r in still)
         if best.rate == 0 and moving > max(MOST_MOVING * _time(data, whole), 2 * CELL):
             used = "only {start}-{end} s".format(**_words(data, best))
             findings.append(finding("position.moving", used=used, **_words(data, whole)))

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from foucault.diagnose.positions.cells import Source, held
-from foucault.tables import FloatArray, Log
+from foucault.diagnose.positions.cells import Source, held, longest_step
+from foucault.tables import FloatArray, IntArray, Log
 
 
 def means(
@@ -76,18 +76,34 @@ def _piece(before: Log | None, log: Log, interval: float) -> Piece:
     ahead = interval if increments else 0.5 * interval
     first = log.time[0] - ahead if before is None else before.time[-1]
     time = np.concatenate([[first], log.time])
-    foreign = np.empty(0, np.intp) if increments else _foreign(before, log)
+    hole = np.flatnonzero(np.diff(time) > longest_step(interval))
+    foreign = np.empty(0, np.intp) if increments else np.setdiff1d(_foreign(before, log), hole)
     middle = 0.5 * (time[foreign] + time[foreign + 1])
+    # Beside missing samples each sample stands for its own interval only, and nothing for the rest.
+    reach = np.empty(0) if increments else time[hole] + ahead
+    at = np.concatenate([foreign, hole, hole[: len(reach)]])
+    cuts = np.concatenate([middle, time[hole + 1] - ahead, reach])
+    order = np.lexsort((cuts, at))
+    at, cuts = at[order], cuts[order]
     triads = {}
     for name, x in _triads(log).items():
         previous = x[:1] if before is None else _triads(before)[name]
         left = x if increments else np.concatenate([previous, x[:-1]])
         # Between two positions each sample stands for its half of the interval.
-        triads[name] = (
-            np.insert(left, foreign + 1, x[foreign], axis=0),
-            np.insert(x, foreign, left[foreign], axis=0),
-        )
-    return np.insert(time, foreign + 1, middle), triads
+        triads[name] = _held_apart(left, x, at)
+    return np.insert(time, at + 1, cuts), triads
+
+
+def _held_apart(left: FloatArray, right: FloatArray, at: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return values at the beginning and end of intervals, those in `at` cut into parts.
+
+    In the first part the value is that of the left end, in the last that of the right end.
+    """
+    after = np.flatnonzero(np.diff(at, append=-1))  # the last cut of each interval
+    begin, end = np.insert(left, at + 1, left[at], axis=0), np.insert(right, at, left[at], axis=0)
+    last = at[after] + after + 1  # the part behind it
+    begin[last] = right[at[after]]
+    return begin, end
 
 
 def _foreign(before: Log | None, log: Log) -> npt.NDArray[np.intp]:

@@ -16,6 +16,12 @@ from foucault.models.turntable import TablePlan, up_k
 from foucault.tables import FloatArray, IntArray
 from foucault.units import plain
 
+RATE_TOLERANCE = 1e-4
+"""A table holds the rate that it was told to this, as sd, where nothing else is declared [1]."""
+
+BEYOND = 3.0
+"""So many sd of the table's rate are no chance [1]."""
+
 WORDS = {True: "counter-clockwise", False: "clockwise"}
 """Senses seen from above, by the sign of the rate."""
 
@@ -48,6 +54,7 @@ def senses(
     found: Match | None,
     row: IntArray | None,
     by_table: bool,
+    table_rate_sd: float | None = None,
 ) -> tuple[Readings, list[Finding]]:
     """Compare the sense and the size of the spins with what the gyros measure.
 
@@ -63,6 +70,9 @@ def senses(
         The same, with readings that repeat a position [1].
     by_table : bool
         Whether the log tells the rates of the spins.
+    table_rate_sd : float or None
+        Relative sd of the rate that was declared, where the angle over the stamps can be held
+        against it [1].
     """
     spin = np.flatnonzero(readings.spin)
     if readings.gyro is None or not len(spin):
@@ -93,7 +103,7 @@ def senses(
     rates[spin[known]] = np.copysign(rate[known], along[known])
     readings = replace(readings, rate=rates)
     if plan is not None:
-        out += _rates(readings.rate[spin], planned)
+        out += _rates(readings.rate[spin], planned, table_rate_sd)
     return readings, out
 
 
@@ -146,12 +156,20 @@ def _up(readings: Readings, plan: TablePlan | None, found: Match | None) -> Floa
     return np.asarray(up)
 
 
-def _rates(rate: FloatArray, planned: FloatArray) -> list[Finding]:
+def _rates(rate: FloatArray, planned: FloatArray, table_rate_sd: float | None) -> list[Finding]:
     some = planned != 0
     if not some.any():
         return []
+    ratio = np.abs(rate[some] / planned[some])
     measured, told = np.median(np.abs(rate[some])), np.median(np.abs(planned[some]))
-    if 1 / OTHER_RATE < measured / told < OTHER_RATE:
+    words = {k: plain(np.degrees(v), 6) for k, v in (("told", told), ("measured", measured))}
+    if not 1 / OTHER_RATE < measured / told < OTHER_RATE:
+        return [finding("spin.rate_plan", **words)]
+    if table_rate_sd is None:
         return []
-    words = {"told": told, "measured": measured}
-    return [finding("spin.rate_plan", **{k: plain(np.degrees(v), 4) for k, v in words.items()})]
+    off = float(np.median(ratio)) - 1.0
+    spread = 1.4826 * float(np.median(np.abs(ratio - np.median(ratio)))) / np.sqrt(len(ratio))
+    sd = float(np.sqrt(max(table_rate_sd, RATE_TOLERANCE) ** 2 + spread**2))
+    if abs(off) <= BEYOND * sd:
+        return []
+    return [finding("spin.rate_clock", ppm=f"{off * 1e6:+.0f}", sd=f"{sd * 1e6:.0f}", **words)]

@@ -202,10 +202,24 @@ def _table_rate(cells: Cells) -> FloatArray:
     turned = cells.to_angles[:, 0] - cells.from_angles[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.where(span > 0, turned / span, np.nan)
-    if len(cells) > 1:  # cells of one sample: the next one tells
-        ahead = np.diff(cells.from_angles[:, 0]) / np.diff(cells.first)
-        rate = np.where(np.isnan(rate), np.append(ahead, ahead[-1]), rate)
+    if len(cells) > 1:  # cells of one sample: the neighbours tell
+        rate = np.where(np.isnan(rate), _rate_of_points(cells), rate)
     return np.asarray(rate)
+
+
+def _rate_of_points(cells: Cells) -> FloatArray:
+    """Return the rate at single samples, from the side on which it changes less.
+
+    The first and the last sample of a spin are angles of it too, whatever comes before and after.
+    """
+    between = np.diff(cells.from_angles[:, 0]) / np.diff(cells.first)
+    between[cells.broken[1:] != 0] = np.nan
+    change = np.nan_to_num(np.abs(np.diff(between)), nan=np.inf)
+    before, after = np.full((2, len(cells)), np.inf)
+    before[2:], after[:-2] = change, change
+    behind, ahead = np.append(np.nan, between), np.append(between, np.nan)
+    use_behind = np.isnan(ahead) | (~np.isnan(behind) & (before < after))
+    return np.where(use_behind, behind, ahead)
 
 
 def _table_step(rate: FloatArray) -> float:

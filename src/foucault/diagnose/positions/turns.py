@@ -17,7 +17,10 @@ from foucault.tables import FloatArray, Log
 TURN = 2 * np.pi
 
 NEARLY = 0.01
-"""Where the rate is only measured, so much less than a turn still counts as one [1]."""
+"""Where no angle is logged, so much less than a turn still counts as one [1]."""
+
+ROUNDED = 1e-3
+"""The same where an angle is: what stamps and angles are rounded by [1]."""
 
 OFF_LINE = np.radians(0.02)
 """An outer angle this far from uniform rotation belongs to a ramp [rad]."""
@@ -87,24 +90,24 @@ def whole_turns(data: Reduced, run: Stretch, rate: float | None, reach: Reach) -
         Where uniform rotation begins and ends [s].
     """
     start, end = reach.start, reach.end
-    near = data.interval / (end - start)  # the samples stand for so much time, more or less
     if "outer" in data.has:
         time, angle = line(data, run, reach)
         total = float(angle[-1] - angle[0])
-        turns = np.floor(abs(total) / TURN * (1 + near))
-        spare = 0.5 * (abs(total) - turns * TURN)
+        turns = np.floor(abs(total) / TURN + ROUNDED)
+        # Never beyond the samples, not even for the last thousandth of a turn.
+        spare = max(0.0, 0.5 * (abs(total) - turns * TURN))
         sense = np.sign(total)
         at = np.array([angle[0] + sense * spare, angle[-1] - sense * spare])
         t0, t1 = np.interp(sense * at, sense * angle, time)
-        mean_rate = sense * turns * TURN / (t1 - t0) if turns else run.rate
+        mean_rate = (at[1] - at[0]) / (t1 - t0) if turns else run.rate
         return Window(float(t0), float(t1), float(mean_rate), float(turns), abs(total) / TURN)
     speed = run.rate if rate is None else float(np.copysign(rate, run.rate))
     whole = abs(speed) * (end - start) / TURN
     # Uniform rotation may begin and end anywhere between two samples.
-    turns = np.floor(whole * (1 + 2 * near) + 1e-9 + (NEARLY if rate is None else 0.0))
-    half = 0.5 * turns * TURN / abs(speed)
-    if rate is None:
-        half = min(half, 0.5 * (end - start))
+    between = min(2 * data.interval * abs(speed) / TURN, NEARLY)
+    turns = np.floor(whole + between + 1e-9 + (NEARLY if rate is None else 0.0))
+    # What is beyond the samples is a ramp, or not in the log at all.
+    half = min(0.5 * turns * TURN / abs(speed), 0.5 * (end - start))
     middle = 0.5 * (start + end)
     return Window(middle - half, middle + half, speed, float(turns), whole)
 
@@ -167,19 +170,28 @@ def reaches(source: Source, data: Reduced, runs: list[Stretch]) -> list[Reach]:
                 i, j = np.searchsorted(log.time, zone)
                 if j > i:
                     kept.append(held(log[int(i) : int(j)]))
-    each = zip(runs, inner, before, after, strict=True)
-    return [_reach(data, run, reach, parts) for run, reach, *parts in each]
+    each = zip(runs, inner, limits, before, after, strict=True)
+    return [_reach(data, run, reach, ends, parts) for run, reach, ends, *parts in each]
 
 
-def _reach(data: Reduced, run: Stretch, cells: Reach, parts: list[list[Log]]) -> Reach:
+def _reach(
+    data: Reduced,
+    run: Stretch,
+    cells: Reach,
+    limits: tuple[float, float],
+    parts: list[list[Log]],
+) -> Reach:
     """Put what is uniform before and after the cells of a spin to them."""
-    start, end, time, angle = cells.start, cells.end, [np.empty(0)], [np.empty(0)]
-    for way, part in zip((-1, 1), parts, strict=True):
+    ends, time, angle = [cells.start, cells.end], [np.empty(0)], [np.empty(0)]
+    for k, (way, part) in enumerate(zip((-1, 1), parts, strict=True)):
         if part:
             t, a = _uniform(data, run, part, way)
-            if len(t):
-                start, end = min(start, float(t.min())), max(end, float(t.max()))
-                time, angle = [*time, t], [*angle, a]
+            if len(t) == sum(len(p) for p in part):
+                ends[k] = limits[k]  # to the end of what the last sample stands for
+            elif len(t):
+                ends[k] = float(t[-1])
+            time, angle = [*time, t], [*angle, a]
+    start, end = ends
     known = "outer" in data.has
     return Reach(start, end, *(np.concatenate(x) if known else np.empty(0) for x in (time, angle)))
 

@@ -9,14 +9,19 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import (
+    drift_check,
+    judge_prior,
     plausible_scales,
-    prior_check,
+    reversed_earth_at_rest,
     reversed_earth_check,
     status_check,
 )
 from foucault.diagnose.coverage import Coverage
+from foucault.errors import Status
+from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit
+from foucault.estimate.drift import Drift, find_drift
+from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit, kinds_of
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles
@@ -84,15 +89,27 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
     out += [_explained(e, kind) for kind in KINDS if kind in e.fit.before]
     out += _scatter(e) + _g_sensitivity(e)
     sign = reversed_earth_check(estimate.coefficients, e.site)
+    sign = sign or _earth_at_rest(e)
     out += [sign] if sign is not None else []
-    out += [_outliers(e), _controlled(e)]
+    out += [_outliers(e), _controlled(e), *_rate_as_declared(e)]
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)
-    if np.isfinite(estimate.coefficients.prior_sd).any():
-        known = np.isfinite(estimate.coefficients.prior_sd)
-        # The coefficients' prior rows follow those of the table.
-        out.append(prior_check(estimate.coefficients, estimate.residuals[-int(known.sum()) :]))
-    return tuple(out)
+    out += drift_check(_clearest_drift(e), estimate.coefficients.layout)
+    return tuple(out + judge_prior(estimate))
+
+
+def _clearest_drift(e: TableEvidence) -> Drift | None:
+    """Return the drift of a coefficient that the residuals show most clearly."""
+    fit, r, n = e.fit, e.readings, len(e.readings)
+    estimate, problem = fit.estimate, fit.problem
+    if estimate.coefficients.names != fit.options.names or estimate.status is not Status.CONVERGED:
+        return None
+    at = problem.linearise(estimate.state, estimate.weights)
+    at = gauss_newton.with_prior(problem, estimate.state, at)
+    time = np.tile(r.start + r.time / 2, 2)
+    # Specific forces have one scatter, rates at rest and in spins each their own.
+    kinds = np.maximum(kinds_of(r, np.arange(2 * n)), 1)
+    return find_drift(at, fit.options.names, time, kinds=kinds)
 
 
 def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:
@@ -228,6 +245,21 @@ class Slope:
         return self.slope > SIGNIFICANT * self.sd
 
 
+def _earth_at_rest(e: TableEvidence) -> Check | None:
+    """Look for a reversed Earth rate in the rests, where no g-sensitivity takes it up."""
+    r, state, names = e.readings, e.fit.estimate.state, e.fit.options.names
+    rest = ~r.spin
+    if r.gyro is None or "gyro.scale.x" not in names or "gyro.g_sensitivity.xx" in names:
+        return None
+    M = state.model.gyro_matrix
+    rates = r.gyro[rest] - state.geometry.earth()[0][rest] @ M.T
+    # Rounding that is alike in many rests shows in no scatter, but in their covariance.
+    noise = np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2)
+    sd = float(np.sqrt(noise.mean())) if rest.any() else 0.0
+    up = state.geometry.directions()[rest]
+    return reversed_earth_at_rest(rates, up, M, e.site, sd)
+
+
 def rest_slope(e: TableEvidence) -> Slope | None:
     """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated.
 
@@ -294,11 +326,31 @@ def name_of(readings: Readings, block: int) -> str:
         Number of the observation, see `estimate.table.likelihood.build` [1].
     """
     n = len(readings)
-    j = block % n
+    what = "specific force" if block < n else "rate"
+    return f"{what} of {reading_name(readings, block % n)}"
+
+
+def reading_name(readings: Readings, j: int) -> str:
+    """Return what people call a reading.
+
+    Parameters
+    ----------
+    readings : Readings
+        The readings.
+    j : int, shape ()
+        Its number [1].
+    """
     kind = "spin" if readings.spin[j] else "rest"
     number = int(np.sum(readings.spin[: j + 1] == readings.spin[j]))
-    what = "specific force" if block < n else "rate"
-    return f"{what} of {kind} {number} ({readings.start[j]:.0f} s)"
+    return f"{kind} {number} ({readings.start[j]:.0f} s)"
+
+
+def _rate_as_declared(e: TableEvidence) -> list[Check]:
+    """Doubt gyro scale factors where declared rate and clock of the log contradict each other."""
+    told = [f for f in e.readings.findings if f.code == "spin.rate_clock"]
+    if not told or e.readings.gyro is None:
+        return []
+    return [Check("rate of the table", 1.0, None, 0.0, False, told[0].message)]
 
 
 def _outliers(e: TableEvidence) -> Check:
@@ -367,9 +419,8 @@ def detectable(e: TableEvidence) -> FloatArray:
 def _table(e: TableEvidence) -> list[Check]:
     """Compare the errors of the table that were found with what was believed of it."""
     estimate = e.fit.estimate
-    prior = estimate.blocks < 0
-    known = int(np.isfinite(estimate.coefficients.prior_sd).sum())
-    rows = np.flatnonzero(prior)[: int(prior.sum()) - known]
+    of_table = int(np.isfinite(estimate.state.geometry.prior()[1]).sum())
+    rows = np.flatnonzero(estimate.blocks < 0)[:of_table]
     if not len(rows):
         return []
     value = float(np.sum(estimate.residuals[rows] ** 2))
@@ -378,7 +429,15 @@ def _table(e: TableEvidence) -> list[Check]:
     if dof < 0.5:
         return []
     ratio, fine = np.sqrt(value / dof), value <= high
-    words = f"The errors of the table are {ratio:.2f} times what was declared" + (
+    words = f"The errors of the table are {ratio:.2f} times what was declared"
+    if e.fit.angle_suspects:
+        which = ", ".join(reading_name(e.readings, j) for j in e.fit.angle_suspects)
+        words += (
+            f". The angles of one position are wrong, and with this plan these look alike: "
+            f"{which}. Look at the angles that were typed or logged there."
+        )
+        return [Check("errors of the table", value, None, high, False, words)]
+    words += (
         "."
         if fine
         else ": the table is worse than it was said to be. Declare larger errors of the table, or "

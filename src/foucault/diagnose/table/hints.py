@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from foucault.diagnose.table.checks import TableEvidence, name_of, rest_slope
+from foucault.diagnose.table.checks import TableEvidence, name_of, reading_name, rest_slope
 from foucault.errors import Finding, finding
 from foucault.estimate.table.fit import fit as fit_readings
 from foucault.tables import AXES
+from foucault.units import plain
 
 
 def hints(e: TableEvidence) -> list[Finding]:
@@ -27,6 +28,7 @@ def hints(e: TableEvidence) -> list[Finding]:
         what = name_of(e.readings, block)
         size = np.sqrt(norms.test[row] / max(e.fit.estimate.weights[block], 1e-12))
         out.append(finding("readings.outlier", what=what, size=f"{size:.0f}"))
+    out += _wrong_angles(e)
     c = e.fit.estimate.coefficients
     for code, triad in (("session.common_scale", "accel"), ("readings.common_rate", "gyro")):
         if f"{triad}.scale.x" not in c.layout:
@@ -37,6 +39,22 @@ def hints(e: TableEvidence) -> list[Finding]:
             words = {"ppm": f"{mean * 1e6:.0f}", "gravity": f"{e.site.gravity:.5f}"}
             out.append(finding(code, **words))
     return out + _g_sensitivity(e) + _quadratic(e)
+
+
+def _wrong_angles(e: TableEvidence) -> list[Finding]:
+    """Name the angles of the table that are far off, as the readings tell them."""
+    g, out = e.fit.estimate.state.geometry, []
+    for j in e.fit.wrong_angles:
+        off = np.degrees(g.position[j])  # true angle minus the one that is said
+        large = [k for k in (0, 1) if abs(off[k]) > 0.2 * np.abs(off).max()]
+        words = " and ".join(
+            f"{('middle', 'inner')[k]} angle is about {plain(abs(float(off[k])), 2)} deg off "
+            f"(said {plain(float(np.degrees(g.readings_angles[j, k + 1])), 4)}, found "
+            f"{plain(float(np.degrees(g.readings_angles[j, k + 1]) + off[k]), 4)} deg)"
+            for k in large
+        )
+        out.append(finding("table.angle", reading=reading_name(e.readings, j), how=words))
+    return out
 
 
 COMMON = 1500e-6

@@ -49,6 +49,7 @@ def check_readings(
     *,
     angles_matter: bool = True,
     shortest: float = 1.0,
+    table_rate_sd: float | None = None,
 ) -> Readings:
     """Refuse readings that cannot be right, and tell what is odd about the others.
 
@@ -65,6 +66,9 @@ def check_readings(
         instrument mounted turned are a mistake.
     shortest : float
         Length that was asked of a rest, for the texts [s].
+    table_rate_sd : float or None
+        Relative sd of the rate of the plan, where it was declared; the outer angle over the time
+        of the log is held against it then [1].
 
     Returns
     -------
@@ -107,7 +111,8 @@ def check_readings(
             if angles_matter:
                 left_out = np.asarray(np.isnan(readings.angles[:, 1:]).any(axis=1))
         findings += _matching(readings, plan, found, row, left_out, shortest)
-    readings, more = senses(readings, plan, found, row, by_table)
+    timed = readings.interval > 0 and _outer(log)
+    readings, more = senses(readings, plan, found, row, by_table, table_rate_sd if timed else None)
     if row is not None and left_out.any():
         readings = readings[~left_out]
     return replace(readings, findings=readings.findings + tuple(findings + more))
@@ -132,6 +137,17 @@ def _told(log: Log | LogDescription | None, plan: TablePlan | None) -> tuple[boo
         return bool(seen[:, 1:].any()), bool(seen[:, 0].any()) or table.rate is not None
     names = [c not in (None, "") for c in table.columns or (None, None, None)]
     return any(names[1:]), names[0] or table.rate is not None
+
+
+def _outer(log: Log | LogDescription | None) -> bool:
+    """Tell whether the log has the outer angle."""
+    table = None if log is None else log.table
+    if table is None:
+        return False
+    if isinstance(table, TableColumns):
+        return bool(np.isfinite(table.angles[:, 0]).any())
+    columns = table.columns
+    return columns is not None and columns[0] is not None and columns[0] != ""
 
 
 def enough_readings(readings: Readings, rests: int, spins: int, what: str = "") -> None:
@@ -256,7 +272,10 @@ def _named(given: float, miss: Miss, angles: FloatArray, cure: str) -> FoucaultE
               for order in permutations(range(3))]  # fmt: skip
     orders.sort(key=lambda o: (sum(s < 0 for s in o[1]), sum(i != k for i, k in enumerate(o[0]))))
     for order, signs in orders[1:]:
-        off = miss(angles[:, order] * np.array([1, *signs]), 1.0)
+        tried = angles[:, order] * np.array([1, *signs])
+        if not np.isfinite(tried[:, 1:]).all():  # an angle that the log does not have
+            continue
+        off = miss(tried, 1.0)
         if off < FITS:
             names = [("-" if s < 0 else "") + NAMES[k]
                      for k, s in zip(order, (1, *signs), strict=True)]  # fmt: skip
@@ -334,9 +353,17 @@ def _matching(
         others = np.flatnonzero(more & (row < 0) & some)
         if len(others):
             out.append(finding(code, which=numbered(readings, others)))
-    if not found.ordered:
+    if not found.ordered and not _each_in_order(readings, found):
         out.append(finding("positions.order"))
     return out
+
+
+def _each_in_order(readings: Readings, found: Match) -> bool:
+    """Tell whether rests and spins are each in the order of the plan, if not one after another."""
+    return all(
+        bool(np.all(np.diff(found.row[(found.row >= 0) & kind]) > 0))
+        for kind in (readings.spin, ~readings.spin)
+    )
 
 
 def _position(plan: TablePlan, k: int) -> str:

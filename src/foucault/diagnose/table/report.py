@@ -103,6 +103,13 @@ def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[fl
     total = np.concatenate([observed.accel_cov, observed.gyro_cov])
     parts["jitter of the spin rate and unknown Earth rate"] = total - sum(parts.values())
     out = {k: np.einsum("cki,kij,ckj->c", gain, v[blocks], gain) for k, v in parts.items()}
+    first = int(np.sum(used)) + int(np.isfinite(estimate.state.geometry.prior()[1]).sum())
+    for triad, white in zip(("accelerometer", "gyro"), observed.wander_roots, strict=True):
+        if white is not None:
+            rows = fit.at.jacobian[first : first + 3 * len(r)]
+            slow = estimate.state_cov[:count] @ rows.T
+            out[f"wandering {triad} bias"] = np.sum(slow**2, axis=1)
+            first += 3 * len(r)
     left = np.diag(estimate.state_cov)[:count] - sum(out.values())
     prior = bool(np.isfinite(estimate.coefficients.prior_sd).any())
     out["errors of the table" + " and prior" * prior] = np.maximum(left, 0.0)
@@ -235,7 +242,8 @@ def rig_table(fit: TableFit) -> dict[str, Any]:
             at += 1
         if g.heading is not None:
             turned = float((g.heading + np.pi) % (2 * np.pi) - np.pi)
-            rows.append(("table.heading", turned, float(sd[-1]), np.inf))
+            last = at + (g.position.size if g.trust.position_sd > 0 else 0)
+            rows.append(("table.heading", turned, float(sd[last]), np.inf))
     known = {c.name: c for c in RIG.coefficients}
     return {
         "name": np.array([r[0] for r in rows], str),

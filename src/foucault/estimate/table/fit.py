@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.errors import Status
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.hand_rotated.likelihood import Component
@@ -21,7 +22,8 @@ from foucault.estimate.snooping import Snooping, snoop
 from foucault.estimate.table.likelihood import Observed, build
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
-from foucault.models.table_state import State
+from foucault.models.table_geometry import Angles
+from foucault.models.table_state import State, Unknowns
 from foucault.result import Estimate, Linearised, Problem
 
 FloatArray = npt.NDArray[np.float64]
@@ -106,6 +108,10 @@ class TableFit:
         Readings that were left out: j for the specific force of reading j, n + j for its rate.
     suspects : tuple of int, shape (k,)
         Readings of which one is wrong, but it cannot be told which.
+    wrong_angles : tuple of int, shape (k,)
+        Readings whose table angles were not believed, because they are far off.
+    angle_suspects : tuple of int, shape (k,)
+        Readings of which the angles of one are wrong, but it cannot be told which.
     """
 
     options: Options
@@ -119,6 +125,14 @@ class TableFit:
     scatter: dict[str, float] = field(default_factory=dict)
     outliers: tuple[int, ...] = ()
     suspects: tuple[int, ...] = ()
+    wrong_angles: tuple[int, ...] = ()
+    angle_suspects: tuple[int, ...] = ()
+
+    @property
+    def first_of_geometry(self) -> int:
+        """Column of the first unknown of the geometry [1]."""
+        o = self.options
+        return Unknowns(o.names, o.lever_arm, o.level, o.offset).before_geometry
 
 
 def kinds_of(readings: Readings, blocks: IntArray) -> IntArray:
@@ -148,8 +162,25 @@ def fit(readings: Readings, site: Site, start: State, options: Options) -> Table
     start : State
         Where to start; its geometry says what is believed of the table.
     options : Options
-        How to fit.
+        How to fit. A prior comes last, when outliers and scatter are settled: they would take up
+        what contradicts it.
     """
+    found = _fit(readings, site, start, replace(options, prior=None))
+    if options.prior is None:
+        return found
+    if found.estimate.status is Status.UNOBSERVABLE:  # nothing can be said without it
+        return _fit(readings, site, start, options)
+    problem = replace(found.problem, prior=options.prior)
+    estimate = gauss_newton.add_prior(problem, found.estimate)
+    at = problem.linearise(estimate.state, estimate.weights)
+    return replace(
+        found, options=options, problem=problem, estimate=estimate, at=at,
+        snooping=snoop(at, estimate.state_cov),
+    )  # fmt: skip
+
+
+def _fit(readings: Readings, site: Site, start: State, options: Options) -> TableFit:
+    """Estimate the coefficients, the outliers, and the scatter, all at once."""
     observed = Observed.of(
         readings, site, start, rate_sd=options.rate_sd, gyro_at_rest=options.gyro_at_rest
     )
@@ -157,8 +188,11 @@ def fit(readings: Readings, site: Site, start: State, options: Options) -> Table
     found = _solve(observed, start, options, weights)
     before = found.after
     suspects: tuple[int, ...] = ()
+    angles: tuple[int, ...] = ()
     for _ in range(2):  # outliers make scatter, and scatter makes outliers: look twice for each
         if options.robust:
+            found, alike_angles = _without_wrong_angles(found, options, weights)
+            angles = angles or alike_angles
             found, alike = _without_outliers(found, options, weights)
             suspects = suspects or alike
             before = before if found.scatter else found.after
@@ -166,8 +200,106 @@ def fit(readings: Readings, site: Site, start: State, options: Options) -> Table
         if grown is found:
             break
         found = grown
+    if isinstance(found.estimate.state.geometry, Angles):
+        found = _believed_again(found, options, weights)
     left = np.flatnonzero(weights < 0.5)
-    return replace(found, before=before, outliers=tuple(int(b) for b in left), suspects=suspects)
+    geometry = found.estimate.state.geometry
+    return replace(
+        found, before=before, outliers=tuple(int(b) for b in left), suspects=suspects,
+        wrong_angles=geometry.doubted if isinstance(geometry, Angles) else (),
+        angle_suspects=angles,
+    )  # fmt: skip
+
+
+def _without_wrong_angles(
+    found: TableFit, options: Options, weights: FloatArray
+) -> tuple[TableFit, tuple[int, ...]]:
+    """Stop believing the angles of the positions that are far off, one by one.
+
+    One angle that was typed wrong is no error of the table: believed, it turns the instrument's
+    axes, and as scatter of the readings it would be shared by all of them.
+    """
+    geometry, scatter = found.estimate.state.geometry, found.scatter
+    if not isinstance(geometry, Angles) or geometry.trust.position_sd == 0:
+        return found, ()
+    for _ in range(1 + len(found.observed.readings) // 5):
+        worst = _worst_angle(found)
+        if worst is None:
+            break
+        j, alike = worst
+        if len(alike):
+            return found, tuple(sorted((j, *alike)))
+        state = found.estimate.state
+        doubted = tuple(sorted((*state.geometry.doubted, j)))
+        state = replace(state, geometry=replace(state.geometry, doubted=doubted))
+        found = replace(_solve(found.observed, state, options, weights), scatter=scatter)
+    return found, ()
+
+
+def angle_tests(found: TableFit) -> Snooping:
+    """Test the angles of each position against what the readings say of them.
+
+    Parameters
+    ----------
+    found : TableFit
+        A solution that believes the angles with errors of known size.
+    """
+    at, geometry = found.at, found.estimate.state.geometry
+    first = int(np.sum(at.blocks >= 0)) + len(geometry.used)
+    rows = slice(first, first + geometry.position.size)
+    number = np.repeat(np.arange(len(geometry.position)), 2)
+    alone = Linearised(at.residuals[rows], at.jacobian[rows], number)
+    return snoop(alone, found.estimate.state_cov, rows=2)
+
+
+def _worst_angle(found: TableFit) -> tuple[int, tuple[int, ...]] | None:
+    """Return the reading whose angles stand out, and those that would look the same."""
+    s, r = angle_tests(found), found.snooping
+    seen = np.flatnonzero(s.dof > 0)
+    if len(seen) < 2:
+        return None
+    # A table worse than declared is another matter: one position must stand out from the others.
+    usual = max(1.0, float(np.median(s.test[seen] / s.dof[seen])) / MEDIAN)
+    alpha = FALSE_ALARM / len(s.blocks)
+    limits = np.array([chi_square_limits(d, 2 * alpha)[1] for d in s.dof[seen]])
+    score = s.test[seen] / usual / limits
+    best = int(np.argmax(score))
+    if score[best] <= 1.0:
+        return None
+    j = int(seen[best])
+    own = np.flatnonzero(r.blocks == j)
+    if len(own):
+        # Where the specific force has another size than gravity, it is the reading that is wrong.
+        rests = r.blocks < len(s.blocks)
+        noise = max(1.0, float(np.median(r.test[rests] / np.maximum(r.dof[rests], 1.0))) / MEDIAN)
+        more = float(r.test[own[0]] - s.test[j]) / noise
+        if r.dof[own[0]] > s.dof[j] and more > chi_square_limits(1.0, 2 * alpha)[1]:
+            return None
+    return j, tuple(int(b) for b in s.alike(j))
+
+
+def _believed_again(found: TableFit, options: Options, weights: FloatArray) -> TableFit:
+    """Believe angles again that are not far off once the scatter of the readings is known."""
+    state = found.estimate.state
+    g: Angles = state.geometry
+    if not g.doubted:
+        return found
+    first = found.first_of_geometry + 3 + len(g.used)
+    limit = chi_square_limits(2.0, 2 * FALSE_ALARM / len(g.position))[1]
+    kept = []
+    for j in g.doubted:
+        own = slice(first + 2 * j, first + 2 * j + 2)
+        cov = found.estimate.state_cov[own, own] + g.trust.position_sd**2 * np.eye(2)
+        if g.position[j] @ np.linalg.solve(cov, g.position[j]) > limit:
+            kept.append(j)
+    if len(kept) == len(g.doubted):
+        return found
+    state = replace(state, geometry=replace(g, doubted=tuple(kept)))
+    return replace(_solve(found.observed, state, options, weights), scatter=found.scatter)
+
+
+MEDIAN = 0.693
+"""Median of chi-square with two degrees of freedom over its mean, ln 2 [1]."""
 
 
 def _without_outliers(

@@ -74,6 +74,15 @@ class Observed:
         axis = np.where(self.readings.spin[:, None], w, [1.0, 0.0, 0.0])
         return whitening(self.gyro_cov, axis / np.linalg.norm(axis, axis=1, keepdims=True))
 
+    @cached_property
+    def wander_roots(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """Matrices that whiten the slow biases of accelerometers and gyros, shape (n, n) [1 / SI].
+
+        None where nothing slow was declared.
+        """
+        accel, gyro = (None if cov is None else _root(cov) for cov in self.readings.wander())
+        return accel, gyro
+
     @classmethod
     def of(
         cls,
@@ -101,6 +110,7 @@ class Observed:
             the bias beside the spins, but all there is of a g-sensitivity.
         """
         heading_known = isinstance(start.geometry, Angles) and start.geometry.heading is not None
+        readings = readings.without_wander()  # which is unknowns of its own, see `build`
         gyro_cov = readings.gyro_cov
         if readings.gyro is not None:
             w = np.where(readings.spin[:, None], readings.gyro, 0.0)
@@ -113,6 +123,16 @@ class Observed:
                 gyro_cov[rest] += start.model.gyro_matrix @ earth @ start.model.gyro_matrix.T
         used = readings.spin | heading_known | gyro_at_rest
         return cls(readings, site, readings.accel_cov, gyro_cov, used)
+
+
+def _root(cov: FloatArray) -> FloatArray:
+    """Return a matrix that whitens: also what a correlation time of days makes nearly alike."""
+    size, axes = np.linalg.eigh(cov)
+    return np.asarray(axes.T / np.sqrt(np.maximum(size, STIFF * size[-1]))[:, None])
+
+
+STIFF = 1e-10
+"""Slow biases differ by more than this part of their variance [1]."""
 
 
 def _unknown_earth(up: FloatArray, site: Site) -> FloatArray:
@@ -170,7 +190,10 @@ def build(
     prior : CoefficientVector or None
         Gaussian prior on the coefficients.
     """
-    unknowns = Unknowns(names, lever_arm, level, offset)
+    wander = observed.wander_roots
+    unknowns = Unknowns(
+        names, lever_arm, level, offset, (wander[0] is not None, wander[1] is not None)
+    )
     return Problem(
         layout=LAYOUT.subset(names),
         start=start,
@@ -206,11 +229,36 @@ def _linearise(
     known = np.flatnonzero(np.isfinite(sd))
     prior = np.zeros((len(known), slopes[0].shape[1]))
     prior[np.arange(len(known)), unknowns.before_geometry + known] = 1.0 / sd[known]
+    residuals.append(-value[known])
+    slopes.append(prior)
+    for miss, slope in _slow_rows(observed, state, unknowns.before_geometry + len(sd), prior):
+        residuals.append(miss)
+        slopes.append(slope)
+    out, observations = np.concatenate(residuals), sum(len(b) for b in blocks)
     return Linearised(
-        np.concatenate([*residuals, -value[known]]),
-        np.concatenate([*slopes, prior]),
-        np.concatenate([*blocks, np.full(len(known), -1)]),
+        out,
+        np.concatenate(slopes),
+        np.concatenate([*blocks, np.full(len(out) - observations, -1)]),
     )
+
+
+def _slow_rows(
+    observed: Observed, state: State, column: int, like: FloatArray
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return what is known of the slow biases: white residuals and slopes of each triad.
+
+    Their unknowns begin at `column`; the slopes have as many columns as `like`.
+    """
+    n, out = len(observed.readings), []
+    for k, white in enumerate(observed.wander_roots):
+        if white is None:
+            continue
+        now = np.zeros((n, 3)) if state.wander is None else state.wander[:, 3 * k : 3 * k + 3]
+        slope = np.zeros((3 * n, like.shape[1]))
+        slope[:, column : column + 3 * n] = np.kron(white, np.eye(3))
+        out.append((-(white @ now).reshape(-1), slope))
+        column += 3 * n
+    return out
 
 
 # -- starts --------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import foreseen_check
 from foucault.diagnose.coverage import Coverage, coverage, coverage_json
 from foucault.diagnose.first_rest import first_as_declared
 from foucault.diagnose.positions.readings import find_readings, stream_readings
@@ -39,7 +40,7 @@ from foucault.models.table_state import State
 from foucault.models.turntable import up_k
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
-from foucault.procedures import Progress, silent
+from foucault.procedures import Progress, silent, solvable
 from foucault.procedures.on_table.session import TableSettings
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import AXES, Log
@@ -128,14 +129,16 @@ def calibrate(
     if not task.settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.05, "finding rests and spins")
-    readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
+    with solvable():
+        readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
     progress(0.4, "calibrating")
-    result = from_readings(readings, task, site=site, prior=prior)
+    with solvable():
+        result = from_readings(readings, task, site=site, prior=prior)
     seconds = clock.monotonic() - started
     progress(1.0, "done")
     whole = replace(
         result,
-        findings=(*log.findings, *result.findings),
+        findings=_without_gaps((*log.findings, *result.findings)),
         instrument=dict(instrument or {}),
         validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
         provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
@@ -152,6 +155,13 @@ def _clocked(log: Log | OnDisk) -> tuple[bool, bool]:
     outer = table is not None and table.columns is not None and table.columns[0] is not None
     timed = outer and log.description.averaged is None
     return timed, accel is not None and accel.kind == "increment"
+
+
+def _without_gaps(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Moves that nobody logged are no lost data."""
+    if "positions.unlogged" not in [f.code for f in findings]:
+        return findings
+    return tuple(f for f in findings if f.code != "log.gap")
 
 
 def read_positions(
@@ -191,15 +201,23 @@ def read_positions(
             log.description, log.folder, plan=plans[True], noise=noise, shortest=s.shortest,
             progress=progress,
         )  # fmt: skip
+    if found.gyro is not None and len(found) > 1 and _the_same(found.gyro):
+        raise error("readings.gyro_constant")
     # Accelerometers alone need no spins, and none are missing then.
     plan = plans[described.gyro is not None or bool(found.spin.any())]
     checked = check_readings(
         found, plan, described,
         angles_matter=task.trust is not None, shortest=s.shortest,
+        table_rate_sd=s.table_rate_sd if "spin_rate" in s.model_fields_set else None,
     )  # fmt: skip
     check_gyro_axes(found)  # `checked` has the senses of spins from the gyros
     first_as_declared(found, described)
     return checked
+
+
+def _the_same(means: FloatArray) -> bool:
+    """Tell whether all readings are the same to the last digits: no noise is so small."""
+    return bool(np.all(np.ptp(means, axis=0) <= 1e-12 * np.abs(means).max()))
 
 
 def from_readings(
@@ -285,7 +303,13 @@ def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[
     elif site.latitude is None:
         raise error("readings.no_latitude")
     if task.trust is not None and not np.isfinite(readings.angles).all():
-        raise error("readings.no_angles", procedure=task.procedure)
+        names = [
+            name
+            for name, angle in zip(("outer", "middle", "inner"), readings.angles.T, strict=True)
+            if not np.isfinite(angle).all()
+        ]
+        what = f"{' and '.join(names)} angle"
+        raise error("readings.no_angles", procedure=task.procedure, what=what)
     needed = NORM_NEEDS + 3 * task.settings.accel_quadratic if task.trust is None else 4
     spins = 0 if readings.gyro is None else (NORM_NEEDS if task.trust is None else 4)
     enough_readings(readings, needed, spins)
@@ -314,7 +338,8 @@ def _rough_up(readings: Readings) -> FloatArray:
     if np.isfinite(readings.angles[:, 1:]).all():
         return up_k(readings.angles)
     assert readings.accel is not None
-    return np.asarray(readings.accel / np.linalg.norm(readings.accel, axis=1, keepdims=True))
+    size = np.linalg.norm(readings.accel, axis=1, keepdims=True)
+    return np.asarray(readings.accel / np.maximum(size, 1e-300))
 
 
 def _result(
@@ -333,6 +358,9 @@ def _result(
     checks = table_checks.checks(evidence)
     if likelihood is not None:
         checks += (table_checks.agreement(estimate.coefficients, likelihood),)
+    seen_best = table_report.bound(readings, site, estimate.state, options)
+    if seen_best:
+        checks += (foreseen_check(estimate.coefficients, seen_best["bound"]),)
     rate_sd = common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,
@@ -345,7 +373,7 @@ def _result(
         findings=(*readings.findings, *found, *table_hints.hints(evidence)),
         status=estimate.status,
         site=site.as_dict(),
-        diagnostics=_diagnostics(evidence, task, options, covered),
+        diagnostics=_diagnostics(evidence, task, covered) | seen_best,
         tables={
             "readings": table_report.readings_table(evidence),
             "rig": table_report.rig_table(solution),
@@ -367,9 +395,7 @@ def common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
     return float(np.hypot(sd, earth / np.abs(readings.rate[readings.spin]).min()))
 
 
-def _diagnostics(
-    e: TableEvidence, task: Task, options: Options, covered: Coverage
-) -> dict[str, Any]:
+def _diagnostics(e: TableEvidence, task: Task, covered: Coverage) -> dict[str, Any]:
     solution, site = e.fit, e.site
     estimate = solution.estimate
 
@@ -391,5 +417,4 @@ def _diagnostics(
         "unseen": table_report.unseen(
             e.readings, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
         ),
-        **table_report.bound(e.readings, site, estimate.state, options),
     }

@@ -26,7 +26,7 @@ from foucault.estimate.table.likelihood import Observed, build
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.models.readings import Readings, mean_variance
+from foucault.models.readings import Readings, mean_variance, slow_part
 from foucault.models.references import with_references
 from foucault.models.table_geometry import Angles, Free, Geometry
 from foucault.models.table_state import State, Unknowns
@@ -194,7 +194,7 @@ class Bench:
         read = self.readings(plan, self.state(plan, ImuModel()))
         return options_of(read, self.task, None)
 
-    def linearised(self, plan: TablePlan, model: ImuModel) -> Linearised:
+    def linearised(self, plan: TablePlan, model: ImuModel, whole: bool = False) -> Linearised:
         """Return white residuals, which are zero, and their derivatives, without the prior.
 
         Parameters
@@ -203,9 +203,14 @@ class Bench:
             Rests and spins.
         model : ImuModel
             The instrument.
+        whole : bool
+            Whether the plan is a whole session, whose slow biases tie its readings together; else
+            they are taken as independent, so that its parts add up.
         """
         state, o = self.state(plan, model), self.options
         read = self.readings(plan, state)
+        if whole and self.declared:
+            read = replace(read, slow=slow_part(self.noise))
         observed = Observed.of(
             read, self.site, state, rate_sd=o.rate_sd, gyro_at_rest=o.gyro_at_rest
         )
@@ -224,7 +229,7 @@ class Bench:
         model : ImuModel or None
             The instrument; None takes `usual`.
         """
-        return information(self.linearised(plan, model or self.usual), self.layout)
+        return information(self.linearised(plan, model or self.usual, True), self.layout)
 
     def bound(self, plan: TablePlan, model: ImuModel | None = None) -> CoefficientVector:
         """Return the coefficients with the covariance that a calibration will state.

@@ -1,0 +1,153 @@
+"""Biases that wander as declared: the uncertainty is that of the long-term bias."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from foucault.models.earth import Site
+from foucault.models.imu import LINEAR_LOWER
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.readings import Readings, slow_part
+from foucault.models.table_geometry import Free
+from foucault.models.table_state import State, Unknowns, moved, predict
+from foucault.procedures import multi_position, norm_observation, turntable
+from foucault.procedures.on_table import plan as table_plan
+from foucault.result import Level
+from foucault.simulate.hand_rotated import draw_errors
+
+SITE = Site(9.81, np.radians(45.0))
+HOUR = np.radians(1.0) / 3600
+WHITE = ImuNoise(
+    accel=TriadNoise(white=2e-4),
+    gyro=TriadNoise(white=np.radians(0.05) / 60),
+)
+NOISE = ImuNoise(
+    accel=replace(WHITE.accel, bias_instability=15 * 9.80665e-6, correlation_time=300.0),
+    gyro=replace(WHITE.gyro, bias_instability=3 * HOUR, correlation_time=300.0),
+)
+PERFECT = {"plumb_sd": 0.0, "orthogonality_sd": 0.0, "zero_sd": 0.0, "position_sd": 0.0}
+BIASES = [f"{t}.bias.{a}" for t in ("accel", "gyro") for a in "xyz"]
+
+
+@cache
+def simulated(module, seed):
+    session = module.Session(rate=10.0, **(PERFECT if module is multi_position else {}))
+    return module.simulate(
+        session, settings=module.Settings(), model=draw_errors("tactical", seed), noise=NOISE,
+        site=SITE, seed=seed,
+    )  # fmt: skip
+
+
+def calibrated(module, seed, noise=NOISE, **settings):
+    sim = simulated(module, seed)
+    result = module.calibrate(sim.log, site=SITE, settings=module.Settings(**settings), noise=noise)
+    c = result.coefficients
+    return result, c.values - sim.model.coefficients(c.names).values
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("module", [turntable, norm_observation, multi_position])
+def test_biases_are_within_the_uncertainty_of_the_long_term_bias(module):
+    sessions, nees, z = 8, 0.0, []
+    for seed in range(sessions):
+        result, error = calibrated(module, seed)
+        c = result.coefficients
+        nees += error @ np.linalg.solve(c.cov, error)
+        z.append([error[c.names.index(b)] / c.sd[c.names.index(b)] for b in BIASES])
+        assert result.verdict.level is Level.PASS
+    assert chi2.ppf(5e-4, 21 * sessions) < nees < chi2.ppf(1 - 5e-4, 21 * sessions)
+    # Biases of a triad share nothing: so many independent ones have a mean square of 1.
+    n = 6 * sessions
+    assert chi2.ppf(5e-4, n) < np.sum(np.square(z)) < chi2.ppf(1 - 5e-4, n)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("solution", ["likelihood", "linear"])
+def test_the_long_term_bias_is_far_less_certain_than_the_mean_of_the_session(solution):
+    sd, bare = {}, {"repeatability": False, "loss": "squares"}
+    for name, noise in (("slow", NOISE), ("white", WHITE)):
+        result, _ = calibrated(norm_observation, 1, noise, solution=solution, **bare)
+        sd[name] = result.coefficients["gyro.bias"].sd
+    assert (sd["slow"] > 1.0 * HOUR).all()
+    assert (sd["white"] < 0.4 * HOUR).all()
+
+
+@pytest.mark.thorough
+def test_the_budget_names_what_wanders():
+    result, _ = calibrated(norm_observation, 1)
+    budget = result.diagnostics["budget"]
+    at = result.coefficients.names.index("gyro.bias.x")
+    assert budget["wandering gyro bias"][at] > 0.9 * result.coefficients.sd[at] ** 2
+    whole = np.sum(list(budget.values()), axis=0)
+    np.testing.assert_allclose(whole, result.coefficients.sd**2, rtol=1e-6)
+
+
+@pytest.mark.thorough
+def test_preflight_foretells_the_long_term_bias():
+    result, _ = calibrated(norm_observation, 1)
+    foreseen = table_plan.foresee(
+        norm_observation.task_of(norm_observation.Settings()),
+        session=norm_observation.Session(rate=10.0), site=SITE, noise=NOISE, prior={},
+    )  # fmt: skip
+    ratio = result.coefficients.sd / foreseen.coefficients.sd
+    assert ratio.max() < 1.2
+    assert ratio.min() > 0.8
+
+
+def test_slopes_of_the_slow_biases_are_those_of_the_values():
+    rng = np.random.default_rng(1)
+    n, nothing = 4, np.zeros((4, 3, 3))
+    o = rng.normal(size=(n, 3))
+    rate = np.array([0.0, 0.2, 0.0, -0.2])
+    r = Readings(
+        np.zeros((n, 3)), rate, np.zeros(n), np.arange(n), np.ones(n), np.zeros((n, 3)),
+        np.zeros((n, 3)), nothing, nothing,
+    )  # fmt: skip
+    names = LINEAR_LOWER
+    model = draw_errors("tactical", 1)
+    geometry = Free(o / np.linalg.norm(o, axis=1, keepdims=True), 5e-5)
+    at = State(model, geometry, np.zeros(3), wander=1e-3 * rng.normal(size=(n, 6)))
+    for used in ((True, True), (True, False), (False, True)):
+        unknowns = Unknowns(names, True, False, wander=used)
+        got = predict(at, r, SITE, unknowns)
+        size = got.accel_slope.shape[2]
+        assert size == unknowns.before_geometry + 2 * n + 3 * n * sum(used)
+        for k in range(size - 3 * n * sum(used), size):
+            step = np.zeros(size)
+            step[k] = 1e-4
+            a, b = (predict(moved(at, s * step, unknowns), r, SITE, unknowns) for s in (1.0, -1.0))
+            for name in ("accel", "gyro"):
+                slope = (getattr(a, name) - getattr(b, name)) / 2e-4
+                want = getattr(got, f"{name}_slope")[:, :, k]
+                np.testing.assert_allclose(slope, want, atol=1e-9)
+
+
+def test_only_what_is_declared_ties_readings_together():
+    assert slow_part(WHITE) is None
+    slow = slow_part(replace(NOISE, accel=WHITE.accel))
+    assert slow.gyro == replace(NOISE.gyro, white=0.0)
+    n = 3
+    r = Readings(
+        np.zeros((n, 3)), np.zeros(n), np.zeros(n), 100.0 * np.arange(n), np.full(n, 60.0),
+        np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3)),
+    )  # fmt: skip
+    both = r.with_noise(NOISE)
+    accel, gyro = both.wander()
+    np.testing.assert_allclose(np.diag(accel) + WHITE.accel.white**2 / 60, both.accel_cov[:, 0, 0])
+    assert 0.5 < gyro[0, 1] / gyro[0, 0] < 0.9
+    quick = both.without_wander()
+    np.testing.assert_allclose(quick.gyro_cov[:, 0, 0], WHITE.gyro.white**2 / 60)
+    assert r.with_noise(WHITE).wander() == (None, None)
+    assert replace(both, gyro=None).wander()[1] is None
+
+
+@pytest.mark.thorough
+def test_a_correlation_time_of_days_is_no_failure():
+    slow = replace(NOISE.gyro, correlation_time=1e9)
+    result, _ = calibrated(norm_observation, 1, replace(NOISE, gyro=slow))
+    np.testing.assert_allclose(result.coefficients["gyro.bias"].sd, 3 * HOUR, rtol=0.2)
