@@ -273,8 +273,8 @@ def test_a_page_that_does_not_fit_loses_no_result(tmp_path):
     with pytest.raises(FoucaultError) as caught, beside(tmp_path), atomic(tmp_path / "page"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert caught.value.code == "output.no_report"
-    assert caught.value.message.startswith(
-        f"The result is whole and lies in '{tmp_path}', but without its report: "
+    assert caught.value.message.endswith(
+        f"The result itself is whole and lies in '{tmp_path}', but without its report."
     )
     assert "No space left on device" in caught.value.message
 

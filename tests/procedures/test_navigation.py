@@ -412,7 +412,7 @@ def refused(code: str, said: str, cure: str, log=None, **words) -> None:
 
 def test_mistakes_are_named() -> None:
     refused("navigate.place", "The latitude is not known", "--latitude")
-    refused("navigate.too_short", "The alignment ends at 100 s", "Align for less",
+    refused("navigate.too_short", "The alignment ends at 99.95 s", "Align for less",
             settings=Settings(align=100.0), **PLACE)  # fmt: skip
     refused("navigate.span", "from 200 s to 100 s was to be used; the log lasts 100 s",
             "count from the start", settings=Settings(start=200.0), **PLACE)  # fmt: skip

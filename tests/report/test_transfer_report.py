@@ -64,7 +64,7 @@ def test_what_was_done(result, bounded):
     messages = result.diagnostics["messages"]
     assert said["messages used"] == f"{messages['used']} of {messages['logged']}"
     passes = len(result.diagnostics["passes"]["values"])
-    assert said["filter"] == f"Kalman, 22 states, {passes} passes"
+    assert said["filter"] == f"Kalman, 46 states, {passes} passes"
     assert said["sd of a difference"] == "0.05 m/s, 1 arcmin each component"
     assert said["noise of the gyros"] == "0.06 °/sqrt(h)"
     assert said["mount"] == "rigid"

@@ -156,6 +156,7 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     common = {k: v for k, v in file.simulate.items() if k in SimulateTable.model_fields}
     session = {k: v for k, v in file.simulate.items() if k not in common}
     common = dict(getattr(module, "SIMULATE", {})) | common
+    master = _master(str(name), file.master)
     told = validate(module.Settings, settings, ("procedure",), ("name",))
     simulated = validate(module.Session, session, ("simulate",), SimulateTable.model_fields)
     countable(told, ("procedure",))
@@ -166,7 +167,7 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         instrument=file.instrument.model_dump(),
         site=file.site.site() if calibrates or file.site.said else NOWHERE,
         log=file.log,
-        master=_master(str(name), file.master),
+        master=master,
         procedure=str(name),
         settings=told,
         noise=None if file.noise is None else file.noise.noise(),

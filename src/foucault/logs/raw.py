@@ -38,6 +38,11 @@ BLOCK_ROWS = 1 << 18
 """Rows per block where the format leaves the choice to us."""
 
 
+def _not_told() -> float:
+    """Return 0.0: how far the reading is, where the format does not tell it."""
+    return 0.0
+
+
 @dataclass(frozen=True)
 class RawTable:
     """Columns of a file, not yet read.
@@ -78,7 +83,7 @@ class RawTable:
     words: Callable[[int], Iterator[list[str]]] | None = None
     declared: Mapping[str, Any] | None = None
     sampled: Literal["rate", "increment"] | None = None
-    done: Callable[[], float] = lambda: 0.0
+    done: Callable[[], float] = _not_told
 
     @property
     def described(self) -> bool:
@@ -248,7 +253,17 @@ def must_fit(path: Path, size: float, held: float = 0.0) -> None:
 
 
 def too_large(path: Path, need: float, free: float) -> FoucaultError:
-    """Build the error for a log that memory cannot hold: what it needs, what is free [bytes]."""
+    """Build the error for a log that memory cannot hold.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    need : float
+        What it needs [bytes].
+    free : float
+        What is free [bytes].
+    """
     return error(
         "log.too_large", file=path.name, need=f"{need / 1e9:.3g}", free=f"{free / 1e9:.3g}"
     )

@@ -155,10 +155,21 @@ def navigable(log: Log) -> None:
     for name in ("gyro", "accel"):
         if getattr(log, name) is None:
             raise error("strapdown.no_triad", missing=name)
-        if not np.any(getattr(log, name)):
-            raise error("strapdown.zero", triad=name)
     if log.averaged is not None or len(log) < 2:
         raise error("strapdown.averaged")
+
+
+def require_readings(log: Log) -> None:
+    """Refuse a triad all of whose readings are zero: no instrument at rest on Earth reads that.
+
+    Parameters
+    ----------
+    log : Log
+        Readings of both triads [SI].
+    """
+    for name in ("gyro", "accel"):
+        if not np.any(getattr(log, name)):
+            raise error("strapdown.zero", triad=name)
 
 
 def bend_weights(dt: FloatArray, joined: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:

@@ -30,7 +30,7 @@ from foucault.navigate.align import (
     sensor_errors,
     window,
 )
-from foucault.navigate.increments import Increments, increments_of, navigable
+from foucault.navigate.increments import Increments, increments_of, navigable, require_readings
 from foucault.navigate.inertial_frame import known_latitude
 from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
@@ -139,6 +139,7 @@ def align_log(
         check_method(method)
     clean = log if calibration is None else calibration.apply(log)
     navigable(clean)
+    require_readings(clean)
     from_, until = _rest(log, start, end)
     # What comes after the rest is not used, nor are its gaps.
     used = clean[_rows(clean, [*given, (from_, until)])]

@@ -14,7 +14,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Wait until it has ended, or choose another folder with -o."),
     ("output.no_report", "error",
      "The result is written, its report is not",
-     "The result is whole and lies in '{folder}', but without its report: {problem}",
+     "{problem} The result itself is whole and lies in '{folder}', but without its report.",
      "Free some space, then `foucault report` writes the page from that folder."),
     ("output.input", "error",
      "A file to be written is one that is read",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from foucault.estimate.rate_table.likelihood import (
     Unknowns,
     build,
     covariance,
+    wanders,
     whitening,
 )
 from foucault.tables import AXES
@@ -113,7 +115,10 @@ def bound(e: RateEvidence) -> dict[str, Any]:
         Data, estimate and diagnostics.
     """
     alone = Trust(latitude=0.0 if e.trust.latitude is None else e.trust.latitude)
-    problem = build(e.steps, e.names, alone, start=e.estimate.state)
+    state = e.estimate.state
+    if not wanders(e.steps, alone):
+        state = replace(state, drift=None)
+    problem = build(e.steps, e.names, alone, start=state)
     info = information(problem.linearise(problem.start, np.ones(len(e.steps))), problem.layout)
     return {
         "bound": [float(v) for v in info.sd],

@@ -357,7 +357,7 @@ def _linearise(
         wide[np.arange(n), :, steps.placement] = mine
         parts.append(wide.reshape(n, 3, -1))
     miss = steps.gyro - model.measure(force, w)[1]
-    if state.drift is not None:
+    if wanders(steps, trust):
         lower = wander_root(steps, trust)
         miss = miss - lower @ state.drift
         parts.append(np.einsum("nk,ij->nikj", lower, np.eye(3)).reshape(n, 3, 3 * n))

@@ -123,7 +123,7 @@ def write_steps(sequence: CalibrationSequence, path: str | Path) -> None:
     else:
         stream = io.StringIO()
         csv.writer(stream, lineterminator="\n").writerows(
-            [csv_cell(cell) for cell in row] for row in rows(sequence)
+            [*row[:-1], csv_cell(row[-1])] for row in rows(sequence)
         )
         text = stream.getvalue()
     with atomic(path) as temporary:

@@ -24,7 +24,7 @@ from foucault.logs.reference import Reference
 from foucault.models.earth import Site
 from foucault.models.layouts import is_imu, of_sensors
 from foucault.models.noise import ImuNoise, noise_of
-from foucault.navigate.increments import increments_of
+from foucault.navigate.increments import increments_of, require_readings
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures import Progress, silent
 from foucault.procedures.navigation import evidence
@@ -177,6 +177,7 @@ def navigate_log(
     told = (*log.findings, *_calibration(calibration, about))
     part = _part(log, settings)
     increments_of(part, gaps=settings.gaps)  # refuses what cannot be navigated at all
+    require_readings(part)
     progress(0.1, "finding the rest")
     seen = opening(part, settings)
     if reference is not None:
