@@ -334,7 +334,7 @@ def test_innovations_that_are_larger_or_smaller_than_stated(flight):
     wrong = settings(c, velocity_sd=0.02, attitude_sd=5 * ARCMIN)
     result = trial(c, session.simulation.log, settings=wrong)
     assert {"velocity innovations", "attitude innovations"} <= failed(result)
-    told = [f for f in result.findings if f.code == "transfer.spread"]
+    told = [f for f in result.findings if f.code in ("transfer.spread", "transfer.narrow")]
     explained = [re.match(r'(\w+) = "([\d.]+) ', f.cure).groups() for f in told]
     assert dict(explained).keys() == {"velocity_sd", "attitude_sd"}
     for key, value in explained:

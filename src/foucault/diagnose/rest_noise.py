@@ -35,6 +35,9 @@ FloatArray = npt.NDArray[np.float64]
 BLOCKS = 16
 """A rest holds so many of the longest averaging time [1]."""
 
+FEWEST = BLOCKS
+"""Fewer samples tell nothing of the noise [1]."""
+
 ORDERS = 6
 """Highest difference [1]."""
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from foucault.diagnose.alignment import agreement as alignment_agreement
 from foucault.diagnose.alignment import input as alignment_checks
-from foucault.diagnose.rest_noise import noise_of
+from foucault.diagnose.rest_noise import FEWEST, noise_of
 from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding
 from foucault.models.earth import Site
@@ -194,7 +194,7 @@ def _rest(log: Log, start: float | None, end: float | None) -> tuple[float, floa
 def _measured(log: Log, start: float, end: float) -> tuple[ImuNoise | None, tuple[Finding, ...]]:
     """Return the white noise measured in a rest, and a note where it was not quiet."""
     rows = slice(*np.searchsorted(log.time, [start, end]))
-    short = (rows.stop - rows.start) * log.interval < LEAST
+    short = rows.stop - rows.start < max(FEWEST, LEAST / log.interval)
     return (None, ()) if short else noise_of(log[rows])
 
 

@@ -43,7 +43,8 @@ class FlexureFit:
     attitude_sd : float
         Sd of what is left of the difference of attitudes [rad].
     gain : float
-        By how much the log-likelihood is higher than it was [1].
+        By how much the log-likelihood is higher than it was, and than that of a rigid mount whose
+        attitudes have another noise [1].
     run : LinearRun
         The filter that knows it.
     """
@@ -82,7 +83,7 @@ def likeliest_flexure(
     likelihood : float
         Log-likelihood so far [1].
     """
-    from scipy.optimize import minimize
+    from scipy.optimize import minimize, minimize_scalar
 
     stiff = dict(zip(layout.names, sd, strict=True))
     some = replace(mount, flexure_sd=matching.attitude_sd, flexure_time=STARTS[0])
@@ -118,4 +119,10 @@ def likeliest_flexure(
                     options={"maxfev": EVALUATIONS, "xatol": 0.03, "fatol": 0.2,
                              "initial_simplex": corners})  # fmt: skip
     size, slow, noise = np.exp(best.x).tolist()
-    return FlexureFit(size, slow, noise, -float(best.fun) - likelihood, kalman(system(best.x)))
+    # Attitudes that are noisier or quieter than was said are no mount that bends.
+    rigid = minimize_scalar(
+        lambda x: against(np.array([start[0] - MOST, start[1], x])),
+        bounds=(start[2] - MOST, start[2] + MOST), method="bounded", options={"xatol": 0.03},
+    )  # fmt: skip
+    so_far = max(likelihood, -float(rigid.fun))
+    return FlexureFit(size, slow, noise, -float(best.fun) - so_far, kalman(system(best.x)))

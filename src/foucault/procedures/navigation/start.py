@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from foucault.diagnose.alignment import input as alignment_checks
 from foucault.diagnose.alignment.input import POOR
-from foucault.diagnose.rest_noise import noise_of
+from foucault.diagnose.rest_noise import FEWEST, noise_of
 from foucault.diagnose.rests import Rests, find_rests
 from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding, error
@@ -172,7 +172,7 @@ def _noise(
     if rows is None and len(rests):
         k = int(np.argmax(rests.last - rests.first))
         rows = (int(rests.first[k]), int(rests.last[k]))
-    if rows is None or (rows[1] - rows[0]) * log.interval < LEAST:
+    if rows is None or rows[1] - rows[0] < max(FEWEST, LEAST / log.interval):
         return None, ()
     return noise_of(log[slice(*rows)])
 
