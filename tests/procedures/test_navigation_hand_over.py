@@ -131,27 +131,28 @@ def test_the_command_takes_a_hand_over(perfect, tmp_path) -> None:
     run_folder.save(calibration(found), tmp_path / "run")
     settings, there = handed(drive)
 
-    def run(*words: object, place: bool = True):
-        deg = {k: f"{np.degrees(getattr(settings, k))} deg" for k in ("heading", "pitch", "roll")}
-        given = ["navigate", tmp_path / "log.csv", "--calibration", tmp_path / "run",
-                 "--from", "20 s", "--latitude", f"{np.degrees(there['site'].latitude)} deg",
-                 *(x for k, v in deg.items() for x in (f"--{k}", v))]  # fmt: skip
-        given += ["--longitude", "8.5 deg", "--height", "430 m"] if place else []
-        return CliRunner().invoke(app, [str(w) for w in (*given, *words, "--json")])
+    def run(*words: object):
+        given = [*words, "--calibration", tmp_path / "run", "--from", "20 s",
+                 *(x for k in ("heading", "pitch", "roll")
+                   for x in (f"--{k}", f"{np.degrees(getattr(settings, k))} deg")),
+                 "--latitude", f"{np.degrees(there['site'].latitude)} deg"]  # fmt: skip
+        return CliRunner().invoke(app, [str(w) for w in (*given, "--json")])
 
+    log = tmp_path / "log.csv"
     v = ", ".join(f"{x} m/s" for x in settings.velocity)
-    said = json.loads(run("--velocity", v, "--velocity-sd", "0.05 m/s",
-                          "--position-sd", "4 m").stdout)  # fmt: skip
+    place = ["--longitude", "8.5 deg", "--height", "430 m"]
+    said = json.loads(run("navigate", log, "--velocity", v, "--velocity-sd", "0.05 m/s",
+                          "--position-sd", "4 m", *place).stdout)  # fmt: skip
     start = said["runs"][0]["start"]
     assert start["velocity"] == pytest.approx(settings.velocity, abs=1e-9)
     assert (start["velocity_sd"], start["position_sd"]) == (0.05, 4.0)
     assert said["settings"]["velocity"] == pytest.approx(settings.velocity)
-    usual = json.loads(run("--velocity", v).stdout)["runs"][0]["start"]
+    usual = json.loads(run("navigate", log, "--velocity", v, *place).stdout)["runs"][0]["start"]
     assert (usual["velocity_sd"], usual["position_sd"]) == (0.1, 0.0)
-    two = run("--velocity", "1 m/s, 2 m/s")
+    two = run("navigate", log, "--velocity", "1 m/s, 2 m/s", *place)
     assert two.exit_code == 1 and "--velocity is '1 m/s, 2 m/s'" in two.stderr
     assert 'east, north and up: --velocity "12.1 m/s, -3.4 m/s, 0 m/s"' in two.stderr
-    part = run("--velocity", v, "--position-sd", "4 m", place=False)
+    part = run("navigate", log, "--velocity", v, "--position-sd", "4 m")
     assert part.exit_code == 1
     assert "--position-sd was given without --longitude and --height" in part.stderr
     assert "Give --latitude, --longitude and --height of the start" in " ".join(part.stderr.split())
