@@ -54,8 +54,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "`setup`, or leave `setup` out."),
     ("north.place_missing", "error",
      "Set-ups whose latitude is not given",
-     "The column of latitudes is empty for set-ups, {count} in all, the first of them '{name}', and "
-     "no latitude is given for all.",
+     "The column of latitudes is empty for set-ups, {count} in all, the first of them '{name}', "
+     "and no latitude is given for all.",
      'Fill it in, or give the latitude of the others: --latitude "47.3 deg" or [site].'),
     ("north.one_place", "error",
      "A calibration of a north seeker at several places",
