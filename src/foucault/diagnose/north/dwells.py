@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -141,9 +142,9 @@ def _headings(log: IndexedLog) -> FloatArray:
     return out
 
 
-def _places(log: IndexedLog) -> dict[str, FloatArray]:
+def _places(log: IndexedLog) -> dict[str, Any]:
     """Return latitude and its sd of each set-up, as far as the log has such columns."""
-    out = {}
+    out: dict[str, Any] = {}
     for name in PLACES:
         values = getattr(log, name)
         if values is not None:

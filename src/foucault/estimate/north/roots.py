@@ -9,7 +9,7 @@ is told apart by what is known of hemisphere and rough heading, and the next bes
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -93,10 +93,10 @@ class Known:
         rows : ndarray of int, shape (k,)
             Their numbers [1].
         """
-        each = {
-            name: getattr(self, name) for name in ("gravity", "latitude", "latitude_sd", "near")
-        }
-        return replace(self, **{k: v[rows] for k, v in each.items() if isinstance(v, np.ndarray)})
+        names = ("gravity", "latitude", "latitude_sd", "near")
+        each: dict[str, Any] = {name: getattr(self, name) for name in names}
+        some: dict[str, Any] = {k: v[rows] for k, v in each.items() if isinstance(v, np.ndarray)}
+        return replace(self, **some)
 
 
 def compensated(
