@@ -19,6 +19,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The reference '{file}' has a latitude of {given} deg.",
      "Latitudes lie between -90 and 90 deg: check the unit in its title, and the order of latitude "
      "and longitude."),
+    ("reference.place_swapped", "error",
+     "Latitude and longitude of a reference that are exchanged",
+     "The reference '{file}': its velocities miss its positions by {miss} m in {time} s, and by "
+     "{better} m with latitude and longitude exchanged.",
+     "Exchange the titles of its columns latitude and longitude."),
     ("navigate.apart", "error",
      "A reference and a navigation without common time",
      "The navigation lasts from {first} s to {last} s, the reference from {start} s to {end} s: "
