@@ -64,6 +64,8 @@ INDEXED_LOG = (
     Column("specific force x", "m/s^2", "to the right, of accelerometers that stay with the case"),
     Column("specific force y", "m/s^2", "forward, of accelerometers that stay with the case"),
     Column("heading", "rad", "heading of y_b by another reference, clockwise from north"),
+    Column("latitude", "rad", "latitude of the set-up, where a file has several places"),
+    Column("latitude sd", "rad", "its standard deviation"),
     Column("dwell", "s", "where every row is already a mean: over how long"),
     Column("temperature", "K", "temperature of the instrument, where logged"),
 )
@@ -367,6 +369,9 @@ class IndexedLog:
         Temperature [K].
     averaged : ndarray, shape (n,), or None
         Where every row is already a mean: over how long [s]. None: samples.
+    latitude, latitude_sd : ndarray, shape (n,), or None
+        Latitude of the set-up and its standard deviation, NaN where the row does not say it; None
+        where one place counts for all [rad].
     findings : tuple of Finding
         What the reader noticed.
     source : dict
@@ -387,6 +392,8 @@ class IndexedLog:
     findings: tuple[Finding, ...] = ()
     source: dict[str, Any] = field(default_factory=dict)
     clock: Clock = Clock()
+    latitude: FloatArray | None = None
+    latitude_sd: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -418,7 +425,7 @@ class IndexedLog:
         keep : ndarray of int, shape (k,)
             Numbers of the rows [1].
         """
-        optional = ("accel", "heading", "temperature", "averaged")
+        optional = ("accel", "heading", "temperature", "averaged", "latitude", "latitude_sd")
         some = {name: getattr(self, name)[keep] for name in ("time", "index", "gyro", "setup")}
         some |= {k: None if getattr(self, k) is None else getattr(self, k)[keep] for k in optional}
         return replace(self, **some)

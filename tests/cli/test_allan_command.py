@@ -96,3 +96,28 @@ def test_what_only_looks_at_a_log_needs_no_place(command: str, log: Path, tmp_pa
     result = run(command, file)
     assert result.exit_code == 0
     assert "samples" in result.output or "At rest, 0.00 s to 49.99 s." in result.output
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("triad", "unit", "white"), [("gyro", "rad/s", 1e-5), ("accel", "m/s^2", 1e-4)]
+)
+def test_a_log_of_one_axis_is_its_column_named_three_times(
+    triad: str, unit: str, white: float, tmp_path: Path
+) -> None:
+    time = np.arange(20_000) * 0.01
+    x = white / 0.1 * np.random.default_rng(1).normal(size=len(time))
+    np.savetxt(tmp_path / "one.csv", np.column_stack([time, x]), delimiter=",", header="time,rate",
+               comments="")  # fmt: skip
+    file = tmp_path / "one.toml"
+    file.write_text(
+        '[log]\nfile = "one.csv"\ntime = { column = "time", unit = "s" }\n'
+        f'{triad} = {{ columns = ["rate", "rate", "rate"], unit = "{unit}" }}\n'
+    )
+    done = run("allan", file, "--axis", f"{triad}.z", "-o", tmp_path / "o", "--json")
+    assert done.exit_code == 0
+    (name, seen), *others = json.loads(done.stdout)["channels"].items()
+    assert name == f"{triad}.z" and not others and len(seen["noises"]) == 5
+    found = next(iter(n for n in seen["noises"].values() if n["seen"]))
+    assert found["value"] == pytest.approx(white, rel=0.05)
+    assert triad in (tmp_path / "o" / "noise.toml").read_text()

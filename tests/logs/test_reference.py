@@ -9,6 +9,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.logs import reference
+from foucault.models.geodesy import displaced
 
 HEAD = "time (s),latitude (deg),longitude (deg),height (m)"
 
@@ -99,3 +100,33 @@ def test_a_place_is_that_of_the_rest_or_between_epochs() -> None:
     crossing[1, 1] = -np.pi + 1e-3
     there = reference.Reference(time, crossing).place(0.5, 0.5)
     assert there[1] == pytest.approx(np.pi + 0.5e-3)
+
+
+def driven(
+    path: Path, swapped: bool, *, place=(48.8, 2.3), velocity=(3.0, 11.0), noise=2.0
+) -> Path:
+    """Write a reference at 1 Hz for 200 s, its positions scattered."""
+    rng = np.random.default_rng(3)
+    time = np.arange(200.0)
+    way = time[:, None] * [*velocity, 0.0] + noise * rng.normal(size=(200, 3))
+    latitude, longitude, height = displaced(*np.radians(place), 60.0, way)
+    both = np.degrees([longitude, latitude] if swapped else [latitude, longitude])
+    v = np.array(velocity) + 0.05 * rng.normal(size=(200, 2))
+    rows = [",".join(f"{x:.10f}" for x in row) for row in np.column_stack([time, *both, height, v])]
+    rows[7] = "7,,,,1,1"  # cells may be blank
+    return write(path, HEAD + ",ve (m/s),vn (m/s)", rows)
+
+
+def test_latitude_and_longitude_that_are_exchanged_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FoucaultError) as caught:
+        reference.read(driven(tmp_path / "r.csv", True))
+    assert caught.value.code == "reference.place_swapped"
+    assert "with latitude and longitude exchanged" in caught.value.message
+    assert "Exchange the titles of its columns latitude and longitude" in caught.value.cure
+
+
+@pytest.mark.parametrize("velocity", [(3.0, 11.0), (11.0, 3.0), (0.0, 0.0), (8.0, 8.0)])
+@pytest.mark.parametrize("place", [(48.8, 2.3), (2.3, 48.8), (45.0, 45.0), (0.1, -0.1), (60, 150)])
+def test_a_sound_reference_is_not_called_exchanged(tmp_path: Path, place, velocity) -> None:
+    file = driven(tmp_path / "r.csv", False, place=place, velocity=velocity)
+    assert len(reference.read(file).time) == 200

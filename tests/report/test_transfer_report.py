@@ -287,6 +287,11 @@ def test_the_command_of_the_hand_over_can_be_copied(result):
     assert parse(words[words.index("--from") + 1], "time") == pytest.approx(
         state["time"] - result.diagnostics["start"]
     )
+    velocity = [parse(v, "velocity") for v in words[words.index("--velocity") + 1].split(", ")]
+    assert velocity == pytest.approx(state["velocity"], abs=1e-4)
+    sd = np.sqrt(np.diag(state["covariance"])[3:6])
+    given = parse(words[words.index("--velocity-sd") + 1], "velocity")
+    assert 0.9 * sd.min() < given < 1.1 * sd.max()
 
 
 def test_nothing_is_shown_that_is_not_there(result):

@@ -82,6 +82,24 @@ def navigate(
         str | None,
         typer.Option(help='Standard deviation of --pitch and --roll, such as "1 arcmin".'),
     ] = None,
+    velocity: Annotated[
+        str | None,
+        typer.Option(
+            help='Velocity at a start in motion: east, north, up, such as "12.1 m/s, -3.4 m/s, '
+            '0 m/s".'
+        ),
+    ] = None,
+    velocity_sd: Annotated[
+        str | None,
+        typer.Option(help='Standard deviation of each component, "0.1 m/s" if left out.'),
+    ] = None,
+    position_sd: Annotated[
+        str | None,
+        typer.Option(
+            help='Standard deviation of --latitude, --longitude and --height, such as "3 m": the '
+            "start is there, not where the reference is."
+        ),
+    ] = None,
     reference: Annotated[
         Path | None,
         typer.Option(
@@ -119,11 +137,13 @@ def navigate(
     site = parsed({"latitude": latitude, "longitude": longitude, "height": height,
                     "gravity": gravity})  # fmt: skip
     given = parsed({"align": align, "heading": heading, "heading_sd": heading_sd, "pitch": pitch,
-                     "roll": roll, "level_sd": level_sd, "from": from_, "until": until,
-                     "rate": rate})  # fmt: skip
+                    "roll": roll, "level_sd": level_sd, "velocity_sd": velocity_sd,
+                    "position_sd": position_sd, "from": from_, "until": until,
+                    "rate": rate})  # fmt: skip
     given |= {new: given.pop(old) for old, new in (("from", "start"), ("until", "end"))
               if old in given}  # fmt: skip
-    settings = Settings(method=method, vertical=vertical, gaps=gaps, still=still, **given)
+    settings = Settings(method=method, vertical=vertical, gaps=gaps, still=still,
+                        velocity=_three(velocity), **given)  # fmt: skip
     white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
     said = Said(site, settings, white.get("gyro_noise"), white.get("accel_noise"), serial)
     with screen.progress() as tell:
@@ -133,6 +153,19 @@ def navigate(
         record = _kept(found, output)
     _show(screen, record)
     _conclude(screen, record, output)
+
+
+def _three(text: str | None) -> tuple[float, float, float] | None:
+    """Return a velocity east, north, up [m/s]."""
+    from foucault.campaign.mistakes import parse_at
+    from foucault.errors import error
+
+    if text is None:
+        return None
+    parts = [parse_at("--velocity", one.strip(), "velocity") for one in text.split(",")]
+    if len(parts) != 3:
+        raise error("navigate.three", given=text)
+    return parts[0], parts[1], parts[2]
 
 
 def _kept(found: Any, folder: Path | None) -> NavigationRecord:

@@ -152,7 +152,8 @@ def _show(screen: Screen, record: NorthRecord) -> None:
     from foucault.report.north_detail import Setup
 
     setups = [Setup(record, i) for i in range(len(record.about["setups"]))]
-    estimated = any(s.text_sd("latitude") for s in setups)
+    several = isinstance(record.about["known"]["latitude"], list)
+    estimated = several or any(s.text_sd("latitude") for s in setups)
     reference = any(s.reference is not None for s in setups)
     headings = ["set-up", "heading (deg)"]
     headings += ["minus reference (deg)"] * reference + ["pitch (deg)", "roll (deg)"]

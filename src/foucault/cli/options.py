@@ -10,13 +10,14 @@ KINDS = {
     "accel_noise": "velocity random walk", "gyro_bias_sd": "angular rate",
     "accel_bias_sd": "specific force", "align": "time", "from": "time", "until": "time",
     "rate": "frequency", "at": "temperature", "reference": "temperature",
+    "velocity_sd": "velocity", "position_sd": "length",
     "margin": "temperature difference", "hold": "time", "timeout": "time", "time": "time",
 }  # fmt: skip
 """Kind of quantity of every option; the others are angles."""
 
 POSITIVE = (
     "latitude_sd", "level_sd", "heading_sd", "accuracy", "index_sd", "gyro_noise", "accel_noise",
-    "align", "until", "rate", "time",
+    "align", "until", "rate", "time", "velocity_sd", "position_sd",
 )  # fmt: skip
 """Options that must be greater than zero."""
 

@@ -27,6 +27,12 @@ MOVED = np.radians(1.0)
 SAME_HEADING = np.radians(0.1)
 """Reference headings within this are those of one set-up [rad]."""
 
+SAME_LATITUDE = np.radians(1e-6)
+"""Latitudes within this, some 0.1 m, are those of one set-up [rad]."""
+
+BLANK = ("heading", "latitude", "latitude_sd")
+"""Columns whose cells may be empty."""
+
 Data = dict[str, FloatArray]
 
 
@@ -63,6 +69,7 @@ def read(
     log = IndexedLog(
         data["time"], data["index"], data["gyro"], data.get("accel"), setup, names,
         data.get("heading"), data.get("temperature"), data.get("averaged"),
+        latitude=data.get("latitude"), latitude_sd=data.get("latitude_sd"),
         source={
             "file": path.name,
             "sha256": sha256(path),
@@ -71,6 +78,7 @@ def read(
         },
     )  # fmt: skip
     _one_heading(log)
+    _one_place(log)
     found = (*raw.findings, *dropped, *again, *_timing(log))
     told = (*found, *implausible(log, description))
     return replace(log, findings=told, clock=description.time_base)
@@ -118,7 +126,8 @@ def _picks(used: IndexedDescription, raw: RawTable, path: Path) -> Iterator[_Pic
             numbers, sign = _found(raw, some, name, path)
             zero, factor = getattr(used, name).conversion()
             yield name, numbers, zero, factor * sign
-    for name, plain in (("heading", used.heading), ("averaged", used.averaged)):
+    single = ("heading", "latitude", "latitude_sd", "averaged")
+    for name, plain in ((name, getattr(used, name)) for name in single):
         if plain is not None:
             numbers, sign = _found(raw, (plain.column,), name, path)
             yield name, numbers, none, plain.one() * sign
@@ -165,7 +174,7 @@ def _usable(
 
     if labels is not None:
         kept(np.flatnonzero([bool(label) for label in labels]))
-    needed = {name: values for name, values in data.items() if name != "heading"}
+    needed = {name: values for name, values in data.items() if name not in BLANK}
     keep, found = checks.finite(needed, used.missing, path.name)
     if keep is not None:
         kept(np.flatnonzero(keep))
@@ -189,7 +198,7 @@ def _setups(
 ) -> tuple[IntArray, tuple[str, ...], tuple[Finding, ...]]:
     """Number the set-ups: runs of one name, else of one reference heading."""
     n = len(data["gyro"])
-    heading = data.get("heading")
+    heading, latitude = data.get("heading"), data.get("latitude")
     if labels is not None:
         new = np.array([True, *(a != b for a, b in pairwise(labels))])
     elif heading is not None:
@@ -198,13 +207,15 @@ def _setups(
         new = np.append(True, moved & ~(unknown[1:] & unknown[:-1]))
     else:
         new = np.arange(n) == 0
+    if labels is None and latitude is not None:
+        new[1:] |= np.abs(np.diff(latitude)) > SAME_LATITUDE
     first = np.flatnonzero(new)
     if labels is not None:
         plain = [labels[i] for i in first]
     elif heading is not None:
         plain = [f"{np.degrees(heading[i]):.6g} deg" for i in first]
     else:
-        plain = ["1"]
+        plain = [f"{k + 1}" for k in range(len(first))]
     names: list[str] = []
     found = []
     for row, name in zip(first, plain, strict=True):
@@ -248,3 +259,22 @@ def _one_heading(log: IndexedLog) -> None:
         if change > SAME_HEADING:
             words = {"setup": log.names[number], "change": f"{np.degrees(change):.3g}"}
             raise error("north.heading_moves", **words)
+
+
+def _one_place(log: IndexedLog) -> None:
+    """Refuse a latitude that cannot be, or that changes within a set-up."""
+    for values, what in ((log.latitude, "latitude"), (log.latitude_sd, "latitude_sd")):
+        if values is None:
+            continue
+        known = np.flatnonzero(np.isfinite(values))
+        low = 0.0 if what == "latitude_sd" else -np.pi / 2
+        wrong = known[(values[known] < low) | (values[known] > np.pi / 2)]
+        if len(wrong):
+            given = f"{np.degrees(values[wrong[0]]):.6g}"
+            raise error("north.place", setup=log.names[log.setup[wrong[0]]], what=what, given=given)
+        within = np.diff(log.setup[known]) == 0
+        change = np.abs(np.diff(values[known])) * within
+        if change.max(initial=0.0) > SAME_LATITUDE:
+            row = known[int(np.argmax(change))]
+            raise error("north.place_moves", setup=log.names[log.setup[row]], what=what,
+                        change=f"{np.degrees(change.max()):.3g}")  # fmt: skip

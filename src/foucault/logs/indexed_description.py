@@ -155,10 +155,19 @@ class IndexedDescription(FileLayout):
     heading: Angle | None = Field(
         None, description="heading of y_b by another reference, clockwise from north; may be empty"
     )
+    latitude: Angle | None = Field(
+        None,
+        description="latitude of each set-up, positive north, where a file has several places; "
+        "where it is empty that of [site] counts",
+    )
+    latitude_sd: Angle | None = Field(
+        None, description="sd of it; where it is empty that of [procedure] counts"
+    )
     setup: ColumnName | None = Field(
         None,
         description="column of the set-up: a new value is a new placement of the instrument, rows "
-        "where it is empty are left out. Left out: every new reference heading, else all one",
+        "where it is empty are left out. Left out: every new reference heading or latitude, else "
+        "all one",
     )
     averaged: Length | None = Field(
         None,

@@ -27,6 +27,8 @@ _SINGLE = {
     "index": ("index", "indexangle", "angle"),
     "gyro": ("gyro", "rate", "gyrorate"),
     "heading": ("heading", "reference", "referenceheading"),
+    "latitude": ("latitude", "lat"),
+    "latitude_sd": ("latitudesd", "latsd"),
     "averaged": ("dwell", "averaged", "dwelltime"),
     "temperature": ("temperature", "temp"),
 }
@@ -43,6 +45,8 @@ _ENDINGS = {
     "index": {"deg": "deg", "rad": "rad"},
     "gyro": {"dph": "deg/h", "deg_h": "deg/h", "dps": "deg/s", "rad_s": "rad/s"},
     "heading": {"deg": "deg", "rad": "rad"},
+    "latitude": {"deg": "deg", "rad": "rad"},
+    "latitude_sd": {"deg": "deg", "rad": "rad"},
     "averaged": {"s": "s", "min": "min"},
     "temperature": {"c": "degC", "degc": "degC", "k": "K"},
     "accel": {"g": "g", "mg": "mg", "m_s2": "m/s^2"},
@@ -178,6 +182,8 @@ def _columns(log: IndexedLog) -> dict[str, Any]:
         "specific force x": accel[0] if len(accel) == 2 else None,
         "specific force y": accel[1] if len(accel) == 2 else None,
         "heading": log.heading,
+        "latitude": log.latitude,
+        "latitude sd": log.latitude_sd,
         "dwell": log.averaged,
         "temperature": log.temperature,
     }

@@ -14,17 +14,11 @@ import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.logs.master_description import MasterDescription
-from foucault.models.geodesy import displacement
+from foucault.logs.places import misses
 from foucault.models.master import MasterTable
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
-
-LEG = 20.0
-"""Velocities are added up over so long, where noise of positions counts little [s]."""
-
-BETTER = 3.0
-"""So many times nearer the other frame has to come [1]."""
 
 MOVING = 1.0
 """Below this speed a course says nothing [m/s]."""
@@ -68,41 +62,18 @@ def checked(table: MasterTable, description: MasterDescription, name: str) -> Ma
 def _one_frame(table: MasterTable, frame: str, name: str) -> None:
     if table.latitude is None or table.longitude is None:
         return
-    legs = np.arange(0, len(table), max(1, round(LEG / table.interval)))
-    if len(legs) < 2:
-        return
     height = np.zeros(len(table)) if table.height is None else table.height
-    a, b = legs[:-1], legs[1:]
-    gone = _gone(table.latitude, table.longitude, height, a, b)
-    v = table.velocity_n
-    steps = np.diff(table.time)[:, None] * (v[1:] + v[:-1]) / 2
-    way = np.add.reduceat(steps, a)[: len(a)]
-    way[-1] = steps[a[-1] : b[-1]].sum(axis=0)
-    axes = slice(0, 3 if table.height is not None else 2)
-
-    def off(gone: FloatArray, way: FloatArray) -> float:
-        return float(np.sqrt(np.mean(np.sum((gone - way)[:, axes] ** 2, axis=1))))
-
-    miss, better = off(gone, way), off(gone, way[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
-    if np.abs(table.longitude).max() < np.pi / 2:
-        exchanged = off(_gone(table.longitude, table.latitude, height, a, b), way)
-        if exchanged < better and miss > BETTER * exchanged:
-            usual = float(np.median(table.time[b] - table.time[a]))
-            raise error("master.place_swapped", file=name, miss=plain(miss, 3),
-                        better=plain(exchanged, 3), time=plain(usual, 3))  # fmt: skip
-    if miss > BETTER * better:
+    position = np.column_stack([table.latitude, table.longitude, height])
+    seen = misses(table.time, position, table.velocity_n, heights=table.height is not None)
+    if seen is None:
+        return
+    words = {"file": name, "miss": plain(seen.miss, 3), "time": plain(seen.time, 3)}
+    if seen.place_swapped:
+        raise error("master.place_swapped", better=plain(seen.exchanged, 3), **words)
+    if seen.frame_swapped:
         other = "NED" if frame == "ENU" else "ENU"
-        usual = float(np.median(table.time[b] - table.time[a]))
-        raise error("master.frame", file=name, given=frame, other=other, miss=plain(miss, 3),
-                    better=plain(better, 3), time=plain(usual, 3))  # fmt: skip
-
-
-def _gone(
-    latitude: FloatArray, longitude: FloatArray, height: FloatArray,
-    a: npt.NDArray[np.int64], b: npt.NDArray[np.int64],
-) -> FloatArray:  # fmt: skip
-    """Return how far messages b are from messages a, shape (m, 3) [m]."""
-    return displacement(latitude[a], longitude[a], height[a], latitude[b], longitude[b], height[b])
+        raise error("master.frame", given=frame, other=other, better=plain(seen.other_frame, 3),
+                    **words)  # fmt: skip
 
 
 def heading(table: MasterTable, sense: str, name: str) -> tuple[Finding, ...]:

@@ -20,10 +20,12 @@ from foucault import units
 from foucault.errors import FoucaultError, error
 from foucault.files import sha256
 from foucault.logs.layout import FileLayout
+from foucault.logs.places import misses
 from foucault.logs.raw import RawTable, kept, open_raw
 from foucault.logs.titles import unit_in
 from foucault.models.geodesy import displacement
 from foucault.models.rotation import turned
+from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -199,10 +201,26 @@ def read(path: str | Path) -> Reference:
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise error("reference.time", file=path.name, rows=len(time))
     source = {"file": str(path), "sha256": sha256(path), "rows": len(time)}
-    return Reference(
+    found = Reference(
         time, _position(columns, path), _together(columns, _VELOCITY), _together(columns, _ANGLES),
         "height" in columns, source=source,
     )  # fmt: skip
+    _not_swapped(found, path)
+    return found
+
+
+def _not_swapped(found: Reference, path: Path) -> None:
+    """Refuse latitude and longitude that are exchanged, by what the velocities say of the way."""
+    if found.position is None or found.velocity_n is None:
+        return
+    both = np.column_stack([found.position[:, :2], found.velocity_n[:, :2]])
+    rows = np.isfinite(both).all(axis=1)
+    # Level ways alone: heights and velocities up are often left out.
+    position, velocity = (np.nan_to_num(x[rows]) for x in (found.position, found.velocity_n))
+    seen = misses(found.time[rows], position, velocity, heights=False)
+    if seen is not None and seen.place_swapped:
+        raise error("reference.place_swapped", file=path.name, miss=plain(seen.miss, 3),
+                    time=plain(seen.time, 3), better=plain(seen.exchanged, 3))  # fmt: skip
 
 
 def titled_columns(raw: RawTable, path: Path) -> dict[str, tuple[int, float]]:

@@ -43,6 +43,8 @@ class Dwells:
         What was noticed when they were made.
     turning : ndarray of bool, shape (n,), or None
         Which rows are pieces of a rotation; None where all are stops.
+    latitude, latitude_sd : ndarray, shape (m,), or None
+        Latitude of each set-up and its standard deviation, NaN where the log does not say it [rad].
     """
 
     setup: IntArray
@@ -58,6 +60,8 @@ class Dwells:
     interval: float = 0.0
     findings: tuple[Finding, ...] = ()
     turning: npt.NDArray[np.bool_] | None = None
+    latitude: FloatArray | None = None
+    latitude_sd: FloatArray | None = None
 
     @property
     def rotates(self) -> bool:

@@ -108,7 +108,8 @@ def _line(about: Mapping[str, Any]) -> list[str]:
     instrument = about.get("instrument") or {}
     name = " ".join(str(instrument[k]) for k in ("name", "serial") if instrument.get(k))
     created = (about.get("provenance") or {}).get("created")
-    parts = [name, certificate.place(about["site"])]
+    one = not isinstance(about["known"]["latitude"], list)
+    parts = [name, certificate.place(about["site"]) if one else "several latitudes"]
     parts.append(certificate.date(str(created)) if created else "")
     return [part for part in parts if part]
 
@@ -201,7 +202,7 @@ def _table(setups: list[Setup], order: list[Setup]) -> Section:
     if len(setups) > LISTED:
         some = order[:LISTED]
         lead = f"The worst {LISTED} of {len(setups)}, worst first; all are in `fixes.csv`."
-    estimated = setups[0].about["known"]["latitude"] is None or any(
+    estimated = not isinstance(setups[0].about["known"]["latitude"], float) or any(
         s.degrees("latitude", "sd") > 1e-6 for s in setups
     )
     reference = any(s.reference is not None for s in setups)

@@ -115,12 +115,18 @@ def _known(about: Mapping[str, Any]) -> Section:
             pairs.append((f"slow noise, {SENSORS[sensor][1]}", "declared"))
     if known["latitude"] is None:
         pairs.append(("latitude", f"unknown, {known['hemisphere']}ern hemisphere"))
+    elif isinstance(known["latitude"], list):
+        low, high = (signed(f"{math.degrees(f(known['latitude'])):.5g}") for f in (min, max))
+        pairs.append(("latitude", f"of each set‑up, {low}° to {high}°"))
     else:
         sd = math.degrees(known["latitude_sd"] or 0.0)
         near = f" ± {angle_unit(sd).words(sd)}" if sd > 1e-6 else ""
         place = signed(f"{math.degrees(known['latitude']):.5g}")
         pairs.append(("latitude", f"{place}°{near}"))
-    pairs.append(("local gravity", certificate.gravity(site)))
+    if len({*np.atleast_1d(known["gravity"])}) > 1:
+        pairs.append(("local gravity", "normal gravity at the latitude of each set‑up"))
+    else:
+        pairs.append(("local gravity", certificate.gravity(site)))
     if known["near"] is not None:
         pairs.append(("rough heading given", f"{math.degrees(known['near']):.4g}°"))
     if known["level_sd"] is not None:

@@ -176,6 +176,7 @@ def handed(result: Result) -> Section | None:
         return None
     sd = np.sqrt(np.diag(np.array(state["covariance"], float)))
     level = float(np.max(sd[:2])) / MINUTE
+    speed = float(np.sqrt(np.mean(sd[3:6] ** 2)))
     rows = [
         ["latitude", f"{np.degrees(state['latitude']):.7f}", "", "°"],
         ["longitude", f"{np.degrees(state['longitude']):.7f}", "", "°"],
@@ -211,6 +212,8 @@ def handed(result: Result) -> Section | None:
         f"foucault navigate LOG --reference REFERENCE --calibration result.json \\\n"
         f"    --from '{plain(at, 9)} s' {angles} \\\n"
         f"    --heading-sd '{format_value(sd[2] / MINUTE, sd[2] / MINUTE)} arcmin' "
-        f"--level-sd '{format_value(level, level)} arcmin' -o navigation"
+        f"--level-sd '{format_value(level, level)} arcmin' \\\n"
+        f"    --velocity '{', '.join(f'{v:.4f} m/s' for v in state['velocity'])}' "
+        f"--velocity-sd '{format_value(speed, speed)} m/s' -o navigation"
     )
     return Section("Hand-over", lead, [table, Text(more), Code(code)])

@@ -19,6 +19,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The reference '{file}' has a latitude of {given} deg.",
      "Latitudes lie between -90 and 90 deg: check the unit in its title, and the order of latitude "
      "and longitude."),
+    ("reference.place_swapped", "error",
+     "Latitude and longitude of a reference that are exchanged",
+     "The reference '{file}': its velocities miss its positions by {miss} m in {time} s, and by "
+     "{better} m with latitude and longitude exchanged.",
+     "Exchange the titles of its columns latitude and longitude."),
     ("navigate.apart", "error",
      "A reference and a navigation without common time",
      "The navigation lasts from {first} s to {last} s, the reference from {start} s to {end} s: "
@@ -86,11 +91,27 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "{given} was given without {missing}.",
      "Give --heading alone (pitch and roll then come from the accelerometers at rest), or "
      "--heading, --pitch and --roll."),
+    ("navigate.velocity", "error",
+     "A start velocity beside a rest",
+     "{given} was given without the whole attitude; a start that is aligned at rest has no "
+     "velocity.",
+     "Give --heading, --pitch and --roll of the same moment too, as a hand-over has them; or leave "
+     "{given} out."),
+    ("navigate.three", "error",
+     "A velocity that is not three components",
+     "--velocity is '{given}'.",
+     'Write velocities east, north and up: --velocity "12.1 m/s, -3.4 m/s, 0 m/s".'),
+    ("navigate.position", "error",
+     "A start position given in part",
+     "--position-sd was given without {missing}.",
+     "Give --latitude, --longitude and --height of the start, whose standard deviation it is; or "
+     "leave --position-sd out."),
     ("navigate.speed_at_start", "warning",
      "A navigation that may not start at rest",
      "The attitude is given and the log has no rest at the start; the velocity there was taken as "
      "zero.",
-     "Start at a rest, or give a reference with velocities."),
+     "Give the velocity (--velocity, --velocity-sd), start at a rest, or give a reference with "
+     "velocities."),
     ("navigate.too_short", "error",
      "Nothing to navigate",
      "The alignment ends at {end} s, the part of the log to be used at {last} s.",

@@ -42,6 +42,26 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The reference heading changes by {change} deg within set-up '{setup}'.",
      "A set-up is one placement of the instrument: give each heading another value in the column "
      "of `setup`, or leave `setup` out."),
+    ("north.place", "error",
+     "A latitude of a set-up that cannot be",
+     "Set-up '{setup}' has a {what} of {given} deg.",
+     "Latitudes lie between -90 and 90 deg, positive north, and their sd between 0 and 90 deg: "
+     "check the unit of the column."),
+    ("north.place_moves", "error",
+     "A latitude that changes within a set-up",
+     "The {what} changes by {change} deg within set-up '{setup}'.",
+     "A set-up is one placement of the instrument: give each place another value in the column of "
+     "`setup`, or leave `setup` out."),
+    ("north.place_missing", "error",
+     "Set-ups whose latitude is not given",
+     "The column of latitudes is empty for set-ups, {count} in all, the first of them '{name}', "
+     "and no latitude is given for all.",
+     'Fill it in, or give the latitude of the others: --latitude "47.3 deg" or [site].'),
+    ("north.one_place", "error",
+     "A calibration of a north seeker at several places",
+     "The log of a calibration has a column of latitudes; the turntable stands at one place, that "
+     "of [site].",
+     "Take `latitude` and `latitude_sd` out of [log], or the columns out of the file."),
     ("north.index_unit", "warning",
      "Index angles in another unit than declared",
      "The index angles are declared as {unit}, but {seen}.",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from foucault.campaign.source import calibration_of, noise_of, read, site_of
+from foucault.errors import error
 from foucault.logs import reference as references
 from foucault.logs.reference import Reference
 from foucault.procedures import Progress, silent
@@ -72,7 +73,10 @@ def run(
     result, known = (None, {}) if calibration is None else calibration_of(Path(calibration))
     truth: Reference | None = None if reference is None else references.read(reference)
     source = read(Path(log), progress)
-    site, longitude = site_of({**source.site, **said.site})
+    where = {**source.site, **said.site}
+    if said.settings.position_sd is not None:
+        _whole_place(where)
+    site, longitude = site_of(where)
     instrument = source.instrument | ({"serial": said.serial} if said.serial else {})
     found = navigate_log(
         source.log, site=site, longitude=longitude, settings=said.settings,
@@ -85,3 +89,10 @@ def run(
         "reference": {} if truth is None else truth.source,
     }
     return replace(found, provenance=made)
+
+
+def _whole_place(where: Mapping[str, Any]) -> None:
+    """Refuse a position of the start that is not whole."""
+    missing = [f"--{k}" for k in ("latitude", "longitude", "height") if where.get(k) is None]
+    if missing:
+        raise error("navigate.position", missing=" and ".join(missing))

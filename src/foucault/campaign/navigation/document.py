@@ -73,7 +73,9 @@ def _run(run: Run, start_cov: FloatArray) -> dict[str, Any]:
             "time": start.time,
             **dict(zip(("heading", "pitch", "roll"), t.angles[0], strict=True)),
             "covariance": start_cov.tolist(),
+            "velocity": t.velocity_n[0].tolist(),
             "velocity_sd": start.velocity_sd,
+            "position_sd": start.position_sd,
         },
         "end": {
             "east": None, "north": None, "up": None,

@@ -67,7 +67,7 @@ def _errors(test: NavigationTest, start: tuple[float, float, float]) -> Columns:
                 out[f"{before}{name}{axis}"] = (np.where(same, x[rows, i], np.nan), unit)
         for i, angle in enumerate(("heading", "pitch", "roll")):
             out[f"{before}{angle}"] = (np.where(same, errors.angles[rows, i], np.nan), "rad")
-    cov = _at(test.budget.time, test.budget.cov, main.time, test.budget.start)
+    cov = _at(test, main.time)
     for name, (i, j), unit in COVARIANCES:
         out[f"cov_{name}"] = (cov[:, i, j], unit)
     if test.reference is not None:
@@ -84,10 +84,11 @@ COVARIANCES = (
 """Elements of the predicted covariance that are kept: name, place, unit."""
 
 
-def _at(time: FloatArray, x: FloatArray, wanted: FloatArray, phi_cov: FloatArray) -> FloatArray:
+def _at(test: NavigationTest, wanted: FloatArray) -> FloatArray:
     """Interpolate what was predicted; before the first epoch it grows from the start."""
-    begin = np.zeros((1, 9, 9))
-    begin[0, :3, :3] = phi_cov
+    time, x, start = test.budget.time, test.budget.cov, test.runs[0].start
+    begin = np.diag(np.repeat([0.0, start.velocity_sd**2, start.position_sd**2], 3))[None]
+    begin[0, :3, :3] = test.budget.start
     t = np.concatenate([[2 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0], time])
     flat = np.concatenate([begin, x]).reshape(len(t), -1)
     return np.stack([np.interp(wanted, t, c) for c in flat.T], axis=-1).reshape(-1, 9, 9)

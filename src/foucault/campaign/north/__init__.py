@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.running import read_log
 from foucault.campaign.source import calibration_of, noise_of
@@ -98,7 +100,7 @@ def run(
     settings = Settings.model_validate(read.settings.model_dump() | dict(said.settings))
     instrument = read.instrument | ({"serial": said.serial} if said.serial else {})
     survey = find_north(
-        read.log, site=_site(read.site, said, settings), settings=settings,
+        read.log, site=_site(read, said, settings), settings=settings,
         noise=_noise(read, said), calibration=result, prior=read.prior, instrument=instrument,
         progress=progress,
     )  # fmt: skip
@@ -128,13 +130,27 @@ def _bare(path: Path, said: Said) -> _Read:
     return _Read(replace(log, findings=told + log.findings), {}, {}, Settings(), None, {})
 
 
-def _site(given: Mapping[str, Any], said: Said, settings: Settings) -> Site:
-    site = {**given, **said.site}
+def _site(read: _Read, said: Said, settings: Settings) -> Site:
+    site = {**read.site, **said.site}
+    if read.log.latitude is not None and site.get("latitude") is None:
+        return _of_log(read.log, site)
     if settings.unknown_latitude and site.get("gravity") is None and site.get("latitude") is None:
         raise error("north.fix_gravity")
     if not settings.unknown_latitude and site.get("latitude") is None:
         raise error("north.fix_latitude")
     return SiteTable.model_validate(site).site()
+
+
+def _of_log(log: IndexedLog, site: Mapping[str, Any]) -> Site:
+    """Return the place of the first set-up, where the log alone says the latitudes."""
+    assert log.latitude is not None
+    known = np.isfinite(log.latitude)
+    said = set(log.setup[known].tolist())
+    without = [name for k, name in enumerate(log.names) if k not in said]
+    if without:
+        raise error("north.place_missing", count=len(without), name=without[0])
+    first = float(log.latitude[np.argmax(known)])
+    return SiteTable.model_validate({**site, "latitude": first}).site()
 
 
 def _noise(read: _Read, said: Said) -> ImuNoise | None:

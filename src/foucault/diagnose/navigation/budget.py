@@ -3,7 +3,7 @@
 The errors of navigation are propagated with the errors of the sensors (`estimate.ins_filter`);
 an error of a coefficient acts twice, while the instrument is aligned and while it navigates::
 
-    x(t) = (S(t) + Phi(t) A) c + Phi(t) (phi_0, v_0, 0) + noise,     A = d phi_0 / d c
+    x(t) = (S(t) + Phi(t) A) c + Phi(t) (phi_0, v_0, p_0) + noise,     A = d phi_0 / d c
 
 so that a level error and the accelerometer bias that made it cancel as they do in truth. With
 c the value of a coefficient this is what correcting it was worth; with the covariance of the
@@ -39,7 +39,7 @@ class Budget:
     coefficients : ndarray, shape (m, 9, 9)
         Covariance that what is left of all coefficients makes [SI].
     alignment : ndarray, shape (m, 9, 9)
-        Covariance that the noise of the alignment makes [SI].
+        Covariance that errors of the start make: attitude, velocity and place [SI].
     noise : ndarray, shape (m, 9, 9)
         Covariance that sensor noise after the alignment makes [SI].
     start : ndarray, shape (3, 3)
@@ -90,6 +90,7 @@ def budget(
     phi_cov: FloatArray,
     noise_cov: FloatArray,
     velocity_sd: float = 0.0,
+    position_sd: float = 0.0,
 ) -> Budget:
     """Put together what every source makes of the errors of navigation.
 
@@ -109,13 +110,14 @@ def budget(
         Covariance that sensor noise makes [SI].
     velocity_sd : float
         Of each component at the start [m/s].
+    position_sd : float
+        Of the place at the start, east, north and up [m].
     """
     names, values, cov = coefficients
     total = transition[:, :, STATES:] + transition[:, :, :3] @ aligned
-    start = np.zeros((6, 6))
+    start = np.diag(np.repeat([0.0, velocity_sd**2, position_sd**2], 3))
     start[:3, :3] = phi_cov
-    start[3:, 3:] = velocity_sd**2 * np.eye(3)
-    first = transition[:, :, :6]
+    first = transition[:, :, :STATES]
     known = np.zeros((len(names),) * 2) if cov is None else cov
     sd = np.full(len(names), np.nan) if cov is None else np.sqrt(np.diag(cov))
     return Budget(

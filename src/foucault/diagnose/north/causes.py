@@ -102,8 +102,7 @@ def causes(
         return ()
     on_case = dwells.accel.shape[1] == 2
     chosen = _chosen(pairs, some)
-    near = known.near
-    place = replace(known, near=near[some] if isinstance(near, np.ndarray) else near)
+    place = known.of(some)
     found: list[str] = []
     change = 0.0
     for mistake in MISTAKES:
@@ -148,6 +147,8 @@ def _elsewhere(
 ) -> tuple[list[str], float]:  # fmt: skip
     """Try the latitude that the readings themselves give."""
     assert known.latitude is not None
+    if isinstance(known.latitude, np.ndarray):  # no one latitude explains several places
+        return [], 0.0
     there: Hemisphere = "north" if known.latitude >= 0 else "south"
     free = solve(pairs, replace(known, latitude=None, hemisphere=there), compensation)
     weight = 1.0 / free.cov[:, 3, 3]

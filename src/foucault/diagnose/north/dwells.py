@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +46,10 @@ GAP = 1.5
 
 BLOCK = 1.0
 """Noise is measured by means over so long: shorter ones may be smoothed by the instrument [s]."""
+
+
+PLACES = ("latitude", "latitude_sd")
+"""What of a place a log can say set-up by set-up."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +123,7 @@ def _as_they_are(log: IndexedLog) -> Dwells:
     return _numbered(
         Dwells(
             log.setup, log.names, log.time, log.averaged, log.index, np.cos(log.index),
-            np.sin(log.index), log.gyro, log.accel, _headings(log),
+            np.sin(log.index), log.gyro, log.accel, _headings(log), **_places(log),
         ),
         (),
     )  # fmt: skip
@@ -137,6 +142,18 @@ def _headings(log: IndexedLog) -> FloatArray:
     return out
 
 
+def _places(log: IndexedLog) -> dict[str, Any]:
+    """Return latitude and its sd of each set-up, as far as the log has such columns."""
+    out: dict[str, Any] = {}
+    for name in PLACES:
+        values = getattr(log, name)
+        if values is not None:
+            out[name] = np.full(len(log.names), np.nan)
+            known = np.isfinite(values)
+            out[name][log.setup[known]] = values[known]
+    return out
+
+
 def _numbered(dwells: Dwells, findings: tuple[Finding, ...]) -> Dwells:
     """Leave out set-ups without a row."""
     used, setup = np.unique(dwells.setup, return_inverse=True)
@@ -145,6 +162,7 @@ def _numbered(dwells: Dwells, findings: tuple[Finding, ...]) -> Dwells:
         setup=setup.astype(np.int64),
         names=tuple(dwells.names[i] for i in used),
         heading=dwells.heading[used],
+        **{k: getattr(dwells, k)[used] for k in PLACES if getattr(dwells, k) is not None},
         findings=findings,
     )
 
@@ -269,7 +287,7 @@ def _means(log: IndexedLog, cuts: list[_Cut]) -> Dwells:
         log.setup[first], log.names, log.time[first], count * log.interval, index, cosine, sine,
         _mean(log.gyro, first, last),
         None if log.accel is None else _mean(log.accel, first, last),
-        _headings(log), log.interval, turning=turning,
+        _headings(log), log.interval, turning=turning, **_places(log),
     )  # fmt: skip
 
 

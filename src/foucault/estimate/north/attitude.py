@@ -203,7 +203,8 @@ def solve(pairs: Pairs, known: Known, compensation: Compensation | None = None) 
         for name, S in sources.items()
     }
     if known.latitude is not None:
-        budget[LATITUDE] = best.gain[..., 4] ** 2 * max(known.latitude_sd, EXACT) ** 2
+        sd = np.reshape(np.maximum(known.latitude_sd, EXACT), (-1, 1))
+        budget[LATITUDE] = best.gain[..., 4] ** 2 * sd**2
     else:
         widen(best, horizontal, pairs, known, compensation, budget)
     return Fixes(
@@ -229,16 +230,17 @@ def _levelled(pairs: Pairs, known: Known, compensation: Compensation) -> tuple[P
     T = np.broadcast_to(np.eye(4), (len(pairs), 4, 4)).copy()
     if known.level_sd is None:
         return pairs, T
-    level = (known.gravity * known.level_sd) ** 2 * np.eye(2)
+    g = np.reshape(known.gravity, (-1, 1, 1))  # of all, or of each
+    level = (g * known.level_sd) ** 2 * np.eye(2)
     T[:, 2:, 2:] = level @ np.linalg.inv(level + pairs.cov[:, 2:, 2:])
     rest = np.eye(4) - T
-    prior = np.zeros((4, 4))
-    prior[2:, 2:] = level
+    prior = np.zeros((len(g), 4, 4))
+    prior[:, 2:, 2:] = level
     sources = {k: T @ S @ np.swapaxes(T, 1, 2) for k, S in pairs.sources.items()}
     sources["tilt: level"] = rest @ prior @ np.swapaxes(rest, 1, 2)
-    upright = compensation.predict(np.zeros(3), np.array([0.0, 0.0, known.gravity]))
-    upright[:2] = 0.0
-    values = np.einsum("nij,nj->ni", T, pairs.values) + rest @ upright
+    upright = compensation.predict(np.zeros((len(g), 3)), g[:, 0] * [0.0, 0.0, 1.0])
+    upright[:, :2] = 0.0
+    values = np.einsum("nij,nj->ni", T, pairs.values) + (rest @ upright[..., None])[..., 0]
     sources = {k: v for k, v in sources.items() if v.any()}
     return replace(pairs, values=values, sources=sources), T
 
@@ -257,12 +259,13 @@ def level_square(pairs: Pairs, known: Known, compensation: Compensation) -> Floa
     compensation : Compensation
         Errors of the accelerometers.
     """
-    up = np.array([0.0, 0.0, known.gravity])
-    miss = (pairs.values - compensation.predict(np.zeros(3), up))[:, 2:]
+    g = np.reshape(known.gravity, (-1, 1, 1))
+    up, none = g[:, 0] * [0.0, 0.0, 1.0], np.zeros((len(g), 3))
+    miss = (pairs.values - compensation.predict(none, up))[:, 2:]
     own = compensation.coefficients.cov
-    J = compensation.slopes(np.zeros(3), up)[2:]
-    calibrated = np.zeros((2, 2)) if own is None else J @ own @ J.T
-    level = (known.gravity * (known.level_sd or 0.0)) ** 2 * np.eye(2)
+    J = compensation.slopes(none, up)[:, 2:]
+    calibrated = np.zeros((2, 2)) if own is None else J @ own @ np.swapaxes(J, 1, 2)
+    level = (g * (known.level_sd or 0.0)) ** 2 * np.eye(2)
     total = pairs.cov[:, 2:, 2:] + calibrated + level
     return np.asarray(np.einsum("ni,ni->n", miss, np.linalg.solve(total, miss[..., None])[..., 0]))
 
@@ -276,7 +279,9 @@ def _calibration_sources(
         return {}
     finite = np.where(np.isfinite(angles), angles, 0.0)
     w_b = earth_rate_b(*finite.T)
-    J = shared @ compensation.slopes(w_b, known.gravity * up_b(finite[:, 1], finite[:, 2]))
+    J = shared @ compensation.slopes(
+        w_b, np.reshape(known.gravity, (-1, 1)) * up_b(finite[:, 1], finite[:, 2])
+    )
     # Coefficients are tied to one another: a coupling that a level session cannot show, and the
     # bias that made up for it. In the order of SOURCES each counts with what follows it, so that
     # the parts are independent and none is negative.

@@ -8,8 +8,8 @@ is told apart by what is known of hemisphere and rough heading, and the next bes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -60,11 +60,11 @@ class Known:
 
     Attributes
     ----------
-    gravity : float
-        [m/s^2].
-    latitude : float or None
-        Positive north [rad]; None where unknown.
-    latitude_sd : float
+    gravity : float or ndarray of shape (m,)
+        Of all set-ups, or of each [m/s^2].
+    latitude : float, ndarray of shape (m,), or None
+        Positive north, of all set-ups or of each [rad]; None where unknown.
+    latitude_sd : float or ndarray of shape (m,)
         Its standard deviation [rad].
     hemisphere : {"north", "south"}
         Decides between roots where the latitude is unknown.
@@ -77,23 +77,38 @@ class Known:
         know [rad].
     """
 
-    gravity: float
-    latitude: float | None = None
-    latitude_sd: float = 0.0
+    gravity: float | FloatArray
+    latitude: float | FloatArray | None = None
+    latitude_sd: float | FloatArray = 0.0
     hemisphere: Hemisphere = "north"
     near: float | FloatArray | None = None
     near_sd: float = NEAR_SD
     level_sd: float | None = None
 
+    def of(self, rows: npt.NDArray[np.int64]) -> Known:
+        """Return what is known of some set-ups.
 
-def compensated(values: FloatArray, gravity: float, compensation: Compensation) -> FloatArray:
+        Parameters
+        ----------
+        rows : ndarray of int, shape (k,)
+            Their numbers [1].
+        """
+        names = ("gravity", "latitude", "latitude_sd", "near")
+        each: dict[str, Any] = {name: getattr(self, name) for name in names}
+        some: dict[str, Any] = {k: v[rows] for k, v in each.items() if isinstance(v, np.ndarray)}
+        return replace(self, **some)
+
+
+def compensated(
+    values: FloatArray, gravity: float | FloatArray, compensation: Compensation
+) -> FloatArray:
     """Return the four numbers without the errors of the instrument, shape (m, 4) [1].
 
     Parameters
     ----------
     values : ndarray, shape (m, 4)
         As measured [SI].
-    gravity : float
+    gravity : float or ndarray of shape (m,)
         [m/s^2].
     compensation : Compensation
         Errors of the instrument; couplings of z are left in, as they need the attitude.
@@ -106,7 +121,7 @@ def compensated(values: FloatArray, gravity: float, compensation: Compensation) 
     model = compensation.model
     rate = np.linalg.solve(model.gyro_matrix[:2, :2], (values[:, :2] - model.gyro_bias[:2]).T).T
     force = np.linalg.solve(model.accel_matrix[:2, :2], (values[:, 2:] - model.accel_bias[:2]).T).T
-    return np.hstack([rate / EARTH_RATE, force / gravity])
+    return np.hstack([rate / EARTH_RATE, force / np.reshape(gravity, (-1, 1))])
 
 
 def starts_of(
@@ -272,7 +287,7 @@ def _from(
     b = np.concatenate([model.gyro_bias[:2], model.accel_bias[:2]])
     m = len(pairs)
     latitude = np.full(m, 0.0 if known.latitude is None else known.latitude)
-    sd = np.full(m, np.inf if known.latitude is None else max(known.latitude_sd, EXACT))
+    sd = np.full(m, np.inf if known.latitude is None else np.maximum(known.latitude_sd, EXACT))
     found: tuple[FloatArray, ...] = likelihood_batch(
         pairs.values, cov, start, A, b, np.full(m, known.gravity), EARTH_RATE, latitude, sd, ROUNDS
     )

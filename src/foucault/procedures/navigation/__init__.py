@@ -184,7 +184,7 @@ def navigate_log(
         covered(reference, seen.end, float(part.time[-1]))
         places.resting(reference, seen)
     given = site
-    site, place = places.place_of(site, longitude, reference, seen)
+    site, place = places.place_of(site, longitude, reference, seen, settings.position_sd)
     reference = places.reference_of(reference, part, seen, settings, site, longitude)
     settings = replace(settings, vertical=places.vertical_of(settings, reference))
     noise, source = _noise(noise, seen, calibration)

@@ -77,7 +77,7 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
     return budget(
         made.increments.time[rows], sense, _aligned(task, made, vector),
         (vector.names, vector.values, vector.cov), made.start.phi_cov, noise,
-        made.start.velocity_sd,
+        made.start.velocity_sd, made.start.position_sd,
     )  # fmt: skip
 
 

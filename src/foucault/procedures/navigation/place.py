@@ -30,8 +30,9 @@ PUSH, PUSHED = 2.0, 10.0
 
 
 def place_of(
-    site: Site | None, longitude: float, reference: Reference | None, seen: Opening
-) -> tuple[Site, Place]:
+    site: Site | None, longitude: float, reference: Reference | None, seen: Opening,
+    position_sd: float | None = None,
+) -> tuple[Site, Place]:  # fmt: skip
     """Return the site, and where the run starts: as the reference says, else as given.
 
     Parameters
@@ -44,8 +45,12 @@ def place_of(
         What is known of the trajectory.
     seen : Opening
         The rest.
+    position_sd : float or None
+        How well the place that is given is known; then the run starts there [m].
     """
-    there = None if reference is None else reference.place(seen.start, seen.end)
+    there = None
+    if reference is not None and position_sd is None:
+        there = reference.place(seen.start, seen.end)
     given = site is not None and site.latitude is not None
     if not given and there is None:
         if reference is None or reference.position is None:

@@ -78,7 +78,9 @@ class Task:
         return State(*self.place, self._velocity(start.time), start.C_nb)
 
     def _velocity(self, time: float) -> FloatArray:
-        """Return zero after a rest, else what the reference says."""
+        """Return what is given, zero after a rest, else what the reference says."""
+        if self.settings.velocity is not None:
+            return np.array(self.settings.velocity)
         if self.seen.end > self.seen.start or self.reference is None:
             return np.zeros(3)
         known = self.reference.velocity(time)
@@ -135,7 +137,9 @@ class Made:
         made = cls.navigated(task, AS_MEASURED if calibration is None else WITH, log, start)
         told = start.findings
         known = task.reference
-        given = known is not None and known.velocity(start.time) is not None
+        given = task.settings.velocity is not None or (
+            known is not None and known.velocity(start.time) is not None
+        )
         if task.seen.start == task.seen.end and not (task.seen.found or given):
             told += (finding("navigate.speed_at_start"),)
         return replace(made, told=told)

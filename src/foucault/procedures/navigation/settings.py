@@ -17,6 +17,9 @@ LEVEL_SD = float(np.radians(0.02))
 HEADING_SD = float(np.radians(0.2))
 """Standard deviation of a heading that is given without one [rad]."""
 
+VELOCITY_SD = 0.1
+"""Standard deviation of each component of a velocity that is given without one [m/s]."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -32,6 +35,14 @@ class Settings:
         Start attitude, where it is given [rad].
     heading_sd, level_sd : float
         Standard deviation of the heading, of pitch and roll that are given [rad].
+    velocity : (float, float, float) or None
+        Velocity at the start, east, north, up, where it is given; it needs the attitude [m/s].
+    velocity_sd : float or None
+        Standard deviation of each component of it, or of that of a reference; None: `VELOCITY_SD`
+        where a velocity is given, else zero [m/s].
+    position_sd : float or None
+        Standard deviation of the place, along each of east, north and up: the run starts at the
+        site, not where a reference is. None: the place is taken as exact [m].
     vertical : {"free", "held", "aided"} or None
         Vertical channel; None: held at a known site, aided where heights are known, else free.
     gaps : {"stop", "bridge"}
@@ -51,6 +62,9 @@ class Settings:
     roll: float | None = None
     heading_sd: float = HEADING_SD
     level_sd: float = LEVEL_SD
+    velocity: tuple[float, float, float] | None = None
+    velocity_sd: float | None = None
+    position_sd: float | None = None
     vertical: Literal["free", "held", "aided"] | None = None
     gaps: Literal["stop", "bridge"] = "stop"
     start: float | None = None
@@ -67,8 +81,18 @@ class Settings:
                 given=", ".join(f"--{k}" for k, is_given in given.items() if is_given),
                 missing=", ".join(f"--{k}" for k, is_given in given.items() if not is_given),
             )
+        moving = [k for k in ("velocity", "velocity_sd") if getattr(self, k) is not None]
+        if moving and not all(given.values()):
+            raise error("navigate.velocity", given="--" + moving[0].replace("_", "-"))
 
     @property
     def attitude_given(self) -> bool:
         """Whether heading, pitch and roll are given."""
         return self.pitch is not None
+
+    @property
+    def start_velocity_sd(self) -> float:
+        """Standard deviation of each component of the velocity at a start in motion [m/s]."""
+        if self.velocity_sd is not None:
+            return self.velocity_sd
+        return 0.0 if self.velocity is None else VELOCITY_SD

@@ -86,7 +86,9 @@ class Start:
     method : str
         How it was found: a method of alignment, "level and given heading", or "given".
     velocity_sd : float
-        Standard deviation of each component of the velocity, taken as zero [m/s].
+        Standard deviation of each component of the velocity [m/s].
+    position_sd : float
+        Standard deviation of the place, along each of east, north and up [m].
     findings : tuple of Finding
         What was noticed.
     """
@@ -96,6 +98,7 @@ class Start:
     time: float
     method: str
     velocity_sd: float = 0.0
+    position_sd: float = 0.0
     findings: tuple[Finding, ...] = ()
 
 
@@ -193,13 +196,19 @@ def start_of(log: Log, site: Site, seen: Opening, settings: Settings, noise: Imu
     noise : ImuNoise
         Noise of the sensors [SI].
     """
+    return replace(_turned(log, site, seen, settings, noise),
+                   position_sd=settings.position_sd or 0.0)  # fmt: skip
+
+
+def _turned(log: Log, site: Site, seen: Opening, settings: Settings, noise: ImuNoise) -> Start:
     if settings.attitude_given:
         assert settings.heading is not None
         assert settings.pitch is not None
         assert settings.roll is not None
         C_nb = matrix_of(settings.heading, settings.pitch, settings.roll)
         sd = np.array([settings.level_sd, settings.level_sd, settings.heading_sd])
-        return Start(C_nb, np.diag(sd**2), seen.end, "given")
+        return Start(C_nb, np.diag(sd**2), seen.end, "given",
+                     velocity_sd=settings.start_velocity_sd)  # fmt: skip
     if settings.heading is not None:
         return _levelled(log, site, seen, settings, noise)
     found = align(

@@ -126,6 +126,8 @@ def calibrate(
     stuck = alive(log)
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
     _require_readings(log, dwells)
+    if dwells.latitude is not None or dwells.latitude_sd is not None:
+        raise error("north.one_place")
     told = stops(dwells, Known(site.gravity))
     told += late_index(dwells, settings.index_lag_sd)
     if site.latitude is None:

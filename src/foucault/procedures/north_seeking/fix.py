@@ -205,23 +205,48 @@ def find_north(
 
 
 def _known(site: Site, settings: Settings, dwells: Dwells) -> Known:
-    latitude = None if settings.unknown_latitude else site.latitude
+    latitude, sd, gravity = _places(site, settings, dwells)
     if latitude is None and not settings.unknown_latitude:
         raise error("north.fix_latitude")
-    if latitude is not None:
-        require_latitude(latitude)
-        side = "north" if latitude >= 0 else "south"
+    for one in [] if latitude is None else np.unique(latitude):
+        require_latitude(float(one))
+        side = "north" if one >= 0 else "south"
         if settings.hemisphere not in (None, side):
-            second = f"the latitude, {np.degrees(latitude):.4g} deg"
+            second = f"the latitude, {np.degrees(one):.4g} deg"
             raise error("north.contradiction", first=f"hemisphere {settings.hemisphere}",
                         second=second)  # fmt: skip
     level = settings.level_sd
     if dwells.accel is None and level is None:
         raise error("north.level_sd")
     return Known(
-        site.gravity, latitude, settings.latitude_sd, settings.hemisphere or "north", settings.near,
+        gravity, latitude, sd, settings.hemisphere or "north", settings.near,
         settings.near_sd, level,
     )  # fmt: skip
+
+
+Places = tuple[float | FloatArray | None, float | FloatArray, float | FloatArray]
+
+
+def _places(site: Site, settings: Settings, dwells: Dwells) -> Places:
+    """Return latitude, its sd and gravity: of each set-up where the log says them, else of all."""
+    if dwells.latitude is None and dwells.latitude_sd is None:
+        return (None if settings.unknown_latitude else site.latitude, settings.latitude_sd,
+                site.gravity)  # fmt: skip
+    if settings.unknown_latitude:
+        raise error("north.latitude_both", given="A column of latitudes")
+    none = np.full(len(dwells.names), np.nan)
+    said = none if dwells.latitude is None else dwells.latitude
+    usual = np.nan if site.latitude is None else site.latitude
+    latitude = np.where(np.isfinite(said), said, usual)
+    without = np.flatnonzero(np.isnan(latitude))
+    if len(without):
+        raise error("north.place_missing", count=len(without), name=dwells.names[without[0]])
+    sd = none if dwells.latitude_sd is None else dwells.latitude_sd
+    sd = np.where(np.isfinite(sd), sd, settings.latitude_sd)
+    gravity = np.full(len(latitude), site.gravity)
+    if site.gravity_source != "given":  # that of the place, at each latitude
+        gravity = np.array([Site.at(float(one), site.height).gravity for one in latitude])
+    return latitude, sd, gravity
 
 
 def _nuisance(settings: Settings, drift: float) -> Nuisance:
