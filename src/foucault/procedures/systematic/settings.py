@@ -19,10 +19,10 @@ from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
-from foucault.plans.manoeuvres import Rest
+from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.built_in import built_in
 from foucault.plans.systematic.file import ActionTable
-from foucault.plans.systematic.sequence import CalibrationSequence, orientation
+from foucault.plans.systematic.sequence import REST, CalibrationSequence, orientation
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
 from foucault.units import Angle, Quantity, Seconds
