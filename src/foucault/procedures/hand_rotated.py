@@ -22,11 +22,11 @@ import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import unseen_sizes
@@ -59,7 +59,7 @@ from foucault.models.rests_and_turns import Prediction, predict
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
-from foucault.procedures import Progress, silent, validators
+from foucault.procedures import Progress, silent
 from foucault.result import Estimate, Problem, Result, Verdict, provenance
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
@@ -121,13 +121,6 @@ class Session(BaseModel):
     kind: Literal["rate", "increment"] = Field(
         default="rate", description="Instantaneous rates, or means over each interval."
     )
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        validators.fits(
-            self.rate * (self.first_rest_time + self.rests * (self.rest_time + self.turn_time))
-        )
-        return self
 
 
 def simulate(

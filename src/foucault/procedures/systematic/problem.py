@@ -136,8 +136,7 @@ def problem_of(
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
-    if site.latitude is None:
-        raise error("systematic.site", what="a systematic calibration")
+    require_place(site, "a systematic calibration")
     require_triads(log)
     require_readings(log)
     found = find_sequence(log, shortest=settings.shortest)
@@ -220,6 +219,26 @@ def prior_of(
     usual = {k for k in (*PRIOR, *wander) if any(n.startswith(f"{k}.") or n == k for n in names)}
     known = {k: v for k, v in {**PRIOR, **wander}.items() if k in usual}
     return CoefficientVector.prior(sensors.layout, {**known, **given})
+
+
+POLE = np.radians(89.0)
+"""Nearer to a pole the heading at the start cannot be found [rad]."""
+
+
+def require_place(site: Site, what: str) -> None:
+    """Refuse a place without latitude, or where the Earth's rate shows no heading.
+
+    Parameters
+    ----------
+    site : Site
+        Where it stands.
+    what : str
+        What is to be done there.
+    """
+    if site.latitude is None:
+        raise error("systematic.site", what=what)
+    if abs(site.latitude) > POLE:
+        raise error("systematic.pole", given=f"{np.degrees(site.latitude):.4f}", what=what)
 
 
 def as_parameters(
