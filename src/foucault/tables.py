@@ -255,8 +255,10 @@ def whole_samples(count: float) -> int:
     Raises
     ------
     FoucaultError
-        ``program.samples``: more than any memory holds.
+        ``program.samples``: more than any memory holds; ``program.few``: not two.
     """
+    if not count >= 1:
+        raise error("program.few")
     if not count <= MOST_SAMPLES:
         size = SAMPLE_SIZE * count / 1e9
         raise error("program.samples", count=count, size=size, most=MOST_SAMPLES)

@@ -357,6 +357,18 @@ def _is_real(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
+SMALLEST = 1e-60
+"""Nothing that a person gives is so small, and nothing one over this [SI]."""
+
+SIZES = {
+    "time": (1e-12, 1e15), "delay": (1e-12, 1e15), "angle": (SMALLEST, 1e15),
+    "length": (SMALLEST, 1e15), "angular rate": (SMALLEST, 1e15), "velocity": (SMALLEST, 1e15),
+    "frequency": (SMALLEST, float("inf")),
+}  # fmt: skip
+"""Sizes of what a session has, by kind; beyond any, and still within the numbers of a computer
+[SI]."""
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Marks a pydantic field as a number with a unit, held in SI.
@@ -375,7 +387,12 @@ class Quantity:
             if not in_file and _is_real(value):
                 return float(cast(SupportsFloat, value))
             try:
-                return parse(value, self.kind, str(info.field_name or "value"))
+                key = str(info.field_name or "value")
+                number = parse(value, self.kind, key)
+                least, most = SIZES.get(self.kind, (SMALLEST, 1 / SMALLEST))
+                if number and not least <= abs(number) <= most:
+                    raise error("unit.range", key=key, given=repr(value))
+                return number
             except FoucaultError as problem:
                 # A reader that wants the place of the mistake too (a campaign file) says so.
                 if in_file:

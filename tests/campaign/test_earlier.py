@@ -374,3 +374,53 @@ def test_a_plan_is_judged_with_what_is_known(loose, tmp_path):
             result.coefficients["gyro.bias.x"].sd[0], units.parse("50 deg/h", "angular rate")
         )
         assert found.prior_sd[at] == pytest.approx(grown)
+
+
+def bent(folder, seed, sequence, errors):
+    """A session of an instrument whose gyros bend, by `sequence`; the file of its campaign."""
+    text = campaign.template("systematic")
+    for old, new in (
+        ('deflection = "none"', 'deflection = "coupled6"'), ('["19 positions"]', sequence),
+        ('# rest_time = "60 s"', 'rest_time = "40 s"'), ('rate = "50 Hz"', 'rate = "20 Hz"'),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    one = campaign.parse(text, "systematic.toml")
+    one = replace(one, site=replace(one.site, gravity_sd=0.0))
+    one = replace(one, simulate=one.simulate.model_copy(update={"errors": errors}))
+    return campaign.save_session(campaign.simulate(one, seed=seed), folder)
+
+
+@pytest.mark.thorough
+def test_a_result_with_deflection_is_a_prior(tmp_path):
+    drawn = campaign.running.draw_errors("navigation", 3).coefficients()
+    estimated = ("bias", "scale", "misalignment")
+    errors = {
+        c.name: f"{v if c.name.split('.')[1] in estimated else 0.0!r} {c.unit}".strip()
+        for c, v in zip(drawn.layout.coefficients, drawn.values.tolist(), strict=True)
+    }
+    errors |= {"gyro.deflection.xyy": "1 arcsec/g", "gyro.deflection.xzy": "1 arcsec/g"}
+    first = bent(tmp_path / "one", 3, '["19 positions", "spins, simple 6"]', errors)
+    a = calibrated(first, tmp_path / "a")
+    # Without spins it cannot tell how they bend, and is refused: the earlier result says it.
+    second = bent(tmp_path / "two", 4, '["19 positions"]', errors)
+    with pytest.raises(FoucaultError) as caught:
+        campaign.calibrate(campaign.load(second))
+    assert caught.value.code == "systematic.deflection_unseen"
+    both = campaign.calibrate(campaign.load(with_from(second, 'from = "../a"')))
+    names = [n for n in both.coefficients.names if n.startswith("gyro.deflection")]
+    assert len(names) == 12
+    assert both.checks[-1].passed, both.checks[-1].sentence
+    got, before = both.coefficients.chosen(names), a.coefficients.chosen(names)
+    assert (got.sd <= before.sd * (1 + 1e-6)).all()
+    assert (got.sd > 0.9 * before.sd).all()
+    assert (np.abs(got.values - before.values) < before.sd).all()
+    seen = preflight.foresee(campaign.load(second.with_name("from.toml"))).coefficients
+    np.testing.assert_allclose(seen.chosen(names).sd, got.sd, rtol=0.05)
+    other = second.with_name("other.toml")
+    other.write_text(
+        second.with_name("from.toml").read_text().replace("coupled6", "lateral3+axial6")
+    )
+    with pytest.raises(FoucaultError) as caught:
+        campaign.calibrate(campaign.load(other))
+    assert caught.value.code == "systematic.deflection_unseen"

@@ -178,3 +178,51 @@ def test_a_size_that_nothing_has(given: str, tmp_path: Path) -> None:
     done = run(*words, "10 min", "--level-sd", given)
     assert done.exit_code == 1
     assert "--level-sd" in done.stderr
+
+
+@pytest.mark.parametrize("latitude", ["90 deg", "-90 deg", "89.9999 deg"])
+@pytest.mark.parametrize("command", ["preflight", "optimise", "calibrate"])
+def test_a_systematic_calibration_at_a_pole(command: str, latitude: str, tmp_path: Path) -> None:
+    text = campaign.template("systematic")
+    text = re.sub(r'(?m)^latitude = ".*"$', f'latitude = "{latitude}"', text)
+    text = text.replace('rate = "50 Hz"', 'rate = "5 Hz"\nrest_time = "30 s"')
+    (tmp_path / "a.toml").write_text(text)
+    file = tmp_path / "a.toml"
+    if command == "calibrate":
+        assert run("simulate", file, "-o", tmp_path / "new").exit_code == 0
+        file = tmp_path / "new" / "campaign.toml"
+    words = [] if command == "preflight" else ["-o", tmp_path / "run"]
+    done = run(command, file, *words)
+    assert done.exit_code == 1
+    assert done.stderr.startswith(f"error: The latitude is {float(latitude[:-4]):.4f} deg; beyond")
+    assert "shows no heading at the start" in done.stderr
+
+
+@pytest.mark.parametrize("name", WITH_RATE)
+def test_a_session_of_no_two_samples(name: str) -> None:
+    with pytest.raises(FoucaultError) as caught:
+        campaign.simulate(campaign.parse(planned(name, 'rate = "1e-30 Hz"')))
+    planned_as = {"systematic": "manoeuvre.value", "transfer_alignment": "transfer_plan.value"}
+    assert caught.value.code == planned_as.get(name, "program.few")
+    if name not in planned_as:
+        assert "shorter than the time between two samples" in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("multi_position", 'plumb_sd = "1e300 deg"'),
+        ("norm_observation", 'position_sd = "1e30 deg"'),
+        ("north_seeking", 'dwell = "1e300 s"'),
+        ("platform_tumble", 'interval = "1e-30 s"'),
+        ("platform_tumble", 'command_interval = "1e30 s"'),
+        ("platform_tumble", 'delay = "1e30 s"'),
+    ],
+)
+def test_a_quantity_of_a_size_that_nothing_has(name: str, line: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(planned(name, line))
+    for command in ("preflight", "simulate", "optimise"):
+        words = [] if command == "preflight" else ["-o", tmp_path / "new"]
+        done = run(command, tmp_path / "a.toml", *words)
+        assert done.exit_code == 1
+        assert "is of a size that nothing has" in done.stderr

@@ -193,6 +193,12 @@ def test_gyros_that_cannot_see_north_need_a_heading() -> None:
         navigate_log(log, **PLACE)
     assert caught.value.code == "navigate.heading" and "show no north" in caught.value.message
     assert '--heading "90.6 deg"' in caught.value.cure
+    # Of a large bias it is not said that the log is no rest: gravity does not turn.
+    worse = logged([Rest(60.0)], TRUE.with_values({"gyro.bias.y": np.radians(3.0)}), noise=poor)
+    with pytest.raises(FoucaultError) as caught:
+        navigate_log(worse.log, **PLACE)
+    assert "stands still, so that this is their bias, 3 deg/s or more" in caught.value.message
+    assert "It was no rest" not in caught.value.message
     noisy = logged([Rest(200.0)], noise=replace(poor, gyro=TriadNoise(white=1e-4))).log
     with pytest.raises(FoucaultError, match="the rest shows the heading to"):
         navigate_log(noisy, **PLACE)

@@ -18,6 +18,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET
+from foucault.plans.manoeuvres import Rest
 from foucault.plans.systematic.built_in import quarter_turns
 from foucault.procedures import systematic
 from foucault.procedures.systematic.settings import NAMES, PRIOR, Settings
@@ -467,3 +468,24 @@ def test_no_deflection_where_there_is_none():
         score += nees(result, rigid, names)
     low, high = chi_square_limits(6 * 4)
     assert low < score < high
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("line", [
+    'sequence = ["spins, simple 6"]',
+    'sequence = ["spins, icosahedral 6"]',
+    'actions = [{ turn = "90 deg", about = "y" }, { rest = "100 s" }, { turn = "90 deg", about = '
+    '"x" }, { rest = "100 s" }, { turn = "90 deg", about = "z" }]',
+])  # fmt: skip
+def test_a_sequence_without_a_rest_at_its_ends_is_simulated_with_one(line):
+    text = campaign.template("systematic").replace('sequence = ["19 positions"]', line)
+    text = text.replace("actions = []\n", "") if line.startswith("actions") else text
+    text = text.replace('rate = "50 Hz"', 'rate = "20 Hz"\nrest_time = "60 s"')
+    one = campaign.parse(text, "spins.toml")
+    simulation = campaign.simulate(one, seed=1).simulation
+    assert isinstance(simulation.sequence.actions[0], Rest)
+    assert isinstance(simulation.sequence.actions[-1], Rest)
+    result = systematic.trial(simulation.log, site=one.site, settings=one.settings)
+    sd = result.coefficients.sd
+    assert (np.isfinite(sd) & (sd > 0)).all()
+    assert "systematic.rest_missing" not in {f.code for f in result.findings}

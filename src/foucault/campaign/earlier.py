@@ -6,7 +6,7 @@ much less is known by now. What is done with it is in `procedures.merged`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from foucault import procedures
 from foucault.campaign.mistakes import parse_at, validate
 from foucault.campaign.tables import joined
-from foucault.errors import Status, error
+from foucault.errors import FoucaultError, Status, error
 from foucault.files import sha256
 from foucault.models.layouts import kind_of
 from foucault.procedures.merged import (
@@ -131,8 +132,8 @@ def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], 
     """Calibrate, and take the earlier result into account.
 
     The session is calibrated alone, so that it can contradict. Where it cannot tell all
-    coefficients alone, it is given the standard deviations of the earlier result to begin with;
-    these are taken out again, and all of the covariance takes their place.
+    coefficients alone, or is refused for that, it is given the standard deviations of the earlier
+    result to begin with; these are taken out again, and all of the covariance takes their place.
 
     Parameters
     ----------
@@ -145,12 +146,31 @@ def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], 
     """
     earlier = read(table, campaign.folder)
     known = earlier.known(without=campaign.prior).own
-    result = run(campaign.prior)
-    if result.status is not Status.CONVERGED or not np.isfinite(result.coefficients.sd).all():
+
+    def helped(names: Iterable[str]) -> Result:
         sure = zip(known.names, known.values.tolist(), known.sd.tolist(), strict=True)
-        lent = {n: (v, sd) for n, v, sd in sure if n in result.coefficients.layout}
-        result = with_given(run({**campaign.prior, **lent}), {**campaign.prior, **lent})
+        some = set(names)
+        prior = {**campaign.prior, **{n: (v, sd) for n, v, sd in sure if n in some}}
+        return with_given(run(prior), prior)
+
+    try:
+        result = run(campaign.prior)
+    except FoucaultError as alone:
+        try:
+            result = helped(_estimated(campaign))
+        except FoucaultError:
+            raise alone from None
+    else:
+        if result.status is not Status.CONVERGED or not np.isfinite(result.coefficients.sd).all():
+            result = helped(result.coefficients.names)
     return with_prior(replace(result, instrument=campaign.instrument), earlier, campaign.prior)
+
+
+def _estimated(campaign: Campaign) -> tuple[str, ...]:
+    """Return the coefficients that a calibration will have, as far as its procedure can tell."""
+    module = procedures.load(campaign.procedure)
+    names = getattr(module, "every_name", None) or getattr(module, "names_of", None)
+    return () if names is None else tuple(names(campaign.settings))
 
 
 def foreseen(

@@ -157,7 +157,7 @@ def plan(
 def _size(option: str, text: str | None, kind: str = "angle") -> float:
     """Return what an option says, not negative; 0 where it says nothing [SI]."""
     from foucault import units
-    from foucault.cli.options import SMALLEST
+    from foucault.units import SMALLEST
 
     if text is None:
         return 0.0

@@ -24,14 +24,12 @@ POSITIVE = (
 NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd", "margin", "hold", "timeout")
 """Options that may be zero, but no less."""
 
-SMALLEST = 1e-60
-"""Nothing that an option says is so small [SI]."""
-
 
 def parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
     """Turn options with units into SI numbers; a mistake names its option."""
     from foucault.campaign.mistakes import parse_at
     from foucault.errors import error
+    from foucault.units import SMALLEST
 
     out = {}
     for key, text in texts.items():

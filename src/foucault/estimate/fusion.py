@@ -47,6 +47,9 @@ DEPENDENT = 1e-10
 FIXED = 1e-8
 """Relative variance of a difference that the model allows no other value, and rounding [1]."""
 
+TIED = 1e-9
+"""Coefficients whose correlation is this near to 1 or -1 are one [1]."""
+
 ALL_SHARED = 1e-6
 """Part of the variance in a combination of coefficients that is never shared [1]."""
 
@@ -212,7 +215,9 @@ def _placed(
     values, vectors = np.linalg.eigh(vector.cov / np.outer(s, s))
     J = (vectors / np.maximum(values, DEPENDENT * values[-1])) @ vectors.T
     means = np.array([known.means.get(name, 0.0) for name in vector.names])
-    prior = np.where(without_prior, (s / vector.prior_sd) ** 2, 0.0)
+    # Coefficients that one parameter of a model makes have one prior between them.
+    tied = np.abs(vector.cov / np.outer(vector.sd, vector.sd)) > 1.0 - TIED
+    prior = np.where(without_prior, (s / vector.prior_sd) ** 2 / tied.sum(axis=1), 0.0)
     h = J @ (vector.values / s) - prior * means / s
     J = J - np.diag(prior)
     if without_prior.any():  # rounding, where the prior is nearly all that is known

@@ -81,7 +81,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Between start and end of the window the instrument turned by {angle} deg, of which "
      "{about_up} deg about up; noise and bias explain {limit} deg.",
      "Align while the instrument is not turned; alignment in inertial space and by velocity "
-     "withstand a turn, the mean of two vectors does not."),
+     "withstand a turn, the mean of two vectors does not. If nothing turned it, that is a bias "
+     "of the gyros: calibrate it, or declare its size (--gyro-bias-sd)."),
     ("alignment.left_place", "warning",
      "A vehicle that left its place during a declared rest",
      "Within the window the instrument moved by about {distance} m, at up to {speed} m/s; noise "

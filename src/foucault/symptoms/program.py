@@ -26,6 +26,10 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The session that is planned has {count:.3g} samples, about {size:.3g} GB; at most {most} are "
      "simulated.",
      "Plan a shorter session or a lower rate."),
+    ("program.few", "error",
+     "A session planned that is over before its second sample",
+     "The session that is planned is shorter than the time between two samples.",
+     "Plan a longer session or a higher rate."),
     ("program.count", "error",
      "A count that no session has",
      "{key} = {given} is more than any session has; at most {most} are taken.",

@@ -53,6 +53,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A systematic calibration at an unknown place",
      "The latitude of the site is unknown; {what} needs the Earth's rate.",
      "Give `latitude` in [site]; a few arc minutes are accurate enough."),
+    ("systematic.pole", "error",
+     "A systematic calibration at a pole of the Earth",
+     "The latitude is {given} deg; beyond +-89 deg the horizontal part of the Earth's rate is less "
+     "than 2 % of the whole and shows no heading at the start, which {what} needs.",
+     "Correct `latitude` in [site]."),
     ("systematic.value", "error",
      "A number of a simulated systematic calibration that cannot be",
      "`{key}` of the simulation is {given}; it has to be {allowed}.",

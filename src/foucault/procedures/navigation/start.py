@@ -329,6 +329,34 @@ def shows_north(
             "show no north"
         )
     moved = [f for f in told if f.code in ("alignment.left_place", "alignment.turned")]
-    if moved:
+    level = _level_rate(part)
+    if off and level is not None and level > SEES * EARTH_RATE:
+        why += (
+            ". By the accelerometers it stands still, so that this is their bias, "
+            f"{plain(np.degrees(level), 3)} deg/s or more: take it off with a calibration"
+        )
+    elif moved:
         why += f". It was no rest: {moved[0].message.rstrip('.')}"
     raise error("navigate.heading", why=why)
+
+
+STEADY = np.radians(1.0)
+"""Gravity that turns by less than this in the body shows no tilt [rad]."""
+
+
+def _level_rate(part: Increments) -> float | None:
+    """Return the mean rate across gravity [rad/s]; None unless it alone would have turned gravity.
+
+    A body that turns about a level axis takes gravity round with it. Where the accelerometers do
+    not see that, the gyros have a bias; about up a bias and a turn look alike.
+    """
+    quarter = max(1, len(part.dt) // 4)
+    ends = [part.dvel_b[:quarter].sum(axis=0), part.dvel_b[-quarter:].sum(axis=0)]
+    first, last = (v / max(float(np.linalg.norm(v)), 1e-300) for v in ends)
+    up = first + last
+    up = up / max(float(np.linalg.norm(up)), 1e-300)
+    time = float(part.dt.sum())
+    w = part.dtheta_b.sum(axis=0) / time
+    across = float(np.linalg.norm(w - (w @ up) * up))
+    still = float(np.linalg.norm(last - first)) < STEADY
+    return across if still and across * time > 4.0 * STEADY else None

@@ -47,7 +47,12 @@ from foucault.procedures.systematic.log import log_table as log_table
 from foucault.procedures.systematic.navigation import navigation_tests
 from foucault.procedures.systematic.plan import Wanted as Wanted
 from foucault.procedures.systematic.plan import space as space
-from foucault.procedures.systematic.problem import SystematicProblem, prior_of, steady
+from foucault.procedures.systematic.problem import (
+    SystematicProblem,
+    as_parameters,
+    prior_of,
+    steady,
+)
 from foucault.procedures.systematic.settings import LAYOUT as LAYOUT
 from foucault.procedures.systematic.settings import PRIOR_LINES as PRIOR_LINES
 from foucault.procedures.systematic.settings import SIMULATE as SIMULATE
@@ -86,6 +91,18 @@ def names_of(settings: Settings) -> tuple[str, ...]:
         model.names[int(np.flatnonzero(column)[0])] for column in model.slope.T
     ]  # fmt: skip
     return named(settings.sensors.layout.names, deflections)
+
+
+def every_name(settings: Settings) -> tuple[str, ...]:
+    """Return all coefficients of the result, those too that follow from others.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was chosen.
+    """
+    model = settings.model
+    return named(settings.sensors.layout.names, () if model is None else model.names)
 
 
 def calibrate(
@@ -129,7 +146,8 @@ def calibrate(
         that it cannot see: see `foucault.symptoms`.
     """
     started = clock.monotonic()
-    arguments = (log, site, settings or Settings(), noise, prior or {}, progress)
+    settings = settings or Settings()
+    arguments = (log, site, settings, noise, as_parameters(prior or {}, settings), progress)
     result = _calibrate(*arguments, shown=True)
     progress(1.0, "done")
     seconds = clock.monotonic() - started
@@ -161,7 +179,8 @@ def trial(
     prior : mapping of str to (float, float) or None
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
-    return _calibrate(log, site, settings, noise, prior or {}, silent, shown=False)
+    given = as_parameters(prior or {}, settings)
+    return _calibrate(log, site, settings, noise, given, silent, shown=False)
 
 
 def _calibrate(

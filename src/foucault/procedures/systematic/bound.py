@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.information import Information
-from foucault.errors import error
 from foucault.estimate.systematic.fit import solve
 from foucault.models import imu
 from foucault.models.earth import Site
@@ -32,6 +31,7 @@ from foucault.procedures.systematic.problem import (
     SystematicProblem,
     prior_of,
     problem_of,
+    require_place,
     steady,
 )
 from foucault.procedures.systematic.settings import Settings
@@ -97,8 +97,7 @@ def foreseen(
     instrument : ImuModel or None
         The instrument; None takes the means of `prior`.
     """
-    if site.latitude is None:
-        raise error("systematic.site", what="the plan of a systematic calibration")
+    require_place(site, "the plan of a systematic calibration")
     expected = instrument_of(settings, prior)
     known_as: dict[str, Any] = {
         "site": site, "rate": rate, "model": instrument or expected,

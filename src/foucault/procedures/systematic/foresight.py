@@ -31,7 +31,7 @@ from foucault.procedures.systematic.plan import (
     settled,
     wanted_limits,
 )
-from foucault.procedures.systematic.problem import prior_of, steady
+from foucault.procedures.systematic.problem import as_parameters, prior_of, steady
 from foucault.procedures.systematic.quick import Quick, Stills
 from foucault.procedures.systematic.settings import Session, Settings, planned
 from foucault.procedures.systematic.solution import public
@@ -64,6 +64,7 @@ def foresee(
         Time and accuracy that are wanted, where they are said.
     """
     settings, sequence = settled(settings), planned(settings, session)
+    prior = as_parameters(prior, settings)
     stated = Stated(settings, session.rate, site, noise_of(noise, typical), prior)
     found = stated.foreseen(sequence, HERE)
     states = found.states

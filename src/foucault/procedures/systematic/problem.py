@@ -17,6 +17,7 @@ from foucault.diagnose.systematic.sequence import Matched, match_sequence, recog
 from foucault.errors import Finding, error, finding
 from foucault.estimate.ins_filter import start_cov
 from foucault.estimate.systematic.fit import AtRest
+from foucault.models.deflection import GENERAL
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -135,8 +136,7 @@ def problem_of(
     given : mapping of str to (float, float)
         Mean and standard deviation of coefficients or groups of coefficients [SI].
     """
-    if site.latitude is None:
-        raise error("systematic.site", what="a systematic calibration")
+    require_place(site, "a systematic calibration")
     require_triads(log)
     require_readings(log)
     found = find_sequence(log, shortest=settings.shortest)
@@ -219,6 +219,57 @@ def prior_of(
     usual = {k for k in (*PRIOR, *wander) if any(n.startswith(f"{k}.") or n == k for n in names)}
     known = {k: v for k, v in {**PRIOR, **wander}.items() if k in usual}
     return CoefficientVector.prior(sensors.layout, {**known, **given})
+
+
+POLE = np.radians(89.0)
+"""Nearer to a pole the heading at the start cannot be found [rad]."""
+
+
+def require_place(site: Site, what: str) -> None:
+    """Refuse a place without latitude, or where the Earth's rate shows no heading.
+
+    Parameters
+    ----------
+    site : Site
+        Where it stands.
+    what : str
+        What is to be done there.
+    """
+    if site.latitude is None:
+        raise error("systematic.site", what=what)
+    if abs(site.latitude) > POLE:
+        raise error("systematic.pole", given=f"{np.degrees(site.latitude):.4f}", what=what)
+
+
+def as_parameters(
+    given: Mapping[str, tuple[float, float]], settings: Settings
+) -> dict[str, tuple[float, float]]:
+    """Return what is given of the coefficients of deflection as said of the model's parameters.
+
+    A result says what bends, coefficient by coefficient; the filter has the parameters that make
+    them. Coefficients that one parameter makes are one piece of knowledge, so that they count once
+    together. Coefficients of another model say nothing of these parameters, and are left out.
+
+    Parameters
+    ----------
+    given : mapping of str to (float, float)
+        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    settings : Settings
+        What was chosen: the model of deflection.
+    """
+    bends = {name: known for name, known in given.items() if name in GENERAL}
+    out = {name: known for name, known in given.items() if name not in GENERAL}
+    model = settings.model
+    if model is None or set(bends) != set(model.names):
+        return out
+    mean, sd = np.array([bends[name] for name in model.names]).T
+    for name, slope in zip(model.layout.names, model.slope.T, strict=True):
+        mine = slope != 0.0
+        weight = (slope[mine] / sd[mine]) ** 2
+        value = float(weight @ (mean[mine] / slope[mine]) / weight.sum())
+        if not any(name == key or name.startswith(f"{key}.") for key in given):
+            out[name] = (value, float(1.0 / np.sqrt(weight.mean())))
+    return out
 
 
 def _measured(log: Log, found: FoundSequence) -> ImuNoise:

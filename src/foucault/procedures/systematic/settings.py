@@ -19,10 +19,10 @@ from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
-from foucault.plans.manoeuvres import Rest
+from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.built_in import built_in
 from foucault.plans.systematic.file import ActionTable
-from foucault.plans.systematic.sequence import CalibrationSequence, orientation
+from foucault.plans.systematic.sequence import REST, CalibrationSequence, orientation
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
 from foucault.units import Angle, Quantity, Seconds
@@ -303,6 +303,10 @@ def draw_errors(grade: str, seed: int) -> ImuModel:
 def planned(settings: Settings, session: Session) -> CalibrationSequence:
     """Return the sequence that is to be done, with the rests of the session.
 
+    The attitude at the start is found in a rest, and a turn ends where another begins: a sequence
+    that is meant to follow another, such as spins, has a rest put before its first turn, and one
+    that ends with a turn has one put after it.
+
     Parameters
     ----------
     settings : Settings
@@ -313,6 +317,10 @@ def planned(settings: Settings, session: Session) -> CalibrationSequence:
     sequence = settings.plan
     if sequence is None:
         raise error("systematic.no_sequence")
+    still = Rest(REST, "start"), Rest(REST, "end")
+    before = still[:1] if isinstance(sequence.actions[0], Rotate) else ()
+    after = still[1:] if isinstance(sequence.actions[-1], Rotate) else ()
+    sequence = replace(sequence, actions=(*before, *sequence.actions, *after))
     if session.rest_time is None:
         return sequence
     return replace(sequence, actions=tuple(
