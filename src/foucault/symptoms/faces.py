@@ -84,7 +84,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A turn by another angle than declared",
      "In {where} the gyro measures {measured} deg about {axis}, {declared} deg are declared.",
      "Turn until the instrument stands as before; or set `angle` in [procedure] to the angle that "
-     "was turned, a list of three where they differ from axis to axis, or check unit and scale of [log.gyro]."),
+     "was turned, a list of three where they differ from axis to axis, or check unit and scale of "
+     "[log.gyro]."),
     ("turns.axis", "error",
      "A turn about another axis than it should be",
      "In {where} the gyros measure {measured} deg about x, y and z, which is no turn about {axis}.",
