@@ -194,6 +194,12 @@ class TableBlock(Block):
 class LogDescription(FileLayout):
     """Where a log is and what its columns mean."""
 
+    more: tuple[str, ...] = Field(
+        (),
+        examples=[["spins.csv"]],
+        description="further files with the same columns, recorded one by one, such as the rests "
+        "in one and the spins in another; what is between them was not logged",
+    )
     time: TimeColumn | None = None
     gyro: GyroColumns | None = None
     accel: AccelColumns | None = None
@@ -222,6 +228,8 @@ class LogDescription(FileLayout):
             raise error("log.kinds_differ", gyro=self.gyro.kind, accel=self.accel.kind)
         if self.file is None and not self.files():
             raise error("log.no_file")
+        if self.more and (self.serial is not None or set(self._files()) != {self.file}):
+            raise error("log.more_alone")
         return self
 
     @property
@@ -231,6 +239,14 @@ class LogDescription(FileLayout):
 
     def files(self) -> dict[str, tuple[str, ...]]:
         """Return each file with the blocks that are read from it, in order."""
+        found = self._files()
+        return found | {name: next(iter(found.values())) for name in self.more}
+
+    def each(self) -> list[LogDescription]:
+        """Return a description of each file alone, where there are more."""
+        return [self.model_copy(update={"file": f, "more": ()}) for f in self.files()]
+
+    def _files(self) -> dict[str, tuple[str, ...]]:
         found: dict[str, list[str]] = {} if self.file is None else {self.file: []}
         for name in ("gyro", "accel", "temperature", "table", "averaged"):
             block = getattr(self, name)

@@ -48,6 +48,22 @@ def table_of(data: dict[str, FloatArray]) -> TableColumns | None:
     )
 
 
+def joined_tables(tables: list[TableColumns]) -> TableColumns:
+    """Put what logs say about the table one after the other; they tell the same columns.
+
+    Parameters
+    ----------
+    tables : list of TableColumns
+        One of each log.
+    """
+
+    def one(name: str) -> Any:
+        parts = [getattr(table, name) for table in tables]
+        return None if parts[0] is None else np.concatenate(parts)
+
+    return TableColumns(one("angles"), one("rate"), one("position"))
+
+
 def means_log(
     data: dict[str, FloatArray],
     kind: str,

@@ -49,6 +49,9 @@ from foucault.procedures.rate_table.session import simulate as simulate
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import AXES, Log
 
+STRETCHES = True
+"""Nothing is needed of what is between two steps: files may be recorded one by one."""
+
 FRAME = "axes of the fixture, right-forward-up as it holds the instrument"
 UNKNOWN = "readings.noise_unknown"
 GAUGE = "each axis is the spin axis of its placements"
