@@ -46,7 +46,7 @@ def test_rests_and_spins_in_two_files_without_moves(name, tmp_path):
     gap = (two.coefficients.values - one.coefficients.values) / one.coefficients.sd
     assert np.abs(gap).max() < 0.3
     np.testing.assert_allclose(two.coefficients.sd, one.coefficients.sd, rtol=0.05)
-    assert two.provenance["file"] == "rests.csv + spins.csv"
+    assert two.provenance["input"]["file"] == "rests.csv + spins.csv"
 
 
 WORDS = {

@@ -155,6 +155,12 @@ class TableBlock(Block):
         None, description="number of the position, a whole number; empty or -1 in between"
     )
 
+    stamped: Literal["start", "middle", "end"] | None = Field(
+        None,
+        description="instant of the interval of its row that an angle belongs to, where rows are "
+        "increments or means over it; left out: the instant of the row's time",
+    )
+
     @field_validator("columns", mode="before")
     @classmethod
     def _three(cls, value: object) -> object:
@@ -231,6 +237,14 @@ class LogDescription(FileLayout):
         if self.more and (self.serial is not None or set(self._files()) != {self.file}):
             raise error("log.more_alone")
         return self
+
+    @property
+    def apart(self) -> float:
+        """How many intervals the time of a row is after the instant of its table angles [1]."""
+        if self.table is None or self.table.stamped is None:
+            return 0.0
+        at = {"start": 0.0, "middle": 0.5, "end": 1.0}
+        return at[self.stamped] - at[self.table.stamped]
 
     @property
     def shared_clock(self) -> bool:

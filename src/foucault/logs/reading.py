@@ -13,8 +13,15 @@ from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
 from foucault.logs import axes, checks, columns
 from foucault.logs.declared import complete
+from foucault.logs.own import ANGLES
 from foucault.logs.raw import Progress, RawTable, kept, open_raw
-from foucault.logs.table_rows import joined_tables, means_log, table_of, whole_numbers
+from foucault.logs.table_rows import (
+    angles_at_times,
+    joined_tables,
+    means_log,
+    table_of,
+    whole_numbers,
+)
 from foucault.tables import FloatArray, Log
 
 if TYPE_CHECKING:
@@ -372,8 +379,11 @@ def finished(
     for name, block in triads.items():
         if block is not None:
             findings += axes.check(time, data[name], name, limits_si(block))
+    to_ends = kind == "increment" and used.stamped == "start"
+    if apart := used.apart + to_ends:
+        data = data | angles_at_times(data, apart)
     if kind == "increment":
-        if used.stamped == "start":
+        if to_ends:
             data = _at_ends(data)
             time = data["time"]
         dt = _intervals(time)[:, None]
@@ -388,7 +398,7 @@ def _at_ends(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Give every row of increments the end of its interval, where the next begins.
 
     The last row is left out, as nothing says where it ends; what is no increment is read at the
-    end too.
+    end too. Table angles are those of the end already.
     """
     time = data["time"]
     step = np.diff(time)
@@ -396,7 +406,7 @@ def _at_ends(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     whole = step <= checks.GAP * nominal
     rows = np.arange(len(step)) + whole  # before a gap the next row is too late
     out = {
-        name: values[:-1] if name in ("gyro", "accel") else values[rows]
+        name: values[:-1] if name in ("gyro", "accel", *ANGLES) else values[rows]
         for name, values in data.items()
     }
     return out | {"time": np.where(whole, time[1:], time[:-1] + nominal)}
