@@ -305,3 +305,61 @@ def test_a_fleet_one_after_the_other_takes_the_memory_of_one(tmp_path):
     # The difference of two sizes leaves out what pyarrow takes for its buffers once.
     more = peak(180) - peak(60)
     assert more < 0.5 * 120 * 20_000 * 4 * 8  # far less than the rows that it read more
+
+
+ENDS = ("end", "start")
+FRACTION = {"start": 0.0, "middle": 0.5, "end": 1.0}
+
+
+def turning(stamped, at, gap=False, speed=100.0):
+    """1 Hz increments on a table that turns; the angle is read at an instant of the interval."""
+    lines = ["t,ax,ay,az,out,rate"]
+    for k in range(12):
+        start = float(k) + 5.0 * (gap and k > 5)  # five rows are missing
+        angle = (10.0 + speed * (start + FRACTION[at])) % 360.0
+        lines.append(f"{start + FRACTION[stamped]:.1f},0,0,9.8,{angle:.6f},{speed}")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("gap", [False, True])
+@pytest.mark.parametrize("at", ["start", "middle", "end"])
+@pytest.mark.parametrize("stamped", ENDS)
+def test_the_instant_that_a_table_angle_belongs_to(read_text, stamped, at, gap):
+    table = {"columns": ["out", "", ""], "unit": "deg", "stamped": at}
+    words = {
+        "time": {"column": "t", "unit": "s"},
+        "accel": {"columns": ["ax", "ay", "az"], "unit": "m/s", "kind": "increment"},
+        "stamped": stamped,
+    }
+    log = read_text(turning(stamped, at, gap), **words, table=table)
+    off = log.table.angles[:, 0] - np.radians(10.0 + 100.0 * log.time)
+    np.testing.assert_allclose(np.angle(np.exp(1j * off)), 0.0, atol=1e-6)
+    assert np.isnan(log.table.angles[:, 1:]).all()
+    description = LogDescription.model_validate({"file": "log.csv", **words, "table": table})
+    assert description.apart == FRACTION[stamped] - FRACTION[at]
+
+
+def test_an_angle_of_another_instant_that_turns_more_than_half_a_turn_in_a_row(read_text):
+    words = {
+        "time": {"column": "t", "unit": "s"},
+        "accel": {"columns": ["ax", "ay", "az"], "unit": "m/s", "kind": "increment"},
+    }
+    table = {"columns": ["out", "", ""], "unit": "deg", "stamped": "middle", "rate": "rate",
+             "rate_unit": "deg/s"}  # fmt: skip
+    log = read_text(turning("end", "middle", speed=250.0), **words, table=table)
+    off = log.table.angles[:, 0] - np.radians(10.0 + 250.0 * log.time)
+    np.testing.assert_allclose(np.angle(np.exp(1j * off)), 0.0, atol=1e-6)
+
+
+def test_blocks_and_the_whole_log_agree_on_angles_of_another_instant(tmp_path, monkeypatch):
+    (tmp_path / "log.csv").write_text(turning("end", "middle"))
+    description = LogDescription.model_validate({
+        "file": "log.csv", "time": {"column": "t", "unit": "s"},
+        "accel": {"columns": ["ax", "ay", "az"], "unit": "m/s", "kind": "increment"},
+        "table": {"columns": ["out", "", ""], "unit": "deg", "stamped": "middle"},
+    })  # fmt: skip
+    monkeypatch.setattr(streaming, "BLOCK_ROWS", 5)
+    parts = [block.table.angles[:, 0] for block in streaming.blocks(description, tmp_path)]
+    assert len(parts) == 3
+    whole = read(description, tmp_path).table.angles[:, 0]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)

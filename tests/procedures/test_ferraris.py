@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,8 +15,11 @@ import pytest
 from foucault.campaign import parse
 from foucault.campaign.running import simulate as simulate_campaign
 from foucault.campaign.writing import template
+from foucault.diagnose.consistency import nees
 from foucault.diagnose.faces.rests import _creeping, find_faces
+from foucault.diagnose.faces.whole_turns import find_turns
 from foucault.errors import FoucaultError, finding
+from foucault.estimate.chi_square import chi_square_limits
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
@@ -320,6 +324,63 @@ def test_angle_must_be_whole_turns():
     for angle in ("0 deg", "-350 deg"):
         with pytest.raises(ValueError, match="whole turns"):
             ferraris.Settings(angle=angle)
+
+
+UNEQUAL = ("360 deg", "-720 deg", "90 deg")
+
+
+def test_each_axis_may_have_a_known_angle_of_its_own():
+    angles = ferraris.Settings(angle=UNEQUAL).angle
+    np.testing.assert_allclose(angles, np.radians([360, -720, 90]))
+    ends = {"angle_sd": np.radians(0.05), "level_sd": ARCMIN, "placement_sd": ARCMIN}
+    log, model = short_log(seed=4, angle=angles, **ends)
+    result = calibrate(log, angle=UNEQUAL, **ends)
+    assert result.verdict.level is Level.PASS
+    truth = model.coefficients(result.coefficients.names).values
+    error = result.coefficients.values - truth
+    low, high = chi_square_limits(len(error))
+    assert low < nees(error[None], result.coefficients.cov[None]).sum() < high
+    # The error of the angle is so much of each turn.
+    sd = result.coefficients["gyro.scale"].sd
+    np.testing.assert_allclose(sd, 0.05 / np.array([360, 720, 90]), rtol=0.1)
+    # A part of a turn leads to another heading.
+    groups = find_turns(log, find_faces(log, SITE.gravity), angles)[0].readings.group
+    assert len(set(groups)) == 7
+    # The same angle for all is another session.
+    with pytest.raises(FoucaultError, match="measures 89 deg about z, 360 deg are declared"):
+        calibrate(log, angle=(TURN, -2 * TURN, TURN), **ends)
+    with pytest.raises(FoucaultError, match=r"about z go against the declared angle of -90 deg"):
+        calibrate(log, angle=("360 deg", "-720 deg", "-90 deg"), **ends)
+    with pytest.raises(FoucaultError, match=r"declared angle of -360, .720, -90 deg") as caught:
+        calibrate(log, angle=("-360 deg", "720 deg", "-90 deg"), **ends)
+    assert 'set angle = ["+360 deg", "-720 deg", "+90 deg"] in' in str(caught.value)
+
+
+def test_angles_of_the_axes_are_read_from_a_campaign():
+    one = 'angle = ["360 deg", "-720 deg", "90 deg"]'
+    text, count = re.subn(r'^(# )?angle = "-360 deg"', one, template("ferraris"), flags=re.M)
+    assert count == 1
+    campaign = parse(text)
+    np.testing.assert_allclose(campaign.settings.angle, np.radians([360, -720, 90]))
+    for wrong, said in (('["360 deg", "1 rad/s", "90 deg"]', "angle"),
+                        ('["360 deg", "10 deg", "90 deg"]', "45 deg or more"),
+                        ('["360 deg", "90 deg"]', "angle")):  # fmt: skip
+        with pytest.raises(FoucaultError, match=said):
+            parse(text.replace(one, f"angle = {wrong}"))
+
+
+@pytest.mark.thorough
+def test_errors_with_unequal_angles_have_the_size_that_was_promised():
+    ends = {"angle_sd": np.radians(0.05), "level_sd": 3 * ARCMIN, "placement_sd": 3 * ARCMIN}
+    angles = tuple(np.radians([360.0, -720.0, 90.0]))
+    errors, covs = [], []
+    for seed in range(60):
+        log, model = short_log(seed=seed, angle=angles, **ends)
+        found = calibrate(log, angle=angles, **ends).coefficients
+        errors.append(found.values - model.coefficients(found.names).values)
+        covs.append(found.cov)
+    low, high = chi_square_limits(np.size(errors))
+    assert low < nees(np.array(errors), np.array(covs)).sum() < high
 
 
 @pytest.mark.parametrize("name", ["six_position", "ferraris"])

@@ -293,6 +293,92 @@ def test_a_rate_without_unit_is_named_with_its_place():
     np.testing.assert_allclose(in_si(("180 deg/s", "-1 rad/s")), [np.pi, -1.0])
 
 
+RATES = ("10 deg/s", "-10 deg/s", "40 deg/s", "-40 deg/s", "100 deg/s", "-100 deg/s")
+ONE = ("gyro.bias.x", "gyro.bias.y", "gyro.bias.z", "gyro.scale.x", "gyro.misalignment.yx",
+       "gyro.misalignment.zx", "gyro.asymmetry.x", "gyro.cubic.x")  # fmt: skip
+
+
+def one_axis(seed, rows="means", axes=("x up",), grade_name="tactical"):
+    session = Session(rates=RATES, axes=axes, step_time=20.0, rest_time=15.0, rows=rows)
+    noise, model = grade(grade_name).noise, draw_errors(grade_name, seed)
+    return simulate(session, model=model, noise=noise, site=SITE, seed=seed), noise
+
+
+def miss(result, made):
+    found = result.coefficients
+    error = found.values - made.model.coefficients(found.names).values
+    return float(error @ np.linalg.solve(found.cov, error))
+
+
+@pytest.mark.parametrize("rows", ["means", "samples"])
+def test_one_axis_on_the_table_with_rests_between_the_rates(rows):
+    made, noise = one_axis(1, rows)
+    known = noise if rows == "means" else None
+    bare = replace(made.log, table=None)
+    blind = replace(bare, accel=None)
+    with_rests = [r for rate in RATES for r in ("0 deg/s", rate)] + ["0 deg/s"]
+    one = {"axes": ("x up",)}
+    for log, settings in (
+        (made.log, Settings(**one)),
+        (bare, Settings(rates=RATES, **one)),
+        (bare, Settings(rates=tuple(with_rests), **one)),
+        (blind, Settings(rates=RATES, **one)),
+    ):
+        result = calibrate(log, site=SITE, settings=settings, noise=known)
+        assert result.coefficients.names == ONE
+        assert result.verdict.level is Level.PASS
+        assert not result.findings
+        rates = np.degrees(result.tables["rate_steps"]["rate"])
+        np.testing.assert_allclose(rates[::2], 0.0, atol=1e-9)
+        np.testing.assert_allclose(rates[1::2], [10, -10, 40, -40, 100, -100], rtol=1e-6)
+        low, high = chi_square_limits(len(ONE))
+        assert low < miss(result, made) < high
+    assert any("Rates about y and z" in words for words in result.diagnostics["unseen"])
+    assert list(result.diagnostics["rate_table"]) == ["x"]
+    assert "Asymmetry: difference of the scale factors" in report.html(result)
+
+
+def test_one_axis_that_is_not_named_says_how():
+    made, noise = one_axis(1)
+    with pytest.raises(FoucaultError, match="name in `axes` the placements that were meant"):
+        calibrate(made.log, site=SITE, noise=noise)
+    with pytest.raises(FoucaultError, match="says: y up"):
+        calibrate(made.log, site=SITE, noise=noise, settings=Settings(axes=("y up",)))
+
+
+def test_rests_and_a_reversed_table_or_another_rate():
+    made, noise = one_axis(2)
+    bare = replace(made.log, table=None)
+    for rates, code in (
+        (tuple(r[1:] if r[0] == "-" else f"-{r}" for r in RATES), "rate_table.sense"),
+        (("10 deg/s", "-10 deg/s", "100 deg/s", "-100 deg/s"), "rate_table.other_rate"),
+    ):
+        with pytest.raises(FoucaultError) as caught:
+            settings = Settings(rates=rates, axes=("x up",))
+            calibrate(bare, site=SITE, noise=noise, settings=settings)
+        assert caught.value.code == code
+
+
+def test_a_mems_bias_is_no_rate_where_one_axis_alone_is_spun():
+    made, noise = one_axis(3, grade_name="mems")
+    shifted = replace(made.log, table=None, gyro=made.log.gyro + np.radians([3.0, -2.0, 1.0]))
+    settings = Settings(rates=RATES, axes=("x up",))
+    result = calibrate(shifted, site=SITE, noise=noise, settings=settings)
+    bias = result.coefficients["gyro.bias"].values - made.model.gyro_bias
+    np.testing.assert_allclose(np.degrees(bias), [3.0, -2.0, 1.0], atol=0.02)
+
+
+@pytest.mark.thorough
+def test_errors_of_one_axis_with_rests_are_as_large_as_promised():
+    total, n = 0.0, 60
+    for seed in range(n):
+        made, noise = one_axis(seed, axes=("y up", "y down"))
+        settings = Settings(axes=("y up", "y down"), repeatability=False)
+        total += miss(calibrate(made.log, site=SITE, noise=noise, settings=settings), made)
+    low, high = chi_square_limits(n * len(ONE))
+    assert low < total < high
+
+
 WANDERS = ImuNoise(
     TriadNoise(white=50e-6 * 9.81, bias_instability=15e-6 * 9.81),
     TriadNoise(white=np.radians(0.01) / 60, bias_instability=np.radians(3) / 3600),

@@ -85,6 +85,8 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     module = procedures.load(campaign.procedure)
+    if not getattr(module, "STRETCHES", False):
+        refuse_more(campaign, f"'{campaign.procedure}'")
     log = None
     if getattr(module, "STREAMS", False):
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
@@ -107,6 +109,22 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     if campaign.earlier is None:
         return run(campaign.prior)
     return earlier.calibrated(campaign, campaign.earlier, run)
+
+
+def refuse_more(campaign: Campaign, what: str) -> None:
+    """Refuse a log in files that were recorded one by one.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    what : str
+        What needs one motion, for the text.
+    """
+    files = getattr(campaign.log, "more", ())
+    if files:
+        able = [p for p in procedures.PROCEDURES if getattr(procedures.load(p), "STRETCHES", False)]
+        raise error("log.more_moving", files=", ".join(files), what=what, allowed=", ".join(able))
 
 
 def _stuck_first(result: Result) -> Result:

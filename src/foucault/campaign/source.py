@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from foucault import logs, run_folder
 from foucault.campaign.reading import load as load_campaign
-from foucault.campaign.running import read_log
+from foucault.campaign.running import read_log, refuse_more
 from foucault.campaign.tables import SiteTable
 from foucault.errors import error
 from foucault.files import sha256
@@ -55,6 +55,7 @@ def read(path: Path, progress: Progress) -> Source:
         log = logs.read(description, path.parent, lambda part: progress(0.3 * part, "reading"))
         return Source(replace(log, findings=told + log.findings), {}, {}, None)
     campaign = load_campaign(path, calibrates=False)
+    refuse_more(campaign, "what reads a log by itself")
     log = read_log(campaign, lambda part, words: progress(0.3 * part, words))
     if not isinstance(log, Log):
         raise error("north.not_imu", procedure=campaign.procedure)

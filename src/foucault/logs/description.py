@@ -155,6 +155,12 @@ class TableBlock(Block):
         None, description="number of the position, a whole number; empty or -1 in between"
     )
 
+    stamped: Literal["start", "middle", "end"] | None = Field(
+        None,
+        description="instant of the interval of its row that an angle belongs to, where rows are "
+        "increments or means over it; left out: the instant of the row's time",
+    )
+
     @field_validator("columns", mode="before")
     @classmethod
     def _three(cls, value: object) -> object:
@@ -194,6 +200,12 @@ class TableBlock(Block):
 class LogDescription(FileLayout):
     """Where a log is and what its columns mean."""
 
+    more: tuple[str, ...] = Field(
+        (),
+        examples=[["spins.csv"]],
+        description="further files with the same columns, recorded one by one, such as the rests "
+        "in one and the spins in another; what is between them was not logged",
+    )
     time: TimeColumn | None = None
     gyro: GyroColumns | None = None
     accel: AccelColumns | None = None
@@ -222,7 +234,17 @@ class LogDescription(FileLayout):
             raise error("log.kinds_differ", gyro=self.gyro.kind, accel=self.accel.kind)
         if self.file is None and not self.files():
             raise error("log.no_file")
+        if self.more and (self.serial is not None or set(self._files()) != {self.file}):
+            raise error("log.more_alone")
         return self
+
+    @property
+    def apart(self) -> float:
+        """How many intervals the time of a row is after the instant of its table angles [1]."""
+        if self.table is None or self.table.stamped is None:
+            return 0.0
+        at = {"start": 0.0, "middle": 0.5, "end": 1.0}
+        return at[self.stamped] - at[self.table.stamped]
 
     @property
     def shared_clock(self) -> bool:
@@ -231,6 +253,14 @@ class LogDescription(FileLayout):
 
     def files(self) -> dict[str, tuple[str, ...]]:
         """Return each file with the blocks that are read from it, in order."""
+        found = self._files()
+        return found | {name: next(iter(found.values())) for name in self.more}
+
+    def each(self) -> list[LogDescription]:
+        """Return a description of each file alone, where there are more."""
+        return [self.model_copy(update={"file": f, "more": ()}) for f in self.files()]
+
+    def _files(self) -> dict[str, tuple[str, ...]]:
         found: dict[str, list[str]] = {} if self.file is None else {self.file: []}
         for name in ("gyro", "accel", "temperature", "table", "averaged"):
             block = getattr(self, name)

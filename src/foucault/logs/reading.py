@@ -13,8 +13,15 @@ from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
 from foucault.logs import axes, checks, columns
 from foucault.logs.declared import complete
+from foucault.logs.own import ANGLES
 from foucault.logs.raw import Progress, RawTable, kept, open_raw
-from foucault.logs.table_rows import means_log, table_of, whole_numbers
+from foucault.logs.table_rows import (
+    angles_at_times,
+    joined_tables,
+    means_log,
+    table_of,
+    whole_numbers,
+)
 from foucault.tables import FloatArray, Log
 
 if TYPE_CHECKING:
@@ -58,6 +65,8 @@ def read(
     """
     if description.serial is not None:
         return _only(description, folder, progress)
+    if description.more:
+        return _one_after_the_other(description, folder, progress)
     parts: list[dict[str, FloatArray]] = []
     names, prints, used = [], [], description
     told: tuple[Finding, ...] = ()
@@ -81,6 +90,75 @@ def read(
         "description": used.model_dump(mode="json", exclude_none=True),
     }
     return finished(data, used, sampled, told, source)
+
+
+BETWEEN = 10.0
+"""Between two files whose times do not say what was between them [s]."""
+
+
+def _one_after_the_other(
+    description: LogDescription, folder: str | Path, progress: Progress | None
+) -> Log:
+    """Read files that were recorded one by one into one log with gaps between them.
+
+    Times that go on from file to file stay; a file whose times begin before the end of the last
+    one, as those of each file that begins at zero do, is taken to follow it.
+    """
+    each = description.each()
+    logs: list[Log] = []
+    for i, one in enumerate(each):
+        log = read(one, folder, _part_of(progress, i, len(each)))
+        if logs:
+            _alike(logs[0], log, str(each[0].file), str(one.file))
+            last = logs[-1]
+            end = float(last.time[-1] + (0.0 if last.averaged is None else last.averaged[-1]))
+            if log.time[0] < end + BETWEEN:
+                log = replace(log, time=log.time + (end + BETWEEN - log.time[0]))
+        logs.append(log)
+
+    def joined(parts: list[Any]) -> Any:
+        return None if parts[0] is None else np.concatenate(parts)
+
+    source = {
+        "file": " + ".join(log.source["file"] for log in logs),
+        "sha256": " + ".join(log.source["sha256"] for log in logs),
+        "rows": sum(len(log) for log in logs),
+        "description": description.model_dump(mode="json", exclude_none=True),
+    }
+    tables = [log.table for log in logs if log.table is not None]
+    return replace(
+        logs[0],
+        findings=tuple(dict.fromkeys(f for log in logs for f in log.findings)),
+        source=source,
+        table=joined_tables(tables) if tables else None,
+        **{
+            name: joined([getattr(log, name) for log in logs])
+            for name in ("time", "gyro", "accel", "temperature", "averaged")
+        },
+    )
+
+
+def _alike(one: Log, other: Log, first: str, second: str) -> None:
+    """Refuse files of one log that do not hold the same."""
+
+    def said(log: Log) -> str:
+        table = log.table
+        has = {
+            "gyros": log.gyro, "accelerometers": log.accel, "temperature": log.temperature,
+            "angles of a table": table, "its rate": table and table.rate,
+            "position numbers": table and table.position,
+        }  # fmt: skip
+        words = ", ".join(name for name, value in has.items() if value is not None)
+        return f"{'means' if log.averaged is not None else 'samples'} of {words}"
+
+    same_rate = one.averaged is not None or abs(one.interval / other.interval - 1.0) < RATES_DIFFER
+    what = [said(log) if same_rate else f"{log.rate:.6g} Hz" for log in (one, other)]
+    if what[0] != what[1]:
+        raise error("log.more_differs", first=first, one=what[0], second=second, other=what[1])
+
+
+RATES_DIFFER = 0.02
+"""Two files whose sample rates differ by more are not of one logger [1]."""
 
 
 def usable(
@@ -301,8 +379,11 @@ def finished(
     for name, block in triads.items():
         if block is not None:
             findings += axes.check(time, data[name], name, limits_si(block))
+    to_ends = kind == "increment" and used.stamped == "start"
+    if apart := used.apart + to_ends:
+        data = data | angles_at_times(data, apart)
     if kind == "increment":
-        if used.stamped == "start":
+        if to_ends:
             data = _at_ends(data)
             time = data["time"]
         dt = _intervals(time)[:, None]
@@ -317,7 +398,7 @@ def _at_ends(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Give every row of increments the end of its interval, where the next begins.
 
     The last row is left out, as nothing says where it ends; what is no increment is read at the
-    end too.
+    end too. Table angles are those of the end already.
     """
     time = data["time"]
     step = np.diff(time)
@@ -325,7 +406,7 @@ def _at_ends(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     whole = step <= checks.GAP * nominal
     rows = np.arange(len(step)) + whole  # before a gap the next row is too late
     out = {
-        name: values[:-1] if name in ("gyro", "accel") else values[rows]
+        name: values[:-1] if name in ("gyro", "accel", *ANGLES) else values[rows]
         for name, values in data.items()
     }
     return out | {"time": np.where(whole, time[1:], time[:-1] + nominal)}

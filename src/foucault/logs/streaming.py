@@ -104,9 +104,9 @@ def blocks(
     Log
         The next rows; `findings` tells what looks wrong in them [SI].
     """
-    files = description.files()
+    files = description.files()  # more of them are read as a whole
     whole = description.averaged is not None or description.serial is not None
-    if len(files) != 1 or whole or description.stamped == "start":
+    if len(files) != 1 or whole or description.stamped == "start" or description.apart:
         yield from _slices(read(description, folder, progress))
         return
     ((name, wanted),) = files.items()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from foucault.errors import Finding, error
+from foucault.logs.checks import GAP
 from foucault.logs.own import ANGLES
 from foucault.tables import FloatArray, Log, TableColumns
 
@@ -46,6 +47,53 @@ def table_of(data: dict[str, FloatArray]) -> TableColumns | None:
         data.get("table_rate"),
         None if position is None else position.astype(np.int64),
     )
+
+
+def angles_at_times(data: dict[str, FloatArray], apart: float) -> dict[str, FloatArray]:
+    """Return the table angles at the times of their rows, from another instant of the interval.
+
+    Between two rows an angle moves on evenly, by less than half a turn or, where the rate of the
+    table is logged, by nearly what that says. Beside a gap it goes on as before.
+
+    Parameters
+    ----------
+    data : dict of str to ndarray
+        Time and angles by name, each shape (n,) [SI].
+    apart : float
+        How many intervals the time of a row is after the instant of its angles [1].
+    """
+    time, turn = data["time"], 2 * np.pi
+    step = np.diff(time)
+    whole = step <= GAP * np.median(step) if len(step) else step > 0
+    out = {}
+    for name in data.keys() & {*ANGLES}:
+        moved = np.diff(data[name])
+        told = np.zeros_like(moved)
+        if name == "outer" and "table_rate" in data:
+            told = 0.5 * (data["table_rate"][1:] + data["table_rate"][:-1]) * step
+        moved -= turn * np.round((moved - told) / turn)
+        moved[~whole] = np.nan
+        after, before = np.append(moved, np.nan), np.append(np.nan, moved)
+        near, other = (after, before) if apart > 0 else (before, after)
+        move = np.where(np.isnan(near), other, near)
+        out[name] = data[name] + apart * np.nan_to_num(move)
+    return out
+
+
+def joined_tables(tables: list[TableColumns]) -> TableColumns:
+    """Put what logs say about the table one after the other; they tell the same columns.
+
+    Parameters
+    ----------
+    tables : list of TableColumns
+        One of each log.
+    """
+
+    def one(name: str) -> Any:
+        parts = [getattr(table, name) for table in tables]
+        return None if parts[0] is None else np.concatenate(parts)
+
+    return TableColumns(one("angles"), one("rate"), one("position"))
 
 
 def means_log(

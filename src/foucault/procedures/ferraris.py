@@ -1,4 +1,4 @@
-"""Calibrate an IMU from rests on its six faces and a whole turn about each axis.
+"""Calibrate an IMU from rests on its six faces and a turn by a known angle about each axis.
 
 Rest the instrument with each axis up and down, and turn it on the spot once about each axis, with
 a rest before and after. The rests calibrate the accelerometers and the gyro biases, the turns the
@@ -17,14 +17,14 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, field_validator
+from pydantic import Discriminator, Field, Tag, field_validator
 
 from foucault.diagnose.faces.moves import check_moves
-from foucault.diagnose.faces.whole_turns import find_turns
+from foucault.diagnose.faces.whole_turns import BUMP, find_turns, is_whole
 from foucault.diagnose.spikes import without_spikes
 from foucault.errors import error
 from foucault.estimate.faces.ferraris import published, scale_and_rotation
@@ -45,8 +45,11 @@ from foucault.units import Angle, Seconds
 
 FloatArray = npt.NDArray[np.float64]
 
-WHOLE = 1e-6
-"""An angle this near to whole turns is whole turns [1]."""
+OneOrThree = float | tuple[float, float, float]
+AngleOrThree = Annotated[
+    Annotated[Angle, Tag("one")] | Annotated[tuple[Angle, Angle, Angle], Tag("each")],
+    Discriminator(lambda given: "each" if isinstance(given, (list, tuple)) else "one"),
+]
 
 
 class Settings(FaceSettings):
@@ -57,10 +60,11 @@ class Settings(FaceSettings):
         description="likelihood: all readings, weighed by their uncertainty; published: the closed "
         "form of Ferraris, as other programs have it, with g-sensitivity.",
     )
-    angle: Angle = Field(
+    angle: AngleOrThree = Field(
         default=-2 * np.pi,
-        description="Angle of each turn about its positive axis: whole turns, negative for "
-        "clockwise as seen against the axis.",
+        examples=["-360 deg", ["360 deg", "720 deg", "90 deg"]],
+        description="Angle of each turn about its positive axis, negative for clockwise as seen "
+        "against the axis. One value: whole turns. Three, for x, y and z: any known angles.",
     )
     angle_sd: Angle | None = Field(
         default=None,
@@ -84,10 +88,15 @@ class Settings(FaceSettings):
 
     @field_validator("angle")
     @classmethod
-    def _whole(cls, angle: float) -> float:
-        turns = angle / (2 * np.pi)
-        if round(turns) == 0 or abs(turns - round(turns)) > WHOLE:
-            raise ValueError('it should be one or more whole turns, such as "-360 deg"')
+    def _known(cls, angle: OneOrThree) -> OneOrThree:
+        if isinstance(angle, tuple):
+            if min(abs(a) for a in angle) < BUMP:
+                raise ValueError('each should be 45 deg or more, such as "90 deg"')
+        elif not is_whole(angle):
+            raise ValueError(
+                'it should be one or more whole turns, such as "-360 deg", or a known angle for '
+                'each axis, such as ["360 deg", "720 deg", "90 deg"]'
+            )
         return angle
 
 

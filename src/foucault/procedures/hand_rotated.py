@@ -36,7 +36,7 @@ from foucault.diagnose.hand_rotated import report as session_report
 from foucault.diagnose.hand_rotated.budget import session_budget
 from foucault.diagnose.hand_rotated.earth import vertical_check
 from foucault.diagnose.hand_rotated.held_out import hold_out
-from foucault.diagnose.hand_rotated.input import check_input, enough_rests
+from foucault.diagnose.hand_rotated.input import check_input, enough_rests, need_samples
 from foucault.diagnose.rests import (
     Rests,
     detection_table,
@@ -204,6 +204,7 @@ def calibrate(
     if not settings.earth_rate:
         site = replace(site, latitude=None)
     progress(0.05, "finding the rests")
+    need_samples(log)
     log = without_spikes(log)
     rests = find_rests(
         log, window=settings.window, threshold=settings.threshold, shortest=settings.shortest

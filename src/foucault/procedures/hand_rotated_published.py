@@ -25,7 +25,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated.held_out import norm_columns
-from foucault.diagnose.hand_rotated.input import check_input, enough_rests
+from foucault.diagnose.hand_rotated.input import check_input, enough_rests, need_samples
 from foucault.diagnose.hand_rotated.published_rests import find_published_rests
 from foucault.diagnose.rests import rest_table
 from foucault.errors import Status, error
@@ -120,6 +120,7 @@ def calibrate(
         raise error("published.unweighted", what="[noise]" if noise is not None else "[prior]")
     if log.accel is None:
         raise error("session.no_accel")
+    need_samples(log)
     progress(0.05, "finding the rests")
     rests = find_published_rests(
         log,

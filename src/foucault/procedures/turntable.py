@@ -23,6 +23,7 @@ from foucault.plans.table.search import PositionSpace
 from foucault.plans.table.search import Wanted as Wanted
 from foucault.procedures import Progress, on_table, silent
 from foucault.procedures.on_table import STREAMS as STREAMS
+from foucault.procedures.on_table import STRETCHES as STRETCHES
 from foucault.procedures.on_table import Task
 from foucault.procedures.on_table import plan as table_plan
 from foucault.procedures.on_table.plan import UNDECLARED as UNDECLARED

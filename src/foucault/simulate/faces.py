@@ -1,4 +1,4 @@
-"""Simulate rests on the six faces, with whole turns about the vertical where they are wanted.
+"""Simulate rests on the six faces, with turns about the vertical where they are wanted.
 
 A rest on a face is off by a random angle about each of two level axes, the placement. A turn is
 about an axis that is off the vertical by another one, for the support is not level, and its angle
@@ -64,7 +64,7 @@ def face_plan(
     rest_time: float = 10.0,
     move_time: float = 2.0,
     turn_time: float = 5.0,
-    angle: float | None = None,
+    angle: float | tuple[float, float, float] | None = None,
     placement_sd: float = 0.0,
     level_sd: float = 0.0,
     angle_sd: float = 0.0,
@@ -76,8 +76,9 @@ def face_plan(
     ----------
     rest_time, move_time, turn_time : float
         Length of each rest, of a move to another face and of a turn [s].
-    angle : float or None
-        Angle of the turns about the axis that is up; None plans no turns [rad].
+    angle : float, tuple of float, length 3, or None
+        Angle of the turns about the axis that is up, of all or of x, y and z; None plans no turns
+        [rad].
     placement_sd, level_sd, angle_sd : float
         Standard deviation of the tilt of each placement about each axis, of the axis of a turn
         against the vertical, and of its angle [rad].
@@ -98,7 +99,8 @@ def face_plan(
             times.append(move_time)
         attitudes.append(C)
         if angle is not None and sign > 0:
-            turned = (angle + angle_sd * rng.standard_normal()) * _tilted(up_b, level_sd, rng)
+            nominal = float(np.broadcast_to(angle, 3)[axis])
+            turned = (nominal + angle_sd * rng.standard_normal()) * _tilted(up_b, level_sd, rng)
             rotations.append(turned)
             times.append(turn_time)
             attitudes.append(C @ exp(turned))

@@ -54,19 +54,29 @@ class RatePlan:
         Rates in each placement, counter-clockwise seen from above; 0 for a rest [rad/s].
     least : float
         Each step takes whole turns that last at least so long [s].
+    rest : float or None
+        Length of the rests; None: as long as `least` [s].
     """
 
     axes: tuple[str, ...]
     rates: FloatArray
     least: float
+    rest: float | None = None
+
+    def with_rests(self, time: float) -> RatePlan:
+        """Return the plan with a rest of `time` [s] before each rate and after the last."""
+        rates = np.zeros(2 * len(self.rates) + 1)
+        rates[1::2] = self.rates
+        return replace(self, rates=rates, rest=time)
 
     @property
     def time(self) -> FloatArray:
         """How long each rate is held, shape (k,) [s]."""
         speed = np.abs(self.rates)
+        rest = self.least if self.rest is None else self.rest
         turn = 2 * np.pi / np.where(speed > 0, speed, np.inf)
         turns = np.maximum(np.ceil(self.least * speed / (2 * np.pi) - 1e-9), 1.0)
-        return np.where(speed > 0, turns * np.where(speed > 0, turn, 0.0), self.least)
+        return np.where(speed > 0, turns * np.where(speed > 0, turn, 0.0), rest)
 
     def placement(self, name: str) -> TablePlan:
         """Return what the table does with the instrument placed as `name` says."""

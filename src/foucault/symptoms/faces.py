@@ -73,7 +73,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Give the log with its samples, or use name = \"six_position\" in [procedure]."),
     ("turns.missing", "error",
      "A turn about an axis missing",
-     "There is no whole turn about {missing}; turns were found about: {seen}.",
+     "There is no turn as declared about {missing}; turns were found about: {seen}.",
      "Turn the instrument once about each axis, with a rest on the same face before and after, or "
      "give the turns in `sections`."),
     ("turns.section_missing", "error",
@@ -81,10 +81,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "The sections lack {missing}.",
      "Give x_rot, y_rot and z_rot too, or leave `sections` out to have rests and turns found."),
     ("turns.partial", "error",
-     "A turn that is not whole",
+     "A turn by another angle than declared",
      "In {where} the gyro measures {measured} deg about {axis}, {declared} deg are declared.",
-     "Turn until the instrument stands as before; or set `angle` in [procedure] to the whole turns "
-     "that were made, or check unit and scale of [log.gyro]."),
+     "Turn until the instrument stands as before; or set `angle` in [procedure] to the angle that "
+     "was turned, a list of three where they differ from axis to axis, or check unit and scale of "
+     "[log.gyro]."),
     ("turns.axis", "error",
      "A turn about another axis than it should be",
      "In {where} the gyros measure {measured} deg about x, y and z, which is no turn about {axis}.",
@@ -93,7 +94,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("turns.reversed", "error",
      "All turns in the other sense than declared",
      "All turns go against the declared angle of {declared} deg.",
-     "If they were made in the other sense, set angle = \"{other} deg\" in [procedure]; if not, "
+     "If they were made in the other sense, set angle = {other} in [procedure]; if not, "
      "the signs of all gyros are wrong: write \"-\" before each of `columns` in [log.gyro]."),
     ("turns.sense", "error",
      "Turns in both senses, or a gyro of the wrong sign",

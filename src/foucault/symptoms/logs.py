@@ -161,6 +161,16 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Row {row}: '{first}' is at {t_first} s but '{second}' at {t_second} s, more than half an "
      "interval ({half} s) apart.",
      "Both files must be sampled together: cut or resample them to common times."),
+    ("log.more_alone", "error", "Further files beside blocks that are files of their own",
+     "[log] has `more` files, and also no `file`, blocks with a `file` of their own, or `serial`.",
+     "Name the first file in `file`, the others in `more`, each with all columns; a file with the "
+     "rows of several instruments is calibrated by `foucault fleet`."),
+    ("log.more_differs", "error", "Files of one log that do not hold the same",
+     "'{first}' has {one}, but '{second}' has {other}.",
+     "Files that are read one after the other need the same columns and sample rate."),
+    ("log.more_moving", "error", "Further files where a motion is followed from sample to sample",
+     "[log] has `more` files ({files}), and {what} needs one motion without interruption.",
+     "Give one file. Rests and spins in files of their own are for {allowed}."),
     ("log.table_columns", "error", "Not three columns for the angles of a table",
      "[log.table] columns = {given!r} are not three columns.",
      'Write the outer, middle and inner angle, columns = ["outer", "middle", "inner"]; "" for one '

@@ -58,8 +58,9 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("rate_table.undetermined", "error",
      "Steps that do not determine all coefficients",
      "{steps} steps do not determine {names}{reason}.",
-     "Turn about every axis, in both senses, at two rates or more; leave out `asymmetry` or "
-     "`cubic`, or give the coefficients named a prior."),
+     "Turn about every axis, in both senses, at two rates or more; name in `axes` the placements "
+     "that were meant, where they are not all; leave out `asymmetry` or `cubic`, or give the "
+     "coefficients named a prior."),
     ("rate_table.g_sensitivity", "error",
      "Placements that do not show the g-sensitivity",
      "With these placements ({placements}) the g-sensitivity is not told from bias: {names}.",

@@ -94,6 +94,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "they say too little of them. {where}",
      "Turn more slowly or choose a wider range. Whether axes, signs or unit are wrong as well can "
      "be told when nothing is saturated."),
+    ("session.means", "error",
+     "Means of poses, where the turns between them are needed",
+     "The rows of the log are means, one per pose; the turns between the poses, which calibrate "
+     "the gyros, are not in it.",
+     "Write name = \"norm_observation\" in [procedure]: from means it calibrates the "
+     "accelerometers, in any orientations. For the gyros give the log with its samples."),
     ("session.no_gyro", "note",
      "A log without gyros",
      "The log has no gyro columns; only the accelerometers were calibrated.",

@@ -248,9 +248,10 @@ def _whole(e: FaceEvidence) -> Check:
     words += f"as the scale factors of the gyros allow to say; they count as exact to {sd} (sd)"
     words += ", as declared." if e.angle_given else ", like the placements: declare `angle_sd`."
     if not fine:
+        off = np.degrees(np.abs(turns.angle[turns.axis == k]).min()) * abs(value)
         words = (
             f"The turn about {AXES[k]} is {100 * value:+.1f} % off: a scale factor error of the "
-            f"gyro, or {abs(360 * value):.0f} deg that were turned too much or too little. "
+            f"gyro, or {off:.0f} deg that were turned too much or too little. "
         )
         words += "A single turn cannot tell. " if alone[k] else ""
         words += "Turn against a stop, and twice about each axis, or declare `angle_sd`."

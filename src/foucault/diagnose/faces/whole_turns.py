@@ -1,8 +1,9 @@
-"""Find whole turns about the case axes: between rests on one face, or in sections.
+"""Find turns by known angles about the case axes: between rests on one face, or in sections.
 
-Two rests on the same face with a net rotation of a whole number of turns about one axis between
-them are one placement: the instrument was turned on the spot. A turn must have the sense and the
-size that was declared, for the sign of a gyro and its scale factor cannot be told from them.
+Two rests on the same face with a net rotation by the declared angle about one axis between them,
+or by two or three times as much, are a turn on the spot; after whole turns they are one placement.
+A turn must have the sense and the size that was declared, for the sign of a gyro and its scale
+factor cannot be told from them.
 """
 
 from __future__ import annotations
@@ -32,6 +33,16 @@ MOST = 3
 """So many times the declared angle may have been turned at once [1]."""
 
 
+WHOLE = 1e-6
+"""An angle this near to whole turns is whole turns [1]."""
+
+
+def is_whole(angle: float) -> bool:
+    """Tell whether an angle [rad] is one or more whole turns."""
+    turns = abs(angle) / (2 * np.pi)
+    return round(turns) > 0 and abs(turns - round(turns)) <= WHOLE
+
+
 @dataclass(frozen=True)
 class _Candidate:
     first: int
@@ -56,11 +67,15 @@ class _Candidate:
         across = np.linalg.norm(np.delete(self.net, self.axis))
         return float(np.arctan2(across, abs(self.size)))
 
-    def times(self, angle: float) -> int:
+    def times(self, angles: FloatArray) -> int:
         """How many times the declared angle it is, 0 where it is no whole number of them."""
-        ratio = abs(self.size / angle)
+        ratio = abs(self.size / angles[self.axis])
         k = int(np.clip(np.round(ratio), 1, MOST))
         return k if abs(ratio / k - 1) <= TOLERANCE else 0
+
+    def turned(self, angles: FloatArray) -> float:
+        """Return the angle that was turned, were the turn as declared [rad]."""
+        return float(self.times(angles) * angles[self.axis])
 
     def where(self, log: Log) -> str:
         if self.section:
@@ -69,7 +84,10 @@ class _Candidate:
 
 
 def find_turns(
-    log: Log, faces: Faces, angle: float, sections: Sections | None = None
+    log: Log,
+    faces: Faces,
+    angle: float | tuple[float, float, float],
+    sections: Sections | None = None,
 ) -> tuple[Faces, TurnReadings]:
     """Find the turns, and join the rests before and after each to one placement.
 
@@ -79,8 +97,8 @@ def find_turns(
         Readings with gyros [SI].
     faces : Faces
         The rests on faces.
-    angle : float
-        Declared angle of a turn about the positive axis: whole turns [rad].
+    angle : float or tuple of float, length 3
+        Declared angle of a turn about the positive axis, of all or of x, y and z [rad].
     sections : mapping of str to sequence of int, shape (2,), or None
         First sample of each turn and the sample after its last, by names such as x_rot.
 
@@ -95,18 +113,21 @@ def find_turns(
     if log.averaged is not None:
         raise error("turns.means")
     assert faces.readings.gyro is not None
+    angles = np.broadcast_to(np.asarray(angle, dtype=float), 3)
     bias = np.average(faces.readings.gyro, axis=0, weights=faces.readings.time)
     if sections is None:
         found = _between(log, faces, bias)
-        whole = [c for c in found if c.times(angle) and c.sideways <= SIDEWAYS]
+        whole = [c for c in found if c.times(angles) and c.sideways <= SIDEWAYS]
     else:
         found = whole = _sections(log, faces, bias, sections)
         for c in found:
-            _as_declared(log, c, angle)
-    _complete(log, found, whole, angle)
-    _sense(log, whole, angle)
-    faces = faces.joined([(c.before, c.after) for c in whole if c.after >= 0])
-    return faces, _readings(log, faces, whole, angle)
+            _as_declared(log, c, angles)
+    _complete(log, found, whole, angles)
+    _sense(log, whole, angles)
+    # A part of a turn leads to another heading, and another side of the support.
+    same = [c for c in whole if c.after >= 0 and is_whole(c.turned(angles))]
+    faces = faces.joined([(c.before, c.after) for c in same])
+    return faces, _readings(log, faces, whole, angles)
 
 
 def _net(log: Log, a: int, b: int, bias: FloatArray) -> FloatArray:
@@ -152,25 +173,28 @@ def _up(log: Log, faces: Faces, a: int, b: int) -> FloatArray:
     return np.asarray(np.eye(3)[axis] * np.sign(mean[axis]))
 
 
-def _as_declared(log: Log, c: _Candidate, angle: float) -> None:
+def _as_declared(log: Log, c: _Candidate, angles: FloatArray) -> None:
     """Refuse a section that is not the turn its name says."""
     if abs(c.size) >= BUMP and (c.sideways > SIDEWAYS or AXES[c.axis] != c.section[0]):
         raise error(
             "turns.axis", where=c.where(log), axis=c.section[0],
             measured=", ".join(f"{np.degrees(v):.0f}" for v in c.net),
         )  # fmt: skip
-    if not c.times(angle):
-        raise _partial(log, c, angle)
+    if not c.times(angles):
+        raise _partial(log, c, angles)
 
 
-def _partial(log: Log, c: _Candidate, angle: float) -> FoucaultError:
+def _partial(log: Log, c: _Candidate, angles: FloatArray) -> FoucaultError:
+    declared = abs(np.degrees(angles[c.axis]))
     return error(
         "turns.partial", where=c.where(log), axis=AXES[c.axis],
-        measured=f"{abs(np.degrees(c.size)):.0f}", declared=f"{abs(np.degrees(angle)):.0f}",
+        measured=f"{abs(np.degrees(c.size)):.0f}", declared=f"{declared:.0f}",
     )  # fmt: skip
 
 
-def _complete(log: Log, found: list[_Candidate], whole: list[_Candidate], angle: float) -> None:
+def _complete(
+    log: Log, found: list[_Candidate], whole: list[_Candidate], angles: FloatArray
+) -> None:
     missing = [a for a in range(3) if all(c.axis != a for c in whole)]
     if not missing:
         return
@@ -181,27 +205,37 @@ def _complete(log: Log, found: list[_Candidate], whole: list[_Candidate], angle:
                 measured=", ".join(f"{np.degrees(v):.0f}" for v in c.net),
             )  # fmt: skip
         if c.axis in missing:
-            raise _partial(log, c, angle)
+            raise _partial(log, c, angles)
     names = ", ".join(AXES[a] for a in missing)
     seen = ", ".join(sorted({AXES[c.axis] for c in whole})) or "none"
     raise error("turns.missing", missing=names, seen=seen)
 
 
-def _sense(log: Log, whole: list[_Candidate], angle: float) -> None:
+def _sense(log: Log, whole: list[_Candidate], angles: FloatArray) -> None:
     """Refuse turns in the other sense than declared: all of them, or some."""
-    against = [c for c in whole if c.size * angle < 0]
+    against = [c for c in whole if c.size * angles[c.axis] < 0]
     if not against:
         return
-    declared = f"{np.degrees(angle):+.0f}"
     if len(against) == len(whole):
-        raise error("turns.reversed", declared=declared, other=f"{-np.degrees(angle):+.0f}")
+        raise error("turns.reversed", declared=_degrees(angles), other=_as_key(-angles))
     axes = sorted({c.axis for c in against})
     names = ", ".join(AXES[a] for a in axes)
     where = "; ".join(c.where(log) for c in against)
-    raise error("turns.sense", axes=names, where=where, declared=declared)
+    raise error("turns.sense", axes=names, where=where, declared=_degrees(angles[axes]))
 
 
-def _readings(log: Log, faces: Faces, whole: list[_Candidate], angle: float) -> TurnReadings:
+def _degrees(angles: FloatArray) -> str:
+    """Write angles in degrees with their signs, one where they are all alike."""
+    return ", ".join(dict.fromkeys(f"{np.degrees(v):+.0f}" for v in angles))
+
+
+def _as_key(angles: FloatArray) -> str:
+    """Write angles as `angle` of a campaign has them."""
+    words = [f'"{np.degrees(v):+.0f} deg"' for v in angles]
+    return words[0] if len(set(words)) == 1 else f"[{', '.join(words)}]"
+
+
+def _readings(log: Log, faces: Faces, whole: list[_Candidate], angles: FloatArray) -> TurnReadings:
     assert log.gyro is not None
     assert log.accel is not None
     dt = log.interval
@@ -210,7 +244,7 @@ def _readings(log: Log, faces: Faces, whole: list[_Candidate], angle: float) -> 
     group = [int(faces.readings.group[c.before]) if c.before >= 0 else c.group for c in whole]
     return TurnReadings(
         axis_k=np.eye(3)[[c.axis for c in whole]],
-        angle=np.array([c.times(angle) * angle for c in whole]),
+        angle=np.array([c.turned(angles) for c in whole]),
         up_k=np.array([c.up_k for c in whole]),
         gyro=np.array([log.gyro[c.first : c.last].sum(axis=0) * dt for c in whole]),
         accel=np.array([log.accel[c.first : c.last].sum(axis=0) * dt for c in whole]),

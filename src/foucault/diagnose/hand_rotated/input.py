@@ -18,6 +18,18 @@ from foucault.models.rests_and_turns import Session
 from foucault.tables import Log
 
 
+def need_samples(log: Log) -> None:
+    """Refuse a log whose rows are means: the turns between them are not in it.
+
+    Parameters
+    ----------
+    log : Log
+        Readings [SI].
+    """
+    if log.averaged is not None:
+        raise error("session.means")
+
+
 def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:
     """Refuse a log without numbers, or with fewer rests than coefficients.
 

@@ -73,7 +73,8 @@ def _lines(e: RateEvidence) -> tuple[FloatArray, dict[str, dict[str, float]]]:
     for i, a in enumerate(AXES):
         mine = (e.steps.axis == i) & (e.estimate.weights > 0.5)
         x, y = e.speed[mine], gyro[mine]
-        if len(np.unique(np.sign(x))) < 2 or len(x) < 3:
+        senses = e.steps.rate[mine] * e.steps.sense[mine]
+        if (senses >= 0).all() or (senses <= 0).all() or len(x) < 3:
             continue
         top = float(np.abs(x).max())
         straight = np.column_stack([x / top, np.ones_like(x)])

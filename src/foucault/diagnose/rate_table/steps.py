@@ -87,13 +87,18 @@ def rate_steps(
     placement = _runs(up)
     if commanded.axes:
         _as_declared(up, placement, commanded.axes)
-    seen = _along(readings.gyro, up, readings.rate if told else None, commanded.rates)
+    rates = commanded.rates
+    between = rests_between(rates)  # a rest between the rates need not be listed
+    listed = np.append(rates, 0.0) if between else rates
+    seen = _along(readings.gyro, up, readings.rate if told else None, listed)
     rate = readings.rate
     if told:
         _one_sense(rate, seen, up)
     else:
-        rate = _matched(seen, placement, up, commanded.rates)
-    findings = _missing(rate, placement, up, commanded.rates)
+        rate = np.zeros(len(seen))
+        turning = np.abs(seen) > SLOW if between else np.ones(len(seen), bool)
+        rate[turning] = _matched(seen[turning], placement[turning], up[turning], rates)
+    findings = _missing(rate, placement, up, rates)
     slow, cov = None, readings.gyro_cov
     if readings.slow is not None:
         slow = readings.slow.gyro
@@ -103,6 +108,11 @@ def rate_steps(
         mean_force_of_steps(up, placement, rate, readings.accel, site), readings.start, slow,
     )  # fmt: skip
     return steps, findings
+
+
+def rests_between(rates: FloatArray) -> bool:
+    """Tell whether a step without rate is a rest for sure, `rates`, shape (k,) [rad/s], listed."""
+    return len(rates) > 0 and bool((np.abs(rates) > 4 * SLOW).all())
 
 
 def name_of(up: FloatArray) -> str:
@@ -136,6 +146,8 @@ def _up(readings: Readings, commanded: Commanded, told: bool) -> FloatArray:
                 axis=AXES[int(np.abs(f[k]).argmax())], lean=f"{lean:.0f}",
             )  # fmt: skip
         return _nearest_axis(f)
+    if len(set(axes)) == 1:
+        return np.asarray(np.repeat([_unit(axes[0])], n, axis=0))
     if axes:
         per = len(commanded.rates) if len(commanded.rates) else n // len(axes)
         if n != per * len(axes):
@@ -225,6 +237,8 @@ def _matched(
     seen: FloatArray, placement: IntArray, up: FloatArray, rates: FloatArray
 ) -> FloatArray:
     """Give every step the commanded rate nearest to what the gyros say."""
+    if not len(seen):
+        return seen
     _right_unit(seen, rates)
     near = rates[np.abs(seen[:, None] - rates).argmin(axis=1)]
     for p in np.unique(placement):

@@ -52,6 +52,9 @@ Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
 STREAMS = True
 """The procedures on a table take a log on disk too."""
 
+STRETCHES = True
+"""They need nothing of what is between two rests or spins: files may be recorded one by one."""
+
 
 @dataclass(frozen=True)
 class Task:

@@ -47,7 +47,10 @@ from foucault.procedures.rate_table.session import Session as Session
 from foucault.procedures.rate_table.session import Settings, in_si
 from foucault.procedures.rate_table.session import simulate as simulate
 from foucault.result import Result, Verdict, provenance
-from foucault.tables import Log
+from foucault.tables import AXES, Log
+
+STRETCHES = True
+"""Nothing is needed of what is between two steps: files may be recorded one by one."""
 
 FRAME = "axes of the fixture, right-forward-up as it holds the instrument"
 UNKNOWN = "readings.noise_unknown"
@@ -68,7 +71,13 @@ def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
     families += ["gyro.g_sensitivity"] if settings.g_sensitivity else []
     families += ["gyro.asymmetry"] if settings.asymmetry else []
     families += ["gyro.cubic"] if settings.cubic else []
-    return tuple(n for n in LAYOUT.names if n.rpartition(".")[0] in families)
+    # The last letter is the axis that the rate, or specific force, is about: no other is seen.
+    seen = ("gyro.bias.", *settings.placed)
+    return tuple(
+        n
+        for n in LAYOUT.names
+        if n.rpartition(".")[0] in families and (n.startswith(seen[0]) or n.endswith(seen[1:]))
+    )
 
 
 def calibrate(
@@ -284,6 +293,11 @@ def unseen(settings: Settings) -> list[str]:
         "Rates beyond the fastest step: there the result is extrapolated.",
         "Other temperatures than that of the session.",
     ]
+    if left := [a for a in AXES if a not in settings.placed]:
+        out.append(
+            f"Rates about {' and '.join(left)}, along which the spin axis never was: neither the "
+            "scale factors there nor what the other gyros read of such rates."
+        )
     if not settings.g_sensitivity:
         out.append("The g-sensitivity of the gyros: with one axis up only it looks like bias.")
     return out

@@ -20,6 +20,7 @@ from foucault.simulate.rate_table import (
     TableErrors,
     simulate_rate_table,
 )
+from foucault.tables import AXES
 from foucault.units import Angle, Quantity, Ratio, Seconds
 
 LOG_LINES = """\
@@ -72,12 +73,13 @@ class Settings(_Rates):
     rates: tuple[str, ...] = Field(
         default=(),
         description="Rates of the table in each placement, in order, counter-clockwise seen from "
-        "above positive; needed where the log carries no rate of the table.",
+        "above positive; needed where the log carries no rate of the table. Rests between rates "
+        "above 0.2 deg/s need not be listed.",
     )
     axes: tuple[Axis, ...] = Field(
         default=(),
         description="Placements in order, such as x up; needed where the log has no "
-        "accelerometers, checked where it has.",
+        "accelerometers, checked where it has. An axis that is not named is not estimated.",
     )
     asymmetry: bool = Field(
         default=True, description="Estimate the asymmetry of each scale factor (3 more)."
@@ -113,6 +115,11 @@ class Settings(_Rates):
     )
     shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
 
+    @property
+    def placed(self) -> tuple[str, ...]:
+        """Axes of the instrument that were along the spin axis: all, unless `axes` names some."""
+        return tuple(a for a in AXES if not self.axes or any(p.startswith(a) for p in self.axes))
+
 
 class Session(_Rates):
     """The session that `simulate` makes."""
@@ -130,6 +137,11 @@ class Session(_Rates):
     )
     step_time: Seconds = Field(
         default=30.0, gt=0, description="Each rate is held for whole turns, at least so long."
+    )
+    rest_time: Seconds = Field(
+        default=0.0,
+        ge=0,
+        description="Length of a rest before each rate and after the last; 0: no rests.",
     )
     asymmetry_sd: Ratio = Field(
         default=100e-6, ge=0, description="Sd of the asymmetry of the scale factors."
@@ -186,6 +198,8 @@ def simulate(
         settings.fixture_sd,
     )
     plan = RatePlan(settings.axes or session.axes, rates, session.step_time)
+    if session.rest_time:
+        plan = plan.with_rests(session.rest_time)
     return simulate_rate_table(
         plan, model=model, noise=noise, site=site, errors=errors, rate=session.rate,
         means=session.rows == "means", seed=seed,
