@@ -144,15 +144,15 @@ def _explained(e: FaceEvidence, kind: str) -> Check:
     what = _KINDS[kind]
     name = f"noise of {what}"
     if not e.noise.known and kind in e.found:
-        free, known = float(e.found[kind].dof), e.found[kind].sd > 0
-        fine = free >= TOLD and known
+        left, known = float(e.found[kind].dof), e.found[kind].sd > 0
+        fine = left >= TOLD and known
         words = f"The noise of {what} is unknown " + (
-            f"and was taken from its residuals ({plain(free, 2)} redundant)."
+            f"and was taken from its residuals ({plain(left, 2)} redundant)."
             if fine
-            else f"and the residuals do not tell it ({plain(free, 2)} redundant, {TOLD:g} needed): "
+            else f"and the residuals do not tell it ({plain(left, 2)} redundant, {TOLD:g} needed): "
             "the uncertainties mean little. Declare [noise], or repeat the rests."
         )
-        return Check(name, free if known else 0.0, TOLD, None, fine, words)
+        return Check(name, left if known else 0.0, TOLD, None, fine, words)
     if dof < 0.5:
         return Check(name, float("nan"), None, None, True, f"Nothing tests the noise of {what}.")
     low, high = chi_square_limits(dof)
