@@ -50,6 +50,20 @@ def test_a_pass_never_stands_beside_a_doubt():
     assert bad.verdict.level is Level.UNUSABLE and len(bad.verdict.reasons) == 2
 
 
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("site.gravity_differs", {"given": 9.79, "normal": 9.81, "ppm": 2000.0}),
+        ("log.gyro_earth", {"rate": "15", "ratio": "3600", "unit": "deg/s", "likely": "arcsec/s"}),
+    ],
+)
+def test_what_is_wrong_with_place_or_units_is_no_pass(code, words):
+    said = finding(code, **words)
+    doubted = replace(make_result(), findings=(said,))
+    assert doubted.verdict.level is Level.DOUBTFUL
+    assert doubted.verdict.reasons == (f"{said.message} {said.cure}",)
+
+
 def test_a_note_lowers_nothing():
     said = finding("rate_table.no_latitude", sd="9")
     assert replace(make_result(), findings=(said,)).verdict.level is Level.PASS

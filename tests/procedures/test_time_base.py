@@ -19,6 +19,7 @@ from foucault.models.references import clock_slope
 from foucault.procedures import hand_rotated
 from foucault.procedures.merged import merged
 from foucault.report import html
+from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import CLOCKS, Clock
 
@@ -210,8 +211,10 @@ def test_the_command_line_says_which_sd_it_prints(tmp_path):
 def test_increments_over_a_wrong_interval_are_told_by_scales_alike():
     made = make_guard._as_increments(make_guard.another("six_position", grade="navigation"))
     slow = made.with_columns(time=made.columns["time"] * 1.01)
-    findings = {f.code: f for f in calibrated(slow).findings}
+    wrong = calibrated(slow)
+    findings = {f.code: f for f in wrong.findings}
     said = findings["log.alike"]
+    assert wrong.verdict.level is Level.DOUBTFUL and said.message in " ".join(wrong.verdict.reasons)
     assert re.search(r"scale factors are -(0.9|1.0)\d* %, alike: so look increments", said.message)
     assert "Check the rate or the time column of [log]" in said.cure
     assert "log.alike" not in {f.code for f in calibrated(made).findings}

@@ -334,6 +334,7 @@ def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
     c, session = faultless(), flight[1]
     result = trial(c, session.simulation.log, prior=prior)
     assert words in told(result, "transfer.prior")
+    assert result.verdict.level is Level.DOUBTFUL
     assert not {"transfer.spread", "transfer.unseen"} & set(codes(result))
     wider = {k: (0.0, 300 * sd) for k, (_, sd) in prior.items()}
     wide = trial(c, session.simulation.log, prior=wider)
@@ -450,7 +451,9 @@ def test_two_delays_that_contradict_each_other(flight) -> None:
     def older(v):
         return np.column_stack([np.interp(t - 0.03, t, x) for x in v.T])
 
-    words = told(said(flight, master(velocity_n=older), matching="velocity"), "transfer.delays")
+    late = said(flight, master(velocity_n=older), matching="velocity")
+    assert late.verdict.level is Level.DOUBTFUL
+    words = told(late, "transfer.delays")
     assert "By what both turned messages are 100." in words
     assert "by the filter, velocities included, 130." in words
     assert "transfer.delays" not in codes(said(flight, as_it_is))

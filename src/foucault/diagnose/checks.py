@@ -10,7 +10,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import ADVICE, Status
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.estimate.drift import Drift
+from foucault.estimate.drift import Drift, LeftOut
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.result import Check, Estimate, Level
 from foucault.tables import AXES
@@ -267,6 +267,35 @@ def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
         "or calibrate over temperature."
     )
     return [Check("drift", found.ratio, None, found.limit, not found.significant, words)]
+
+
+def left_out_check(found: LeftOut | None, layout: Layout, what: str, cure: str) -> list[Check]:
+    """Judge terms that were left out; nothing to judge where none would show.
+
+    Parameters
+    ----------
+    found : LeftOut or None
+        The terms, see `estimate.drift.find_left_out`.
+    layout : Layout
+        Coefficients that these are of, for their units.
+    what, cure : str
+        What the terms are called, and what to do about them.
+    """
+    if found is None:
+        return []
+    rows = []
+    for name, size, sd in zip(found.names, found.size.tolist(), found.sd.tolist(), strict=True):
+        unit = display_unit(layout.coefficients[layout.index(name)].kind, abs(size))
+        scale = factor(unit, layout.coefficients[layout.index(name)].kind)
+        rows.append(f"{name} {plain(size / scale, 2)} +- {plain(sd / scale, 2)} {unit}")
+    fine = not found.significant
+    words = f"The residuals do not follow {what} that are not estimated: {', '.join(rows)}."
+    if not fine:
+        words = (
+            f"The residuals follow {what} that are not estimated: {', '.join(rows)}. What they do "
+            f"to the other coefficients is in no uncertainty. {cure}"
+        )
+    return [Check(what, found.ratio, None, found.limit, fine, words)]
 
 
 def from_prior(coefficients: CoefficientVector, mean: FloatArray) -> FloatArray:

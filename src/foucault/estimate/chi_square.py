@@ -9,6 +9,26 @@ FALSE_ALARM = 0.01
 """Family-wise probability of rejecting a result that is right [1]."""
 
 
+TOLD = 4.0
+"""Degrees of freedom from which on residuals tell a noise that nobody knows: see `student` [1]."""
+
+
+def student(dof: float) -> float:
+    """Return the factor of a standard deviation for a noise that only the residuals tell [1].
+
+    Errors over the root mean square of n redundant residuals have Student's distribution, of
+    variance ``n / (n - 2)``: twice that of a known noise at `TOLD`, and without bounds at 2, so
+    that fewer are taken for as many.
+
+    Parameters
+    ----------
+    dof : float
+        Degrees of freedom of the residuals [1].
+    """
+    n = max(dof, TOLD)
+    return float(np.sqrt(n / (n - 2.0)))
+
+
 def chi_square_limits(
     dof: float, false_alarm: float = FALSE_ALARM, tests: int = 1
 ) -> tuple[float, float]:

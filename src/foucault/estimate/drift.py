@@ -1,4 +1,4 @@
-"""Did a coefficient drift during the session: residuals against time.
+"""What residuals follow: the time, as a coefficient that drifts, or a term that was left out.
 
 With white residuals r of a solution and its Jacobian J, a coefficient that changed in proportion to
 time, by d from the first observation to the last, adds ``d c`` to the residuals, where c is the
@@ -9,6 +9,10 @@ the unknowns do not explain::
 
 and t has Student's distribution, s the root mean square of what the drift leaves of the residuals:
 scatter that was fitted to a drift does not hide it.
+
+Terms that were left out are tested in the same way, their own columns for c, several together by
+the F distribution. Neither needs to know how large the noise is: it is all that can be tested where
+the residuals alone tell it.
 
 References
 ----------
@@ -117,8 +121,7 @@ def find_drift(
     """
     from scipy.special import stdtrit
 
-    used = at.blocks >= 0
-    moment = np.where(used, by_time(time)[at.blocks], 0.0)
+    moment = np.where(at.blocks >= 0, by_time(time)[at.blocks], 0.0)
     c = at.jacobian[:, : len(names)] * moment[:, None] if candidates is None else candidates
     what = list(names)
     for family in ("accel.scale", "gyro.scale"):  # what warms up changes all three alike
@@ -126,14 +129,8 @@ def find_drift(
         if len(mine) == len(AXES):
             what.append(family)
             c = np.column_stack([c, c[:, mine].sum(axis=1)])
-    size = np.linalg.norm(at.jacobian, axis=0)
-    basis, s, _ = np.linalg.svd(at.jacobian[:, size > 0] / size[size > 0], full_matrices=False)
-    basis = basis[:, s > 1e-10 * s.max(initial=0.0)]
-    left = c - basis @ (basis.T @ c)
-    r = at.residuals - basis @ (basis.T @ at.residuals)
-    free = 1 - np.sum(basis**2, axis=1)
-    kind = np.zeros(len(time), int) if kinds is None else kinds
-    kind = np.where(used, kind[at.blocks], -1)
+    left, r, free = _unexplained(at, c)
+    kind = _kind_of_rows(at, kinds)
     square = np.sum(left**2, axis=0)
     shown = square > SHOWN * np.maximum(np.sum(c**2, axis=0), 1e-300)
     found: list[Drift] = []
@@ -147,6 +144,98 @@ def find_drift(
     alpha = FALSE_ALARM / len(found)
     told = [replace(one, limit=float(-stdtrit(one.dof, alpha / 2))) for one in found]
     return max(told, key=lambda one: one.ratio / one.limit)
+
+
+def _unexplained(at: Linearised, c: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what the unknowns leave of columns and residuals, and the redundancy of each row."""
+    size = np.linalg.norm(at.jacobian, axis=0)
+    basis, s, _ = np.linalg.svd(at.jacobian[:, size > 0] / size[size > 0], full_matrices=False)
+    basis = basis[:, s > 1e-10 * s.max(initial=0.0)]
+    r = at.residuals - basis @ (basis.T @ at.residuals)
+    return c - basis @ (basis.T @ c), r, 1 - np.sum(basis**2, axis=1)
+
+
+def _kind_of_rows(at: Linearised, kinds: IntArray | None) -> IntArray:
+    kind = np.zeros(int(at.blocks.max(initial=0)) + 1, int) if kinds is None else kinds
+    return np.where(at.blocks >= 0, kind[at.blocks], -1)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Terms that were left out, as the residuals show them, all together.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The coefficients.
+    size, sd : ndarray, shape (k,)
+        What they would be, and its standard deviation; NaN where nothing shows [SI].
+    ratio : float
+        Mean square that they explain over that of what remains [1].
+    dof : float
+        Degrees of freedom of what remains [1].
+    limit : float
+        `ratio` that chance allows [1].
+    """
+
+    names: tuple[str, ...]
+    size: FloatArray
+    sd: FloatArray
+    ratio: float
+    dof: float
+    limit: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether they are more than chance."""
+        return self.ratio > self.limit
+
+
+def find_left_out(
+    at: Linearised, names: Sequence[str], columns: FloatArray, *, kinds: IntArray | None = None
+) -> LeftOut | None:
+    """Test whether the residuals follow terms that were not estimated.
+
+    Parameters
+    ----------
+    at : Linearised
+        The problem linearised at its solution, everything that was estimated in its columns.
+    names : sequence of str, length k
+        The coefficients that were left out.
+    columns : ndarray, shape (m, k)
+        What each of them does to the white residuals [1 / SI].
+    kinds : ndarray of int, shape (blocks,), or None
+        Kind of each observation; what the terms do not touch says nothing of them.
+
+    Returns
+    -------
+    LeftOut or None
+        None where nothing would show.
+    """
+    from scipy.special import fdtri
+
+    left, r, free = _unexplained(at, columns)
+    shown = np.sum(left**2, axis=0) > SHOWN * np.maximum(np.sum(columns**2, axis=0), 1e-300)
+    if not shown.any():
+        return None
+    unit = np.linalg.norm(left[:, shown], axis=0)
+    Q, s, V = np.linalg.svd(left[:, shown] / unit, full_matrices=False)
+    seen = s > np.sqrt(SHOWN)
+    Q, V = Q[:, seen], V[seen] / s[seen, None]
+    explained, kind = Q.T @ r, _kind_of_rows(at, kinds)
+    share = np.sum(Q**2, axis=1)
+    touched = [k for k in np.unique(kind[kind >= 0]) if share[kind == k].sum() > LITTLE]
+    mine = np.isin(kind, touched)
+    dof = float(np.sum((free - share)[mine]))
+    remains = float(np.sum((r - Q @ explained)[mine] ** 2))
+    if dof < ENOUGH or remains <= 0:
+        return None
+    variance, k = remains / dof, int(seen.sum())
+    size, sd = np.full((2, len(names)), np.nan)
+    size[shown] = V.T @ explained / unit
+    sd[shown] = np.sqrt(variance * np.sum(V**2, axis=0)) / unit
+    ratio = float(explained @ explained) / k / variance
+    return LeftOut(tuple(names), size, sd, ratio, dof, float(fdtri(k, dof, 1 - FALSE_ALARM)))
 
 
 def _variance(

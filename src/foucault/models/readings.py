@@ -72,6 +72,11 @@ class Readings:
         """Which readings are spins, shape (n,)."""
         return np.asarray(self.rate != 0.0)
 
+    @property
+    def noise_unknown(self) -> bool:
+        """Whether nothing but the residuals of a fit tells the noise."""
+        return any(f.code == "readings.noise_unknown" for f in self.findings)
+
     def __getitem__(self, rows: BoolArray | npt.NDArray[np.intp]) -> Readings:
         """Return some of the readings, by mask or by number."""
         names = ("angles", "rate", "turns", "start", "time", "accel_cov", "gyro_cov")

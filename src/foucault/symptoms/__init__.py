@@ -112,10 +112,17 @@ SYMPTOMS: dict[str, Symptom] = {
 
 DOUBTS = frozenset(
     {
+        "log.alike",
+        "log.gyro_earth",
         "rate_table.scatter",
+        "session.g_sensitivity",
+        "site.gravity_differs",
         "systematic.bends",
         "systematic.curves",
+        "transfer.delays",
         "transfer.drift",
+        "transfer.flexure",
+        "transfer.prior",
     }
 )
 """Warnings that the numbers of a result may be wrong: no result that has one is a pass."""

@@ -17,7 +17,7 @@ from foucault.diagnose.checks import (
 )
 from foucault.diagnose.faces.rests import Faces
 from foucault.errors import Finding, finding
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.chi_square import TOLD, chi_square_limits
 from foucault.estimate.drift import Drift
 from foucault.estimate.faces.covariance import Belief, FaceNoise
 from foucault.estimate.faces.likelihood import Scene
@@ -143,11 +143,18 @@ def _explained(e: FaceEvidence, kind: str) -> Check:
     value, dof = e.component(kind)
     what = _KINDS[kind]
     name = f"noise of {what}"
+    if not e.noise.known and kind in e.found:
+        left, known = float(e.found[kind].dof), e.found[kind].sd > 0
+        fine = left >= TOLD and known
+        words = f"The noise of {what} is unknown " + (
+            f"and was taken from its residuals ({plain(left, 2)} redundant)."
+            if fine
+            else f"and the residuals do not tell it ({plain(left, 2)} redundant, {TOLD:g} needed): "
+            "the uncertainties mean little. Declare [noise], or repeat the rests."
+        )
+        return Check(name, left if known else 0.0, TOLD, None, fine, words)
     if dof < 0.5:
         return Check(name, float("nan"), None, None, True, f"Nothing tests the noise of {what}.")
-    if not e.noise.known:
-        words = f"The noise is unknown: the scatter of {what} was taken from its own residuals."
-        return Check(name, float("nan"), None, None, True, words)
     low, high = chi_square_limits(dof)
     words = _added(e, kind)
     added = bool(words)

@@ -11,6 +11,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import (
     drift_check,
     judge_prior,
+    left_out_check,
     plausible_scales,
     reversed_earth_at_rest,
     reversed_earth_check,
@@ -19,16 +20,27 @@ from foucault.diagnose.checks import (
 from foucault.diagnose.coverage import Coverage
 from foucault.errors import Status
 from foucault.estimate import gauss_newton
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.drift import Drift, find_drift
-from foucault.estimate.table.fit import ENOUGH, GROUPS, KINDS, TableFit, kinds_of
+from foucault.estimate.chi_square import TOLD, chi_square_limits
+from foucault.estimate.drift import Drift, LeftOut, find_drift, find_left_out
+from foucault.estimate.table.fit import (
+    ENOUGH,
+    GROUPS,
+    KINDS,
+    TableFit,
+    group_components,
+    kinds_of,
+)
+from foucault.estimate.table.likelihood import build
 from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles
-from foucault.result import Check, Level
+from foucault.result import Check, Level, Linearised
+from foucault.tables import AXES
 from foucault.units import plain
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 UNITS = {
     "accel": (1 / 9.80665e-6, "ug"),
@@ -94,22 +106,47 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
     out += [_outliers(e), _controlled(e), *_rate_as_declared(e)]
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)
-    out += drift_check(_clearest_drift(e), estimate.coefficients.layout)
+    if estimate.coefficients.names == e.fit.options.names and estimate.status is Status.CONVERGED:
+        out += drift_check(_clearest_drift(e), estimate.coefficients.layout)
+        out += left_out_check(
+            _quadratic(e), LAYOUT, "quadratic terms of the accelerometers",
+            "Set accel_quadratic = true, in a plan that shows them.",
+        )  # fmt: skip
     return tuple(out + judge_prior(estimate))
 
 
 def _clearest_drift(e: TableEvidence) -> Drift | None:
     """Return the drift of a coefficient that the residuals show most clearly."""
-    fit, r, n = e.fit, e.readings, len(e.readings)
-    estimate, problem = fit.estimate, fit.problem
-    if estimate.coefficients.names != fit.options.names or estimate.status is not Status.CONVERGED:
+    time = np.tile(e.readings.start + e.readings.time / 2, 2)
+    return find_drift(_linearised(e), e.fit.options.names, time, kinds=_kinds(e))
+
+
+def _quadratic(e: TableEvidence) -> LeftOut | None:
+    """Return quadratic terms as the residuals show them, where they were not estimated."""
+    fit, o, state = e.fit, e.fit.options, e.fit.estimate.state
+    names = tuple(f"accel.quadratic.{a}" for a in AXES)
+    if e.readings.accel is None or set(names) & set(o.names):
         return None
+    more = build(
+        fit.observed, (*o.names, *names), state, lever_arm=o.lever_arm, level=o.level,
+        offset=o.offset,
+    )  # fmt: skip
+    slope = more.linearise(state, fit.estimate.weights).jacobian
+    at, first = _linearised(e), len(o.names)
+    columns = np.zeros((len(at.residuals), len(names)))  # no prior of others knows them
+    columns[: len(slope)] = slope[:, first : first + len(names)]
+    return find_left_out(at, names, columns, kinds=_kinds(e))
+
+
+def _linearised(e: TableEvidence) -> Linearised:
+    estimate, problem = e.fit.estimate, e.fit.problem
     at = problem.linearise(estimate.state, estimate.weights)
-    at = gauss_newton.with_prior(problem, estimate.state, at)
-    time = np.tile(r.start + r.time / 2, 2)
-    # Specific forces have one scatter, rates at rest and in spins each their own.
-    kinds = np.maximum(kinds_of(r, np.arange(2 * n)), 1)
-    return find_drift(at, fit.options.names, time, kinds=kinds)
+    return gauss_newton.with_prior(problem, estimate.state, at)
+
+
+def _kinds(e: TableEvidence) -> IntArray:
+    """Specific forces have one scatter, rates at rest and in spins each their own."""
+    return np.maximum(kinds_of(e.readings, np.arange(2 * len(e.readings))), 1)
 
 
 def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:
@@ -149,15 +186,14 @@ def _explained(e: TableEvidence, kind: str) -> Check:
     # Scatter of one kind shows in the others too until it is known.
     c = e.fit.after[kind] if e.fit.scatter and not added else e.fit.before[kind]
     what, name = _WHAT[kind], f"noise of {_WHAT[kind]}"
+    if e.readings.noise_unknown:
+        return _unknown(e, kind)
     if c.redundancy < 0.5:
         words = f"Nothing tests the noise of the {what}: no reading is redundant."
         return Check(name, float("nan"), None, None, True, words)
     ratio, inside = np.sqrt(c.ratio), c.low <= c.chi_square <= c.high
     dof = f"{plain(c.redundancy, 2)} redundant"
     declared = e.readings.declared
-    if UNKNOWN_NOISE in (f.code for f in e.readings.findings):
-        words = f"The noise of the {what} is unknown and was taken from its residuals ({dof})."
-        return Check(name, c.redundancy, 1.0, None, True, words)
     if inside:
         words = f"The residuals of {what} are {ratio:.2f} times what the noise says ({dof})."
     elif c.chi_square < c.low:
@@ -194,6 +230,26 @@ def _explained(e: TableEvidence, kind: str) -> Check:
     told = added and c.redundancy >= ENOUGH
     high = max(c.high, TOO_MUCH**2 * c.redundancy) if told else c.high
     return Check(name, c.chi_square, None, high, c.chi_square <= high, words)
+
+
+def _unknown(e: TableEvidence, kind: str) -> Check:
+    """Judge whether the residuals can tell a noise that nobody declared, and have told one."""
+    group, what = GROUPS[kind], _WHAT[kind]
+    # The noise of spins is in all directions, that of their rate comes on top along the axis.
+    spins = {"gyro in spins", "rate of spins"}
+    parts = group_components(e.fit.after)
+    n = sum(parts[g].redundancy for g in (spins if group in spins else {group}) & set(parts))
+    sources = spins if group == "rate of spins" else {group}
+    if not sources & set(e.fit.scatter):
+        n = 0.0  # what is found to be without noise was bent until it fits
+    fine = n >= TOLD
+    words = f"The noise of the {what} is unknown " + (
+        f"and was taken from its residuals ({plain(n, 2)} redundant)."
+        if fine
+        else f"and the residuals do not tell it ({plain(n, 2)} redundant, {TOLD:g} needed): the "
+        "uncertainties mean little. Declare [noise], or measure more positions."
+    )
+    return Check(f"noise of {what}", n, TOLD, None, fine, words)
 
 
 def _scatter(e: TableEvidence) -> list[Check]:

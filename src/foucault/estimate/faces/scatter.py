@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.chi_square import chi_square_limits, student
 from foucault.estimate.faces.covariance import Belief, FaceNoise, noise_parts, placement_parts
 from foucault.estimate.faces.likelihood import Scene, State, predict
 
@@ -141,7 +141,9 @@ def believe(
         rates = found["gyro"].sd if found["gyro"].significant or not noise.known else 0.0
     if not noise.known:
         found["accel"] = scatter(r[a], J[a], base[a, a], np.eye(3 * n))
-        return Belief(given[0] or 0.0, accel=found["accel"].sd, gyro=rates), found
+        wide = found["accel"].sd * student(found["accel"].dof)
+        rates *= student(found["gyro"].dof) if rated else 1.0
+        return Belief(given[0] or 0.0, accel=wide, gyro=rates), found
     # What no coefficient and no placement explains: rests that were repeated.
     free = np.hstack([J[a], placed[a, a]])
     found["repeats"] = scatter(r[a], free, base[a, a], np.eye(3 * n))

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
+from foucault.estimate.chi_square import student
 from foucault.estimate.rate_table.likelihood import (
     Trust,
     build,
@@ -211,4 +212,4 @@ def scaled_noise(
         if found.dof < 1:
             return steps
         steps = replace(steps, cov=steps.cov * max(found.chi_square / found.dof, 1e-12))
-    return steps
+    return replace(steps, cov=steps.cov * student(found.dof) ** 2)

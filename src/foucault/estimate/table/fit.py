@@ -16,7 +16,7 @@ import numpy.typing as npt
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.estimate import gauss_newton
-from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits, student
 from foucault.estimate.hand_rotated.likelihood import Component
 from foucault.estimate.snooping import Snooping, snoop
 from foucault.estimate.table.likelihood import Observed, build
@@ -202,6 +202,8 @@ def _fit(readings: Readings, site: Site, start: State, options: Options) -> Tabl
         found = grown
     if isinstance(found.estimate.state.geometry, Angles):
         found = _believed_again(found, options, weights)
+    if readings.noise_unknown and found.scatter:
+        found = _as_student(found, options, weights)
     left = np.flatnonzero(weights < 0.5)
     geometry = found.estimate.state.geometry
     return replace(
@@ -404,7 +406,7 @@ def _worst(found: TableFit, readings: Readings) -> int | None:
 
 def _with_scatter(found: TableFit, options: Options, weights: FloatArray) -> TableFit:
     """Add variance to each group of readings until its residuals fit."""
-    r, now = found.observed.readings, _groups(found.after)
+    r, now = found.observed.readings, group_components(found.after)
     growing = [
         group
         for group, c in now.items()
@@ -418,14 +420,29 @@ def _with_scatter(found: TableFit, options: Options, weights: FloatArray) -> Tab
     for _ in range(20):
         scatter = {k: _grown(base, k, v, now[k]) for k, v in sorted(scatter.items())}
         found = _solve(inflated(base, scatter), found.estimate.state, options, weights)
-        now = _groups(found.after)
+        now = group_components(found.after)
         if all(abs(now[k].ratio - 1) < 0.03 or v == 0 for k, v in scatter.items()):
             break
     return replace(found, scatter={k: v for k, v in scatter.items() if v > 0})
 
 
-def _groups(kinds: dict[str, Component]) -> dict[str, Component]:
-    """Join the kinds of reading that have one scatter."""
+def _as_student(found: TableFit, options: Options, weights: FloatArray) -> TableFit:
+    """Widen noise that only the residuals tell to the variance of Student's distribution."""
+    parts = group_components(found.after)
+    base = inflated(found.observed, found.scatter, sign=-1.0)
+    wider = {g: sd * student(parts[g].redundancy) for g, sd in found.scatter.items()}
+    again = _solve(inflated(base, wider), found.estimate.state, options, weights)
+    return replace(again, scatter=found.scatter, after=found.after)
+
+
+def group_components(kinds: dict[str, Component]) -> dict[str, Component]:
+    """Join the kinds of reading that have one scatter.
+
+    Parameters
+    ----------
+    kinds : dict of str to Component
+        Fit of each of `KINDS`.
+    """
     names = list(dict.fromkeys(GROUPS[kind] for kind in kinds))
     out = {}
     for group in names:
