@@ -358,6 +358,7 @@ def _linearise(
         parts.append(wide.reshape(n, 3, -1))
     miss = steps.gyro - model.measure(force, w)[1]
     if wanders(steps, trust):
+        assert state.drift is not None
         lower = wander_root(steps, trust)
         miss = miss - lower @ state.drift
         parts.append(np.einsum("nk,ij->nikj", lower, np.eye(3)).reshape(n, 3, 3 * n))
