@@ -99,7 +99,7 @@ def test_json_says_all(folder: Path, tmp_path: Path) -> None:
     parts = [said["predicted"][k]["covariance"] for k in ("coefficients", "alignment", "noise")]
     assert np.sum(parts, axis=0) == pytest.approx(np.array(said["predicted"]["all"]["covariance"]))
     assert said["provenance"]["calibration"]["file"].endswith("result.json")
-    assert pq.read_table(tmp_path / "o" / "trajectory.parquet").num_rows == 281
+    assert pq.read_table(tmp_path / "o" / "trajectory.parquet").num_rows == 282
     file = json.loads((tmp_path / "o" / "navigation.json").read_text())
     assert file == {k: v for k, v in said.items() if k not in ("folder", "report")}
 

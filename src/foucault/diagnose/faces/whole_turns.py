@@ -38,7 +38,13 @@ WHOLE = 1e-6
 
 
 def is_whole(angle: float) -> bool:
-    """Tell whether an angle [rad] is one or more whole turns."""
+    """Tell whether an angle is one or more whole turns.
+
+    Parameters
+    ----------
+    angle : float, shape ()
+        What was turned [rad].
+    """
     turns = abs(angle) / (2 * np.pi)
     return round(turns) > 0 and abs(turns - round(turns)) <= WHOLE
 

@@ -16,7 +16,7 @@ from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.drift import Drift
 from foucault.estimate.hand_rotated.likelihood import Component
 from foucault.models.rests_and_turns import Session
-from foucault.models.session_noise import SessionNoise
+from foucault.models.session_noise import QUIETEST, SessionNoise
 from foucault.result import Check, Estimate, Level
 
 FloatArray = npt.NDArray[np.float64]
@@ -184,6 +184,9 @@ def _explained(e: Evidence, name: str, what: str) -> Check:
     c = e.after[name] if others and not added else e.before[name]
     inside = c.low <= c.chi_square <= c.high
     ratio = np.sqrt(c.ratio)
+    # The noise of a log without any says nothing of what is too much.
+    psd = getattr(e.noise, name.replace("repeatability", "psd"))
+    silent = not e.declared and bool(np.all(psd <= QUIETEST**2))
     if inside:
         words = f"The residuals of {what} are as large as the noise says ({ratio:.2f} times)."
     elif c.chi_square < c.low:
@@ -195,7 +198,7 @@ def _explained(e: Evidence, name: str, what: str) -> Check:
         words = f"The residuals of {what} are {ratio:.1f} times what the noise explains"
         if e.declared:
             words += f": {_cause(e, name)}. The uncertainties include the scatter."
-        elif ratio > TOO_MUCH:
+        elif ratio > TOO_MUCH and not silent:
             words += (
                 f", more than {TOO_MUCH:g} times: something is wrong that is no scatter, such as "
                 "lost samples, a wrong sample rate, or a term that is not estimated. The scatter "
@@ -214,7 +217,8 @@ def _explained(e: Evidence, name: str, what: str) -> Check:
     # scatter beyond it is accounted for. Measured too large (hands shake) it only makes the
     # uncertainties careful.
     high = max(c.high, TOO_MUCH**2 * c.redundancy) if added else c.high
-    return Check(f"noise of {what}", c.chi_square, None, high, c.chi_square <= high, words)
+    fine = c.chi_square <= high or (added and silent)
+    return Check(f"noise of {what}", c.chi_square, None, None if silent else high, fine, words)
 
 
 def _cause(e: Evidence, kind: str) -> str:

@@ -117,6 +117,8 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
 
 def _clearest_drift(e: TableEvidence) -> Drift | None:
     """Return the drift of a coefficient that the residuals show most clearly."""
+    if e.readings.slow is not None:
+        return None  # readings that a declared wander ties together follow time by themselves
     time = np.tile(e.readings.start + e.readings.time / 2, 2)
     return find_drift(_linearised(e), e.fit.options.names, time, kinds=_kinds(e))
 
