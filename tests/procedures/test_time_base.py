@@ -67,8 +67,10 @@ def test_stamps_that_are_fast_shift_what_the_time_base_says(name, increments):
 
 @pytest.mark.thorough
 def test_a_flight_knows_by_trial_what_its_clock_does():
-    off, said = worst(make_guard.session("transfer_alignment"))
-    assert off < 0.1 and said > 5
+    # What is left out hides half of it: a slave without such errors shows it all.
+    made = make_guard.session("transfer_alignment").with_keys(procedure={"left_out": False})
+    off, said = worst(made)
+    assert off < 0.1 and said > 10
 
 
 def test_a_clock_scales_what_is_compared_with_angles_and_what_is_divided_by_time():
