@@ -455,7 +455,8 @@ def main() -> None:
         "Dask, one process against two: `python benchmarks/scale.py`, which writes docs/scale.md.",
         "",
         "Reading ten million rows, with peak memory: `python benchmarks/read_ten_million.py`; all "
-        "three Allan deviations and 1e8 samples: `python benchmarks/allan.py`.",
+        "three Allan deviations and 1e8 samples: `python benchmarks/allan.py`; functions, "
+        "files and moves between packages in a calibration: `python benchmarks/trace.py`.",
         "",
         "What misses its target, and why: of the averaged pass over a tumble, integrating 27,000 "
         "steps of attitude takes 2.5 ms. The history of 250,000 navigated samples, 24 MB, stands "
