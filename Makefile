@@ -50,6 +50,7 @@ build/uv/bin/uv:
 	$(PYTHON) -m venv build/uv
 	build/uv/bin/python -m pip install --quiet uv
 
+NEWEST = python3.11 python3.12 python3.13
 OLDEST = $(shell command -v python3.11)
 lowest: build/uv/bin/uv
 ifeq ($(OLDEST),)
@@ -60,8 +61,10 @@ else
 	OPENBLAS_NUM_THREADS=1 build/lowest/bin/python tests/calibrations.py
 endif
 
+# The shims of pyenv answer only for the versions that are named.
+newest: export PYENV_VERSION := $(shell pyenv versions --bare 2>/dev/null | paste -sd: -)
 newest: build/uv/bin/uv
-	@for name in python3.11 python3.12 python3.13; do \
+	@for name in $(NEWEST); do \
 	  $$name -c '' >/dev/null 2>&1 || { echo "make newest: skipped, no $$name"; continue; }; \
 	  python=build/newest-$$name/bin/python; \
 	  $(UV) venv --quiet --clear --python $$name build/newest-$$name && \

@@ -16,7 +16,7 @@ from foucault.simulate.faces import face_plan, simulate
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import Log
 
-SITE = Site.at(np.radians(48.8462), 60.0)
+SITE = replace(Site.at(np.radians(48.8462), 60.0), gravity_sd=0.0)
 POLE = Site.at(np.pi / 2)  # the Earth's rotation is vertical: nothing of it is unknown
 TURN = -2 * np.pi
 MEMS = grade("mems").noise

@@ -30,7 +30,7 @@ from foucault.errors import Finding, FoucaultError
 from foucault.export.calibrated_log import calibrate_log
 from foucault.logs.own import columns_of
 from foucault.plans.manoeuvres import Rest, Start
-from foucault.result import Result
+from foucault.result import Level, Result
 from foucault.simulate.motion import simulate_motion
 from foucault.tables import Log
 from make_navigation import NOISE
@@ -123,6 +123,8 @@ def _codes(findings: tuple[Finding, ...]) -> frozenset[str]:
 def _calibrate(path: Path) -> Outcome:
     result = campaign.calibrate(path)
     failed = {check.name for check in result.checks if not check.passed}
+    if result.verdict.level is not Level.PASS:
+        failed.add("verdict")
     return Outcome(None, _codes(result.findings), frozenset(failed),
                    tuple(result.coefficients.values))  # fmt: skip
 
@@ -360,6 +362,13 @@ def _dead(made: Session, triad: tuple[str, ...]) -> Session:
     return made.with_columns(**{name: np.full(len(made.columns[name]), 0.0)})
 
 
+def _stuck(made: Session) -> Session:
+    """Let a gyro say its middle reading all the time."""
+    name = made.triad(GYRO)[-1]
+    x = made.columns[name].astype(float)
+    return made.with_columns(**{name: np.full(len(x), np.median(x) or 1e-4)})
+
+
 def _lost(made: Session) -> Session | None:
     """Let two gyros repeat their last reading from the middle on."""
     if GYRO[0] not in made.columns:
@@ -447,6 +456,46 @@ def _angles(made: Session, factor: float = 1.0, sense: float = 1.0) -> Session |
     return made.with_columns(**out)
 
 
+def _exchanged(made: Session) -> Session | None:
+    """Take latitude for longitude where a master says the place."""
+    latitude, longitude = (
+        next((n for n in made.master if n.startswith(word)), None) for word in ("lat", "lon")
+    )
+    if latitude is None or longitude is None:
+        return None
+    swapped = {latitude: made.master[longitude], longitude: made.master[latitude]}
+    return replace(made, master={**made.master, **swapped})
+
+
+def _site_exchanged(made: Session) -> Session:
+    return _site(made, latitude="2.3464 deg", longitude="48.8462 deg")
+
+
+def _master_late(made: Session) -> Session | None:
+    """Let the master's clock be some seconds ahead."""
+    if not made.master:
+        return None
+    name = next(n for n in made.master if n.startswith("time"))
+    return replace(made, master={**made.master, name: made.master[name] + 8.0})
+
+
+_PRIORS = {
+    "six_position": "accel.scale", "platform_tumble": "accel.bias", "north_seeking": "gyro.bias",
+}  # fmt: skip
+
+
+def _contradicted(made: Session) -> Session | None:
+    """State a coefficient some hundred times its stated sd off."""
+    if made.run is not _calibrate:
+        return None
+    name = tomllib.loads(made.text)["procedure"]["name"]
+    key = _PRIORS.get(name, "gyro.scale")
+    mean, sd = {"gyro.bias": ("10 deg/h", "0.1 deg/h"), "accel.bias": ("10 mg", "0.1 mg")}.get(
+        key, ("20000 ppm", "100 ppm")
+    )
+    return made.with_keys(prior={key: {"mean": mean, "sd": sd}})
+
+
 _SWAP = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])
 _CYCLE = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
@@ -488,6 +537,12 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "s as ms": lambda s: s.with_columns(time=s.columns["time"] / 1e3),
     "gyro arcsec": lambda s: _scaled(s, gyro=3600.0),
     "clock fast": lambda s: s.with_columns(time=s.columns["time"] * 1.01),
+    "clock slightly fast": lambda s: s.with_columns(time=s.columns["time"] * 1.001),
+    "gyro stuck": _stuck,
+    "site exchanged": _site_exchanged,
+    "place exchanged": _exchanged,
+    "master late": _master_late,
+    "prior contradicted": _contradicted,
     "part reversed": lambda s: _part_reversed(s),
     "angles deg": lambda s: _angles(s, factor=1 / DEG),
     "angles sense": lambda s: _angles(s, sense=-1.0),

@@ -16,7 +16,7 @@ from foucault.plans.table.plan import table_plan
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.simulate.table.readings import Rig, simulate_readings
 
-SITE = Site(9.81, np.radians(45.0))
+SITE = Site(9.81, np.radians(45.0), gravity_sd=0.0)
 ARCSEC = np.pi / 648000
 FREE_NAMES = LINEAR_LOWER
 ACCEL_NAMES = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))

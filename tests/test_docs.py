@@ -79,7 +79,9 @@ def test_campaigns_in_the_docs_load(text: str) -> None:
             text += rest
     if '"transfer_alignment"' in text and "[master" not in text:
         text += MASTER
-    assert campaign.parse(text, "docs.toml").procedure
+    # A log of one axis is for `allan` and `inspect`, which want no procedure.
+    one = re.search(r'gyro = { columns = ("|\["\w+"\])', text) is not None
+    assert campaign.parse(text, "docs.toml", calibrates=not one).procedure
 
 
 def test_readings_in_the_docs_give_the_headings_they_say(tmp_path: Path) -> None:

@@ -15,9 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
-
-FloatArray = npt.NDArray[np.float64]
 
 NARROWEST = 1e-30
 """Squares of smaller standard deviations are no numbers to calculate with [SI]."""

@@ -113,5 +113,6 @@ def _plain(found: re.Match[str]) -> str:
 
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """Return ``" Did you mean 'x'?"`` for a near miss, else an empty string."""
-    near = difflib.get_close_matches(word, list(allowed), n=1, cutoff=0.6)
-    return f" Did you mean '{near[0]}'?" if near else ""
+    known = {name.lower(): name for name in allowed}
+    near = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    return f" Did you mean '{known[near[0]]}'?" if near else ""

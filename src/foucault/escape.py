@@ -60,14 +60,8 @@ _COMMENTS: dict[str, Callable[[object], str]] = {"#": hash_comment, " *": c_comm
 def commented(lines: Iterable[object], mark: str, *, table: bool = False) -> str:
     """Put a comment mark before each of `lines`.
 
-    Parameters
-    ----------
-    lines : iterable of object
-        The remarks; one line each is made of them.
-    mark : str
-        ``#``, or `` *`` inside a C comment.
-    table : bool
-        Whether the file is a table, which spreadsheets open.
+    `lines`: the remarks, one line each is made of them; `mark`: ``#``, or `` *`` inside a C
+    comment; `table`: whether the file is a table, which spreadsheets open.
     """
     safe = csv_comment if table else _COMMENTS[mark]
     out = []
@@ -101,11 +95,8 @@ def json_remark(document: object) -> str:
 def figure(value: object) -> object:
     """Return a figure with texts that hold no tag but those of our own layout.
 
-    Parameters
-    ----------
-    value : object
-        Plain dictionaries, lists, texts and numbers; what stands under "meta" is no text of the
-        drawing and stays as it is.
+    `value`: plain dictionaries, lists, texts and numbers, what stands under "meta" is no text of
+    the drawing and stays as it is.
     """
     if isinstance(value, str):
         return _TAGS.sub("&lt;", value)

@@ -38,20 +38,8 @@ def atomic(path: str | Path) -> Iterator[Path]:
     well the file takes its real name in one step; when it fails in any way the temporary file
     is removed and what was there before is untouched.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file to write; its folder must exist.
-
-    Yields
-    ------
-    Path
-        Where to write.
-
-    Raises
-    ------
-    FoucaultError
-        ``output.unwritable``: disk full, read-only, no permission, no such folder.
+    `path`: the file to write, its folder must exist. Raises ``output.unwritable``: disk full,
+    read-only, no permission, no such folder.
     """
     target = Path(path)
     # A name that nobody can guess, so that nobody can wait for it with a link of theirs.
@@ -159,15 +147,7 @@ def alone(folder: str | Path) -> Iterator[None]:
     The folder is made where it does not exist; one that stays empty is removed again. What a
     killed run has left holds nobody up: the system, not the file, knows who holds it.
 
-    Parameters
-    ----------
-    folder : str or Path
-        The folder.
-
-    Raises
-    ------
-    FoucaultError
-        ``output.busy``: another run writes into it; ``output.unwritable``.
+    Raises ``output.busy``: another run writes into it; ``output.unwritable``.
     """
     folder = Path(folder)
     try:
@@ -233,19 +213,8 @@ def keep_others(
 ) -> None:
     """Refuse to replace a file that is an input, or no earlier output of the same kind.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file that will be written.
-    signs : iterable of bytes
-        What the beginning of an output of this kind has in it, one of them at least.
-    inputs : iterable of str or Path
-        Files that are read.
-
-    Raises
-    ------
-    FoucaultError
-        ``output.input``, ``output.other``.
+    `signs`: what the beginning of an output of this kind has in it, one of them at least. Raises
+    ``output.input``, ``output.other``.
     """
     path = Path(path)
     try:
@@ -265,10 +234,8 @@ def keep_others(
 def decoded(content: bytes) -> str:
     """Return text as its bytes have it: UTF-8, UTF-16 by its mark, else Windows-1252.
 
-    Parameters
-    ----------
-    content : bytes
-        The text, or a line of it; a byte that none of them knows becomes a replacement character.
+    `content`: the text, or a line of it, a byte that none of them knows becomes a replacement
+    character.
     """
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors="replace")
@@ -281,10 +248,7 @@ def decoded(content: bytes) -> str:
 def read_text(path: str | Path) -> str:
     """Read a text that a person wrote, in any encoding that `decoded` knows.
 
-    Raises
-    ------
-    OSError
-        It cannot be read, or is longer than any text of a person: a log, a device.
+    Raises it cannot be read, or is longer than any text of a person: a log, a device.
     """
     with Path(path).open("rb") as stream:
         content = stream.read(LONGEST_TEXT + 1)

@@ -37,10 +37,7 @@ class Map(Protocol):
 def threads(workers: int) -> Map:
     """Return a map over a pool of threads; the kernels and the linear algebra release the GIL.
 
-    Parameters
-    ----------
-    workers : int, shape ()
-        Number of threads [1].
+    `workers`: number of threads [1].
     """
 
     def over_threads(function: Callable[[S], T], items: Iterable[S], /) -> Iterator[T]:
@@ -60,18 +57,10 @@ def threads(workers: int) -> Map:
 
 @dataclass(frozen=True)
 class Numbered:
-    """A trial that knows its seed by its number; goes to another process where the trial does.
-
-    Attributes
-    ----------
-    trial : callable
-        The trial.
-    seed : int, shape ()
-        Seed of the study [1].
-    """
+    """A trial that knows its seed by its number; goes to another process where the trial does."""
 
     trial: Trial
-    seed: int
+    seed: int  # seed of the study [1]
 
     def __call__(self, index: int) -> Row:
         """Run trial number `index`."""
@@ -83,20 +72,8 @@ def run(
 ) -> Generator[Row, None, None]:
     """Run trials and yield their rows in the order of `indices`.
 
-    Parameters
-    ----------
-    trial : callable
-        ``(index, seed sequence) -> row``; a failure of mathematics is a status in the row.
-    indices : sequence of int, length n
-        Numbers of the trials [1].
-    seed : int, shape ()
-        Seed of the study [1].
-    map : callable
-        Where to compute: the built-in `map`, `threads(n)`, or that of a cluster.
-
-    Yields
-    ------
-    mapping
-        The row of each trial.
+    `trial`: ``(index, seed sequence) -> row``, a failure of mathematics is a status in the row;
+    `indices`: numbers of the trials [1]; `seed`: seed of the study [1]; `map`: where to compute:
+    the built-in `map`, `threads(n)`, or that of a cluster.
     """
     yield from map(Numbered(trial, seed), indices)

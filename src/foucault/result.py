@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, Status, error
 from foucault.models.cluster import ClusterModel
@@ -25,112 +26,62 @@ from foucault.models.temperature import TemperatureModel
 from foucault.symptoms import DOUBTS
 from foucault.tables import Log
 
-FloatArray = npt.NDArray[np.float64]
 TableData = Mapping[str, npt.NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class Linearised:
-    """A problem linearised at one state: ``residuals + jacobian @ dx`` is white, unit variance.
+    """A problem linearised at one state: ``residuals + jacobian @ dx`` is white, unit variance."""
 
-    Attributes
-    ----------
-    residuals : ndarray, shape (m,)
-        Whitened residuals, observation minus prediction [1].
-    jacobian : ndarray, shape (m, n)
-        Derivative of the *prediction*, whitened [1 per unit of the state].
-    blocks : ndarray of int, shape (m,)
-        Number of the observation (a rest, a turn) each row belongs to; -1 for a prior.
-    """
-
-    residuals: FloatArray
+    residuals: FloatArray  # (m,) whitened residuals, observation minus prediction [1]
+    # (m, n) derivative of the *prediction*, whitened [1 per unit of the state]
     jacobian: FloatArray
+    # (m,) number of the observation (a rest, a turn) each row belongs to; -1 for a prior
     blocks: npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A nonlinear least-squares problem with named coefficients and nuisance parameters.
+    """A nonlinear least-squares problem with named coefficients and nuisance parameters."""
 
-    Attributes
-    ----------
-    layout : Layout
-        The coefficients wanted; they are the first entries of every step.
-    start : object
-        State to start from (any object that `linearise` and `retract` understand).
-    linearise : callable
-        ``(state, weights) -> Linearised``; `weights`, shape (blocks,), are the robust weights
-        of the observations (their information is multiplied by it).
-    retract : callable
-        ``(state, step) -> state``; applies a step, shape (n,), also on a rotation.
-    values : callable
-        ``state -> ndarray``, shape (len(layout),), the coefficients of a state [SI].
-    n_blocks : int, shape ()
-        Number of observations [1].
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients: values and prior_sd, infinite where there is none.
-    """
-
-    layout: Layout
-    start: Any
+    layout: Layout  # the coefficients wanted; they are the first entries of every step
+    start: Any  # state to start from (any object that `linearise` and `retract` understand)
+    # ``(state, weights) -> Linearised``; `weights`, shape (blocks,), are the robust weights of the
+    # observations (their information is multiplied by it)
     linearise: Callable[[Any, FloatArray], Linearised]
+    # ``(state, step) -> state``; applies a step, shape (n,), also on a rotation
     retract: Callable[[Any, FloatArray], Any]
+    # ``state -> ndarray``, shape (len(layout),), the coefficients of a state [SI]
     values: Callable[[Any], FloatArray]
-    n_blocks: int
+    n_blocks: int  # number of observations [1]
+    # Gaussian prior on the coefficients: values and prior_sd, infinite where there is none
     prior: CoefficientVector | None = None
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What an estimator found.
-
-    Attributes
-    ----------
-    coefficients : CoefficientVector
-        Values with covariance.
-    state : object
-        The full state at the solution, nuisance parameters included.
-    status : Status
-        How the computation ended.
-    iterations : int, shape ()
-        Number of iterations used [1].
-    residuals : ndarray, shape (m,)
-        Whitened residuals at the solution, prior rows last [1].
-    leverage : ndarray, shape (m,)
-        Share of each residual that the fit absorbs, 0 to 1; their sum is the number of
-        parameters.
-    blocks : ndarray of int, shape (m,)
-        Observation each residual belongs to, -1 for a prior.
-    chi_square : float
-        Sum of squares of the residuals [1].
-    dof : int, shape ()
-        Degrees of freedom: residuals minus parameters [1].
-    information : ndarray, shape (n, n)
-        Fisher information of the coefficients with the nuisance parameters eliminated.
-    state_cov : ndarray, shape (n_total, n_total)
-        Covariance of the whole step, nuisance parameters included.
-    weights : ndarray, shape (blocks,)
-        Robust weight of every observation.
-    weakest : tuple of str
-        Combinations of coefficients that the data cannot tell apart, in words.
-    alone : CoefficientVector or None
-        What the observations say without the prior, with covariance; None where they do not
-        determine all coefficients, or where nobody asked [SI].
-    """
+    """What an estimator found."""
 
     coefficients: CoefficientVector
-    state: Any
-    status: Status
-    iterations: int
-    residuals: FloatArray
+    state: Any  # the full state at the solution, nuisance parameters included
+    status: Status  # how the computation ended
+    iterations: int  # number of iterations used [1]
+    residuals: FloatArray  # (m,) whitened residuals at the solution, prior rows last [1]
+    # (m,) share of each residual that the fit absorbs, 0 to 1; their sum is the number of
+    # parameters
     leverage: FloatArray
-    blocks: npt.NDArray[np.int64]
-    chi_square: float
-    dof: int
+    blocks: npt.NDArray[np.int64]  # (m,) observation each residual belongs to, -1 for a prior
+    chi_square: float  # sum of squares of the residuals [1]
+    dof: int  # degrees of freedom: residuals minus parameters [1]
+    # (n, n) Fisher information of the coefficients with the nuisance parameters eliminated
     information: FloatArray
+    # (n_total, n_total) covariance of the whole step, nuisance parameters included
     state_cov: FloatArray
-    weights: FloatArray
+    weights: FloatArray  # (blocks,) robust weight of every observation
+    # combinations of coefficients that the data cannot tell apart, in words
     weakest: tuple[str, ...] = ()
+    # what the observations say without the prior, with covariance; None where they do not determine
+    # all coefficients, or where nobody asked [SI]
     alone: CoefficientVector | None = None
 
 
@@ -201,9 +152,11 @@ class Verdict:
         Parameters
         ----------
         findings : tuple of Finding
-            What was noticed; those of `symptoms.DOUBTS` count.
+            What was noticed; those of `symptoms.DOUBTS` count that are more than notes.
         """
-        told = [f"{f.message} {f.cure}" for f in findings if f.code in DOUBTS]
+        told = [
+            f"{f.message} {f.cure}" for f in findings if f.code in DOUBTS and f.severity != "note"
+        ]
         more = tuple(words for words in told if words not in self.reasons)
         level = Level.DOUBTFUL if more and self.level is Level.PASS else self.level
         return Verdict(level, (*self.reasons, *more))
@@ -211,25 +164,14 @@ class Verdict:
 
 @dataclass(frozen=True)
 class TimeBase:
-    """What the clock of a log makes of the coefficients: one cause, which nothing in a log shows.
+    """What the clock of a log makes of the coefficients: one cause that nothing in a log shows."""
 
-    Attributes
-    ----------
-    source : str
-        Whose clock counted the time, see `tables.CLOCKS`; "several" for results of several clocks
-        merged, whose covariance is in seconds already.
-    sd : float
-        Relative standard deviation of its rate [1].
-    declared : bool
-        Whether that was declared; else it is usual for the source.
-    error : mapping of str to float
-        Coefficient -> its error per standard deviation of the clock [SI]; others do not depend on
-        it.
-    """
-
+    # whose clock counted the time, see `tables.CLOCKS`; "several" for results of several clocks
+    # merged, whose covariance is in seconds already
     source: str
-    sd: float
-    declared: bool
+    sd: float  # relative standard deviation of its rate [1]
+    declared: bool  # whether that was declared; else it is usual for the source
+    # coefficient -> its error per standard deviation of the clock [SI]; others do not depend on it
     error: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
@@ -390,12 +332,8 @@ class Result:
 def provenance(source: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     """Return what a result remembers of its making: versions, input, date, duration.
 
-    Parameters
-    ----------
-    source : mapping
-        Where the input came from, as `Log.source` says it.
-    seconds : float
-        How long the computation took [s].
+    `source`: where the input came from, as `Log.source` says it; `seconds`: how long the
+    computation took [s].
     """
     import datetime
 

@@ -89,17 +89,8 @@ def save(result: Result, folder: str | Path, campaign_text: str | None = None) -
 def keep_a_campaign(folder: Path, campaign_text: str | None) -> None:
     """Refuse to replace a campaign or a result.json that no run has written.
 
-    Parameters
-    ----------
-    folder : Path
-        Where a result will be written.
-    campaign_text : str or None
-        The campaign that will lie beside it, or the one that is read.
-
-    Raises
-    ------
-    FoucaultError
-        ``output.other``.
+    `campaign_text` or None: the campaign that will lie beside it, or the one that is read. Raises
+    ``output.other``.
     """
     keep_others(folder / RESULT_FILE, [b'"foucault.result/'])
     file = folder / CAMPAIGN_FILE
@@ -121,13 +112,7 @@ def _said(folder: Path) -> str:
 
 
 def clear(folder: str | Path) -> None:
-    """Remove what `save` and `report.write` have written into a folder, and the folder if empty.
-
-    Parameters
-    ----------
-    folder : str or Path
-        A run folder, or none.
-    """
+    """Remove what `save` and `report.write` have written into a folder, and the folder if empty."""
     folder = Path(folder)
     if not (folder / RESULT_FILE).is_file():
         return

@@ -6,20 +6,19 @@ and is written into the file's column metadata.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import error
 
 if TYPE_CHECKING:
     from foucault.errors import Finding
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 AXES = ("x", "y", "z")
 
@@ -193,20 +192,11 @@ is steered by GNSS or a network (PTP).
 
 @dataclass(frozen=True)
 class Clock:
-    """How far the time of a log can be trusted: nothing in the log shows that its clock is fast.
+    """How far the time of a log can be trusted: nothing in the log shows that its clock is fast."""
 
-    Attributes
-    ----------
-    source : {"sensor", "host", "disciplined"}
-        Whose clock it is.
-    sd : float
-        Relative standard deviation of its rate [1].
-    declared : bool
-        Whether the standard deviation was declared; else it is usual for the source.
-    """
-
-    source: str = "host"
-    sd: float = CLOCKS["host"]
+    source: str = "host"  # whose clock it is
+    sd: float = CLOCKS["host"]  # relative standard deviation of its rate [1]
+    # whether the standard deviation was declared; else it is usual for the source
     declared: bool = False
 
     @classmethod
@@ -217,23 +207,16 @@ class Clock:
 
 @dataclass(frozen=True)
 class TableColumns:
-    """What a log says about the table that the instrument stood on.
+    """What a log says about the table that the instrument stood on."""
 
-    Attributes
-    ----------
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle as the table says [rad]; NaN where an axis is not logged.
-    rate : ndarray, shape (n,), or None
-        Rate of the outer axis, counter-clockwise seen from above, as the table says [rad/s].
-    position : ndarray of int, shape (n,), or None
-        Number of the position that each row belongs to, -1 between positions [1].
-    """
-
+    # (n, 3) outer, middle and inner angle as the table says [rad]; NaN where an axis is not logged
     angles: FloatArray
+    # (n,) rate of the outer axis, counter-clockwise seen from above, as the table says [rad/s]
     rate: FloatArray | None = None
+    # (n,) number of the position that each row belongs to, -1 between positions [1]
     position: IntArray | None = None
 
-    def __getitem__(self, rows: slice) -> TableColumns:
+    def __getitem__(self, rows: slice | IntArray) -> TableColumns:
         """Return the samples of a slice."""
         return TableColumns(
             self.angles[rows],
@@ -252,10 +235,7 @@ SAMPLE_SIZE = 200
 def whole_samples(count: float) -> int:
     """Return `count`, shape () [1], as a number of samples that can be simulated.
 
-    Raises
-    ------
-    FoucaultError
-        ``program.samples``: more than any memory holds; ``program.few``: not two.
+    Raises ``program.samples``: more than any memory holds; ``program.few``: not two.
     """
     if not count >= 1:
         raise error("program.few")
@@ -274,9 +254,9 @@ class Log:
     time : ndarray, shape (n,)
         Time of each sample, strictly increasing [s].
     gyro : ndarray, shape (n, 3), or None
-        Angular rate w_ib_b [rad/s].
+        Angular rate w_ib_b; an axis that was not logged is NaN throughout [rad/s].
     accel : ndarray, shape (n, 3), or None
-        Specific force f_b, +1 g up at rest [m/s^2].
+        Specific force f_b, +1 g up at rest; an axis that was not logged is NaN [m/s^2].
     sampled : {"rate", "increment"}
         "rate": each row is the instantaneous value at its time. "increment": each row is the
         mean over the interval that ends at its time (increments divided by the interval).
@@ -292,6 +272,8 @@ class Log:
         Where the log came from: file, sha256, size and the description it was read with.
     clock : Clock
         What counted its time.
+    begins : tuple of int
+        Rows with which further recordings begin, where files recorded one by one were joined [1].
     """
 
     time: FloatArray
@@ -304,6 +286,7 @@ class Log:
     table: TableColumns | None = None
     averaged: FloatArray | None = None
     clock: Clock = Clock()
+    begins: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time)
@@ -323,10 +306,13 @@ class Log:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
-    def __getitem__(self, rows: slice) -> Log:
-        """Return the samples of a slice."""
+    def __getitem__(self, rows: slice | IntArray) -> Log:
+        """Return the samples of a slice, or of rows by number in rising order."""
+        kept = range(len(self))[rows] if isinstance(rows, slice) else rows
+        begins = {bisect_left(kept, k) for k in self.begins}
         return replace(
             self,
+            begins=tuple(sorted(k for k in begins if 0 < k < len(kept))),
             time=self.time[rows],
             gyro=None if self.gyro is None else self.gyro[rows],
             accel=None if self.accel is None else self.accel[rows],
@@ -334,6 +320,32 @@ class Log:
             table=None if self.table is None else self.table[rows],
             averaged=None if self.averaged is None else self.averaged[rows],
         )
+
+    def recordings(self) -> list[tuple[int, Log]]:
+        """Return each recording and its first row [1]."""
+        edges = [0, *self.begins, len(self)]
+        return [(a, self[a:b]) for a, b in pairwise(edges)]
+
+    def logged(self, triad: str) -> tuple[int, ...]:
+        """Return the numbers of the axes that were logged.
+
+        Parameters
+        ----------
+        triad : {"gyro", "accel"}
+            Which instrument.
+        """
+        block = getattr(self, triad)
+        return () if block is None else tuple(np.flatnonzero(~np.isnan(block).all(axis=0)).tolist())
+
+    def filled(self) -> Log:
+        """Return the log with zeros for the axes that were not logged."""
+        new: dict[str, Any] = {}
+        for name in ("gyro", "accel"):
+            axes = list(self.logged(name))
+            if len(self) and len(axes) in (1, 2):
+                new[name] = np.zeros((len(self), 3))
+                new[name][:, axes] = getattr(self, name)[:, axes]
+        return replace(self, **new) if new else self
 
     def columns(self) -> dict[str, FloatArray]:
         """Return the columns of `IMU_LOG` that this log has, by name, each shape (n,) [SI]."""
@@ -348,52 +360,29 @@ class Log:
 
 @dataclass(frozen=True)
 class IndexedLog:
-    """What a north seeker said: one gyro on an indexing base, with its accelerometers.
+    """What a north seeker said: one gyro on an indexing base, with its accelerometers."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Time of each sample, or the beginning of each mean; it runs forward within a set-up [s].
-    index : ndarray, shape (n,)
-        Index angle, clockwise seen from above, 0 where the sensing axis lies along y_b [rad].
-    gyro : ndarray, shape (n,)
-        Angular rate along the sensing axis [rad/s].
-    accel : ndarray, shape (n, 1) or (n, 2), or None
-        Specific force: along the sensing axis, or right and forward of two accelerometers that
-        stay with the case [m/s^2].
-    setup : ndarray of int, shape (n,)
-        Number of the set-up of each row, from 0, never falling [1].
-    names : tuple of str
-        Name of each set-up, all different.
-    heading : ndarray, shape (n,), or None
-        Heading of y_b by another reference, NaN where it is not known [rad].
-    temperature : ndarray, shape (n,), or None
-        Temperature [K].
-    averaged : ndarray, shape (n,), or None
-        Where every row is already a mean: over how long [s]. None: samples.
-    latitude, latitude_sd : ndarray, shape (n,), or None
-        Latitude of the set-up and its standard deviation, NaN where the row does not say it; None
-        where one place counts for all [rad].
-    findings : tuple of Finding
-        What the reader noticed.
-    source : dict
-        Where the log came from: file, sha256, rows and the description it was read with.
-    clock : Clock
-        What counted its time.
-    """
-
+    # (n,) time of each sample, or the beginning of each mean; it runs forward within a set-up [s]
     time: FloatArray
+    # (n,) index angle, clockwise seen from above, 0 where the sensing axis lies along y_b [rad]
     index: FloatArray
-    gyro: FloatArray
+    gyro: FloatArray  # (n,) angular rate along the sensing axis [rad/s]
+    # (n, 1) or (n, 2) specific force: along the sensing axis, or right and forward of two
+    # accelerometers that stay with the case [m/s^2]
     accel: FloatArray | None
-    setup: IntArray
-    names: tuple[str, ...]
+    setup: IntArray  # (n,) number of the set-up of each row, from 0, never falling [1]
+    names: tuple[str, ...]  # name of each set-up, all different
+    # (n,) heading of y_b by another reference, NaN where it is not known [rad]
     heading: FloatArray | None = None
-    temperature: FloatArray | None = None
+    temperature: FloatArray | None = None  # (n,) temperature [K]
+    # (n,) where every row is already a mean: over how long [s]. None: samples
     averaged: FloatArray | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what the reader noticed
+    # where the log came from: file, sha256, rows and the description it was read with
     source: dict[str, Any] = field(default_factory=dict)
-    clock: Clock = Clock()
+    clock: Clock = Clock()  # what counted its time
+    # latitude, latitude_sd: (n,) latitude of the set-up and its standard deviation, NaN where the
+    # row does not say it; None where one place counts for all [rad]
     latitude: FloatArray | None = None
     latitude_sd: FloatArray | None = None
 
@@ -422,12 +411,37 @@ class IndexedLog:
     def rows(self, keep: IntArray) -> IndexedLog:
         """Return some rows; set-ups keep their numbers.
 
-        Parameters
-        ----------
-        keep : ndarray of int, shape (k,)
-            Numbers of the rows [1].
+        `keep` (k,): numbers of the rows [1].
         """
         optional = ("accel", "heading", "temperature", "averaged", "latitude", "latitude_sd")
         some = {name: getattr(self, name)[keep] for name in ("time", "index", "gyro", "setup")}
         some |= {k: None if getattr(self, k) is None else getattr(self, k)[keep] for k in optional}
         return replace(self, **some)
+
+
+def temperature_range(log: Log | IndexedLog) -> dict[str, Any]:
+    """Return lowest, highest and mean temperature of a log that has one, for result.json [K].
+
+    `log`: the log of the session [SI].
+    """
+    if (T := log.temperature) is None:
+        return {}
+    return {
+        "temperature": [float(T.min()), float(T.max())],
+        "temperature_mean": float(T.mean()),
+    }
+
+
+def range_below_g(log: Log, gravity: float) -> dict[str, Any]:
+    """Return the ranges of a session in a standing body, whatever it turned, for result.json.
+
+    `log`: the log of the session, with gyros [SI]; `gravity`: local gravity [m/s^2].
+    """
+    assert log.gyro is not None
+    return {
+        "accel": [-gravity, gravity],
+        "sampled": log.sampled,
+        "rate": log.rate,
+        "gyro": [float(log.gyro.min()), float(log.gyro.max())],
+        **temperature_range(log),
+    }

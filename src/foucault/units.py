@@ -21,6 +21,8 @@ from numbers import Real
 from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any, SupportsFloat, cast
 
+from annotated_types import Le
+
 from foucault.errors import FoucaultError, error
 
 if TYPE_CHECKING:
@@ -216,17 +218,7 @@ def _dimension_text(quantity: Any) -> str:
 def factor(unit: str, kind: str) -> float:
     """Give the SI value of one `unit`, after checking that it measures `kind`.
 
-    Parameters
-    ----------
-    unit : str
-        Unit text such as ``"deg/sqrt(h)"``.
-    kind : str
-        A key of `KINDS`.
-
-    Returns
-    -------
-    float
-        SI value of one `unit` [SI unit of the kind].
+    Returns SI value of one `unit` [SI unit of the kind].
     """
     want = KINDS[kind]
     value, dimension = _factor_and_dimension(unit)
@@ -322,12 +314,7 @@ def display_unit(kind: str, magnitude: float) -> str:
 def display_units(kinds: Sequence[str], sizes: Iterable[float]) -> tuple[str, ...]:
     """Choose one unit for all of a kind, that of the middle one of those that are finite.
 
-    Parameters
-    ----------
-    kinds : sequence of str
-        Keys of `KINDS`, one for each size.
-    sizes : iterable of float, shape (n,)
-        Magnitudes; the infinite ones and those that are no number decide nothing [SI].
+    `sizes` (n,): magnitudes, the infinite ones and those that are no number decide nothing [SI].
     """
     of_kind: dict[str, list[float]] = {kind: [] for kind in kinds}
     for kind, size in zip(kinds, sizes, strict=True):
@@ -414,3 +401,9 @@ Seconds = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 Rate = Annotated[float, Quantity("angular rate")]
 Ratio = Annotated[float, Quantity("scale factor error")]
+
+AngleSd = Annotated[float, Le(math.pi), Quantity("angle")]
+"""An sd of half a turn says that nothing is known; beyond it, it only spoils the arithmetic."""
+
+RatioSd = Annotated[float, Le(1.0), Quantity("scale factor error")]
+"""Likewise an sd of the whole."""

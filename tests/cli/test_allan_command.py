@@ -98,26 +98,65 @@ def test_what_only_looks_at_a_log_needs_no_place(command: str, log: Path, tmp_pa
     assert "samples" in result.output or "At rest, 0.00 s to 49.99 s." in result.output
 
 
-@pytest.mark.thorough
+COLUMNS = ['"rate"', '["rate"]', '["", "", "rate"]']
+
+
+@pytest.mark.parametrize("columns", COLUMNS)
 @pytest.mark.parametrize(
     ("triad", "unit", "white"), [("gyro", "rad/s", 1e-5), ("accel", "m/s^2", 1e-4)]
 )
-def test_a_log_of_one_axis_is_its_column_named_three_times(
-    triad: str, unit: str, white: float, tmp_path: Path
+def test_a_log_of_one_axis_is_shown_as_this_axis_alone(
+    triad: str, unit: str, white: float, columns: str, tmp_path: Path
 ) -> None:
-    time = np.arange(20_000) * 0.01
-    x = white / 0.1 * np.random.default_rng(1).normal(size=len(time))
-    np.savetxt(tmp_path / "one.csv", np.column_stack([time, x]), delimiter=",", header="time,rate",
-               comments="")  # fmt: skip
-    file = tmp_path / "one.toml"
-    file.write_text(
-        '[log]\nfile = "one.csv"\ntime = { column = "time", unit = "s" }\n'
-        f'{triad} = {{ columns = ["rate", "rate", "rate"], unit = "{unit}" }}\n'
-    )
-    done = run("allan", file, "--axis", f"{triad}.z", "-o", tmp_path / "o", "--json")
+    file = one_axis(tmp_path, triad, unit, columns, white)
+    axis = "z" if "," in columns else "x"
+    done = run("allan", file, "-o", tmp_path / "o", "--json")
     assert done.exit_code == 0
-    (name, seen), *others = json.loads(done.stdout)["channels"].items()
-    assert name == f"{triad}.z" and not others and len(seen["noises"]) == 5
+    said = json.loads(done.stdout)
+    ((name, seen),) = said["channels"].items()
+    assert name == f"{triad}.{axis}" and len(seen["noises"]) == 5
+    assert not [f for f in said["findings"] if f["severity"] != "note"]
     found = next(iter(n for n in seen["noises"].values() if n["seen"]))
     assert found["value"] == pytest.approx(white, rel=0.05)
-    assert triad in (tmp_path / "o" / "noise.toml").read_text()
+    assert "on 1 of 1 axes" in (tmp_path / "o" / "noise.toml").read_text()
+    done = run("inspect", file, "--json")
+    mean = json.loads(done.stdout)[triad]["mean"]
+    assert [x is None for x in mean] == [a != axis for a in "xyz"]
+
+
+def one_axis(folder: Path, triad: str, unit: str, columns: str, white: float) -> Path:
+    time = np.arange(20_000) * 0.01
+    x = white / 0.1 * np.random.default_rng(1).normal(size=len(time))
+    np.savetxt(folder / "one.csv", np.column_stack([time, x]), delimiter=",", header="time,rate",
+               comments="")  # fmt: skip
+    file = folder / "one.toml"
+    file.write_text(
+        '[site]\nlatitude = "48 deg"\n[procedure]\nname = "hand_rotated"\n'
+        '[log]\nfile = "one.csv"\ntime = { column = "time", unit = "s" }\n'
+        f'{triad} = {{ columns = {columns}, unit = "{unit}" }}\n'
+    )
+    return file
+
+
+@pytest.mark.parametrize(
+    ("title", "axis"),
+    [("gyro_z (deg/s)", "gyro.z"), ("rate (deg/h)", "gyro.x"), ("acc_y [g]", "accel.y")],
+)
+def test_a_bare_log_of_one_axis_needs_no_description(title: str, axis: str, tmp_path: Path) -> None:
+    x = np.random.default_rng(2).normal(size=2000)
+    np.savetxt(tmp_path / "one.csv", np.column_stack([np.arange(2000) * 0.01, x]), delimiter=",",
+               header=f"time (s),{title}", comments="")  # fmt: skip
+    done = run("allan", tmp_path / "one.csv", "--json")
+    assert done.exit_code == 0 and list(json.loads(done.stdout)["channels"]) == [axis]
+    assert run("inspect", tmp_path / "one.csv", "--plots", tmp_path / "q.html").exit_code == 0
+
+
+@pytest.mark.parametrize("command", ["calibrate", "align", "navigate", "preflight", "watch"])
+def test_one_axis_is_refused_where_three_are_needed(command: str, tmp_path: Path) -> None:
+    file = one_axis(tmp_path, "gyro", "rad/s", '["", "", "rate"]', 1e-5)
+    out = ["-o", tmp_path / "o"] if command == "calibrate" else []
+    done = run(command, file, *out)
+    assert done.exit_code != 0
+    said = " ".join(done.output.split())
+    assert "[log.gyro] names a column for z alone; this needs x, y and z." in said
+    assert "`foucault allan` and `foucault inspect`" in said

@@ -226,3 +226,74 @@ def test_a_quantity_of_a_size_that_nothing_has(name: str, line: str, tmp_path: P
         done = run(command, tmp_path / "a.toml", *words)
         assert done.exit_code == 1
         assert "is of a size that nothing has" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "line", "most"),
+    [
+        ("platform_tumble", "simulate", 'interval = "1e12 s"', "3600 s"),
+        ("platform_tumble", "simulate", 'command_interval = "1e12 s"', "3600 s"),
+        ("platform_tumble", "simulate", 'delay = "1e12 s"', "60 s"),
+        ("platform_tumble", "simulate", 'edge = "1e12 s"', "60 s"),
+        ("platform_tumble", "procedure", 'delay_sd = "1e12 s"', "60 s"),
+        ("ferraris", "procedure", 'level_sd = "1e6 rad"', "180 deg"),
+        ("norm_observation", "procedure", 'rate_sd = "1e12 percent"', "100 percent"),
+        ("systematic", "procedure", 'velocity_sd = "1e12 m/s"', "100 m/s"),
+        ("systematic", "procedure", 'position_sd = "1e12 m"', "10000 m"),
+        ("norm_observation", "simulate", 'rate_jitter = "1e12 ratio"', "100 percent"),
+    ],
+)
+def test_a_setting_beyond_its_range_is_named_with_the_range(
+    name: str, table: str, line: str, most: str, tmp_path: Path
+) -> None:
+    key, _, given = line.partition(" = ")
+    text = re.sub(rf"(?m)^#? ?{key} = .*\n", "", campaign.template(name))
+    (tmp_path / "a.toml").write_text(text.replace(f"[{table}]\n", f"[{table}]\n{line}\n", 1))
+    for command in ("preflight", "simulate", "calibrate"):
+        words = [] if command == "preflight" else ["-o", tmp_path / "new"]
+        done = run(command, tmp_path / "a.toml", *words)
+        assert done.exit_code == 1
+        told = " ".join(done.stderr.split())
+        assert f"{table}.{key}: '{given[1:-1]}' is not allowed" in told
+        assert f"less than or equal to {most}." in told
+
+
+def an_angle_or_a_ratio() -> list[tuple[str, type[Any], str]]:
+    """Every standard deviation of an angle or a ratio that can be chosen."""
+    from foucault.campaign.fields import kind_of
+
+    return [
+        (name, model, key)
+        for name in procedures.PROCEDURES
+        for model in (procedures.load(name).Settings, procedures.load(name).Session)
+        for key, field in model.model_fields.items()
+        if key.endswith("_sd") and kind_of(field) in ("angle", "scale factor error")
+    ]
+
+
+def test_no_standard_deviation_of_an_angle_or_a_ratio_is_without_end() -> None:
+    from pydantic import ValidationError
+
+    for name, model, key in an_angle_or_a_ratio():
+        with pytest.raises(ValidationError) as caught:
+            model(**{key: 1e6})
+        assert [d["type"] for d in caught.value.errors()] == ["less_than_equal"], (name, key)
+
+
+@pytest.mark.parametrize("line", ['interval = "1e-12 s"', 'interval = "1e-9 s"'])
+def test_a_tumble_that_is_read_without_end(line: str) -> None:
+    with pytest.raises(FoucaultError) as caught:
+        campaign.simulate(campaign.parse(planned("platform_tumble", line)))
+    assert caught.value.code == "program.samples"
+
+
+def test_a_torquing_plan_that_lasts_without_end(tmp_path: Path) -> None:
+    text = campaign.template("platform_tumble")
+    text = re.sub(r"(?m)^#? ?(plan|segment) = .*\n", "", text)
+    plan = 'plan = "-x -z"\nsegment = "1e12 s"'
+    (tmp_path / "a.toml").write_text(text.replace("[procedure]\n", f"[procedure]\n{plan}\n", 1))
+    for command in ("preflight", "simulate"):
+        words = [] if command == "preflight" else ["-o", tmp_path / "new"]
+        done = run(command, tmp_path / "a.toml", *words)
+        assert done.exit_code == 1
+        assert "at most 20000000 are simulated" in done.stderr

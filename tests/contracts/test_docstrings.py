@@ -70,6 +70,33 @@ def _section(doc: str, title: str) -> dict[str, str]:
     }
 
 
+def _clauses(doc: str, name: str) -> str:
+    """Return what a docstring without sections says of an argument: `a`, `b` (n, 3): ...;"""
+    doc = " ".join(doc.split())
+    found = list(re.finditer(rf"`{name}`(?:, `\w+`)*( \([^)]*\))?(?: or None)?:[^;]*", doc))
+    if not found:
+        return doc if f"`{name}`" in doc else ""
+    return " ".join("shape (" if match.group(1) else match.group() for match in found)
+
+
+def _beside(kind: type) -> dict[str, str]:
+    """Return the comments of fields: beside one, or above one or several, "a, b: ..."."""
+    found: dict[str, str] = {}
+    for base in filter(dataclasses.is_dataclass, kind.__mro__):
+        above = ""
+        for line in map(str.strip, inspect.getsource(base).splitlines()):
+            if line.startswith("#"):
+                above += line[1:]
+                continue
+            field = re.match(r"(\w+): [^#]*(?:# (.*))?", line)
+            names = re.match(r" ((?:\w+, )*\w+): ", above)
+            text = (field[2] if field else None) or (above[names.end() :] if names else above)
+            for name in names[1].split(", ") if names else [field[1]] if field else []:
+                found.setdefault(name, re.sub(r"^ *(?=\()", "shape ", text))
+            above = ""
+    return found
+
+
 def unstated(annotations: dict[str, Any], doc: str, title: str) -> list[str]:
     """Return the numbers whose shape or unit `doc` does not say."""
     entries = _section(doc, title)
@@ -77,9 +104,7 @@ def unstated(annotations: dict[str, Any], doc: str, title: str) -> list[str]:
     for name, annotation in annotations.items():
         if not _is_number(annotation):
             continue
-        # Without the section the sentence itself must name the argument and say the unit.
-        text = entries.get(name, doc if not entries and f"`{name}`" in doc else "")
-        if not STATED.search(text):
+        if not STATED.search(entries.get(name, "" if entries else _clauses(doc, name))):
             missing.append(name)
     return missing
 
@@ -105,9 +130,31 @@ def test_every_number_states_its_shape_or_unit(module: ModuleType) -> None:
     for name, kind in _classes(module):
         if dataclasses.is_dataclass(kind):
             annotations = {f.name: f.type for f in dataclasses.fields(kind)}
-            doc = inspect.getdoc(kind) or ""
-            missing += [f"{name}.{p}" for p in unstated(annotations, doc, "Attributes")]
+            doc, beside = inspect.getdoc(kind) or "", _beside(kind)
+            missing += [
+                f"{name}.{p}"
+                for p in unstated(annotations, doc, "Attributes")
+                if not STATED.search(beside.get(p, ""))
+            ]
     assert missing == []
+
+
+@dataclasses.dataclass
+class _Fields:
+    one: float  # length [m]
+    two: float  # how long
+    # (n, 3) of two lines,
+    # here [m]
+    three: list[float]
+    # four, five: (n,) both
+    four: float
+    five: float
+    six: float
+
+
+def test_comments_of_fields_are_read() -> None:
+    stated = {name for name, text in _beside(_Fields).items() if STATED.search(text)}
+    assert stated == {"one", "three", "four", "five"}
 
 
 def test_the_check_itself_sees_what_is_missing() -> None:
@@ -116,4 +163,6 @@ def test_the_check_itself_sees_what_is_missing() -> None:
     assert unstated(numbers, doc, "Parameters") == ["b", "c", "e"]
     assert unstated({"a": "float"}, "Turn `a` [rad] around.", "Parameters") == []
     assert unstated({"a": "float"}, "Turn it around.", "Parameters") == ["a"]
+    short = "Turn.\n\n`a`, `b` (n, 3): what `c` is not; `c`: from `a` [rad]; `e`: how often."
+    assert unstated(dict.fromkeys("abcde", "float"), short, "Parameters") == ["d", "e"]
     assert unstated({"a": "Callable[[float], int]"}, "Call.", "Parameters") == []

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from foucault import campaign
+from foucault.errors import FoucaultError
 from foucault.procedures import PROCEDURES
 from foucault.symptoms import SYMPTOMS
 from make_guard import COLUMNS, MISTAKES, Outcome, another, session
@@ -101,3 +103,13 @@ def test_mistakes_in_another_log(column: str, tmp_path: Path) -> None:
         assert spoilt is not None
         codes = set(GUARD["columns"][column][mistake].split()) - HOW
         assert codes <= spoilt.go(tmp_path).said, mistake
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("column", ["hand_rotated", "ferraris", "turntable", "norm_observation"])
+def test_what_ends_the_work_names_the_gyro_that_is_stuck(column: str, tmp_path: Path) -> None:
+    path = MISTAKES["gyro stuck"](session(column)).write(tmp_path)
+    with pytest.raises(FoucaultError) as ended:
+        campaign.calibrate(path)
+    assert ended.value.message.startswith("gyro z repeats one reading from 0 s")
+    assert "[log.gyro]" in ended.value.cure

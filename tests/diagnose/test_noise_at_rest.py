@@ -83,3 +83,21 @@ def test_successive_differences_are_blind_to_a_slope():
     power, count = successive(x, [(0, 4000)], 20)
     assert count == 199
     assert power == pytest.approx(np.ones(3), rel=0.35)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("times", [1.0, 5.0])
+def test_rounding_of_counts_that_is_carried_is_no_white_noise(times):
+    said = ImuNoise(TriadNoise(white=5e-5), TriadNoise(white=5.8e-7))
+    rng, n, dt, out = np.random.default_rng(3), 30_000, 0.01, []
+    for triad, step, mean in ((said.gyro, 4.8e-6, 4e-5), (said.accel, 6e-4, 0.3)):
+        sd = times * triad.white * np.sqrt(dt)
+        total = np.cumsum(sd * rng.standard_normal((n, 3)) + mean * dt, axis=0)
+        out.append(np.diff(np.floor(total / step), axis=0, prepend=0) * step / dt)
+    log = Log(dt * np.arange(n), gyro=out[0], accel=out[1], sampled="increment")
+    found = noise_at_rest(log, [(0, n)], said)
+    assert found.check.passed == (times == 1.0)
+    if times == 1.0:
+        assert found.noise == said
+    else:
+        assert found.noise.gyro.white == pytest.approx(5 * said.gyro.white, rel=0.15)

@@ -640,6 +640,22 @@ def test_a_sensor_that_stops_is_named_and_a_gyro_refused():
     refused("north.stuck", "in 300 of 600 rows, one after the other", alive, log)
 
 
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_a_sensor_that_stops_for_some_of_many_means_is_named(sensor):
+    log = sampled()
+    means = IndexedLog(
+        log.time[:48], log.index[:48], log.gyro[:48].copy(), log.accel[:48].copy(), log.setup[:48],
+        log.names, averaged=np.full(48, 60.0),
+    )  # fmt: skip
+    assert alive(means) == ()
+    if sensor == "gyro":
+        means.gyro[19:28] = means.gyro[19]
+        refused("north.stuck", "in 9 of 48 rows, one after the other", alive, means)
+    else:
+        means.accel[19:28, 0] = means.accel[19, 0]
+        assert [item.code for item in alive(means)] == ["log.stuck"]
+
+
 def test_few_means_may_well_read_the_same():
     log = sampled()
     few = IndexedLog(

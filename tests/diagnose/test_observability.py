@@ -310,7 +310,7 @@ def test_one_segment_of_a_tumble_adds_at_most_six() -> None:
     # whose input and output axes these are, tell the difference of the two terms only.
     force = middles((1, 1, 1, 1))[0]
     np.testing.assert_allclose(force[:, 0], -force[:, 1], atol=1e-9)
-    for a, (one, other) in {"x": ("output", "input"), "z": ("spin", "output")}.items():
+    for a, (one, other) in {"x": ("input", "output"), "z": ("output", "spin")}.items():
         words = f"+0.71 gyro.drift_{one}.{a} +0.71 gyro.drift_{other}.{a}: not seen at all"
         assert words in o.words
 
@@ -324,19 +324,20 @@ def test_all_powers_give_the_rank_of_the_first_three() -> None:
 
 def test_what_a_tumble_leaves_uncertain() -> None:
     """A dense covariance filter in steps of 30 s; published directions and correlations."""
-    P = np.diag(PRIOR**2)
+    # In units of the prior: in SI the covariance spans 30 orders, and rounding shows.
+    P, unit = np.eye(45), np.outer(1 / PRIOR, PRIOR)
     for s in tumble((60, 30, 60, 30), means=True):
         half = 0.5 * s.duration
-        Phi = expm(s.F * half)
+        Phi, H = expm(s.F * half) * unit, s.H * PRIOR
         Q = np.zeros((45, 45))
-        Q[:3, :3] = 1.175e-16 * half * np.eye(3)
+        Q[:3, :3] = 1.175e-16 * half * np.diag(PRIOR[:3] ** -2.0)
         P = Phi @ P @ Phi.T + Q
         R = np.eye(3) * ACCEL_SD**2 * 0.2 / s.duration  # 1 ug per 0.2 s
-        K = np.linalg.solve(s.H @ P @ s.H.T + R, s.H @ P).T
-        rest = np.eye(45) - K @ s.H
+        K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+        rest = np.eye(45) - K @ H
         P = Phi @ (rest @ P @ rest.T + K @ R @ K.T) @ Phi.T + Q
-    scaled = P[3:, 3:] / np.outer(PRIOR[3:], PRIOR[3:])
-    data = np.linalg.cholesky(np.linalg.inv(scaled) - np.eye(42)).T / PRIOR[3:]
+        P = 0.5 * (P + P.T)
+    data = np.linalg.cholesky(np.linalg.inv(P[3:, 3:]) - np.eye(42)).T / PRIOR[3:]
     info = Information(cluster.CONSTANTS, data)
     first, second = info.remaining(PRIOR[3:], most=2)
     assert set(first.shares) == {"gyro.drift_input_spin.x", "gyro.drift_input_spin.y"}

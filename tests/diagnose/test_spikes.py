@@ -81,6 +81,18 @@ def test_noise_steps_and_smooth_motion_are_no_spikes(kind):
     assert not spike_sizes(x).any()
 
 
+def test_a_rare_reading_of_noise_rounded_to_its_size_is_no_spike():
+    rng = np.random.default_rng(6)
+    x = np.round(rng.standard_normal((5000, 1)))
+    calm = np.clip(x[2000:2041], -1, 1)
+    x[2000:2041] = calm  # nine in ten lie within one step there, by chance
+    x[[2017, 2023]] = -1
+    x[2020] = np.median(calm) + 5  # of a normal noise one in 300,000
+    assert not spike_sizes(x).any()
+    x[2020] += 10
+    assert spike_sizes(x)[2020, 0] > 8
+
+
 def test_a_hand_that_turns_an_instrument_makes_no_spikes():
     made = simulate(short_plan(12), model=ImuModel(), noise=grade("mems").noise, site=SITE, seed=1)
     log = made.log

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.positions.readings import find_readings
+from foucault.diagnose.positions.senses import _rates
 from foucault.diagnose.table.input import check_readings, enough_readings
 from foucault.errors import FoucaultError
 from foucault.models.turntable import TablePlan
@@ -344,6 +345,15 @@ def test_a_table_that_turned_at_another_rate_than_planned_is_told():
     assert codes(got) == ["spin.rate_plan"]
     assert "10 deg/s, but the table says 7 deg/s" in got.findings[0].message
     np.testing.assert_allclose(got.rate, 7 * DEG, rtol=1e-9)
+
+
+def test_a_declared_rate_that_is_far_off_is_the_clock_or_the_table():
+    """However far: stamps that are a third too long make every gyro scale factor wrong."""
+    planned = np.full(3, 10 * DEG)
+    for factor in (0.7, 0.99, 1.01, 1.4):
+        assert [f.code for f in _rates(factor * planned, planned, 1e-4)] == ["spin.rate_clock"]
+    assert [f.code for f in _rates(0.7 * planned, planned, None)] == ["spin.rate_plan"]
+    assert _rates(0.99 * planned, planned, None) == []
 
 
 def test_fewer_readings_than_coefficients_are_refused():

@@ -6,11 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.estimate import gauss_newton
-from foucault.estimate.rate_table.likelihood import State, Trust, build, covariance, fit
+from foucault.estimate.rate_table.likelihood import (
+    State,
+    Trust,
+    build,
+    covariance,
+    fit,
+    level_slope,
+)
 from foucault.estimate.rate_table.scatter import fit_scatter, scaled_noise
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, ImuModel
@@ -157,3 +165,20 @@ def test_robust_loss_gives_less_weight_to_a_bad_step():
     _, found = fit(replace(steps, gyro=gyro), PLAIN, KNOWN, loss=gauss_newton.huber)
     assert found.weights[4] < 0.1
     assert np.delete(found.weights, 4).min() > 0.99
+
+
+@pytest.mark.parametrize("axis", ["x up", "y down"])
+def test_rests_at_other_table_angles_see_the_same_earth_turned(axis):
+    steps = make_steps(ImuModel(), axes=(axis,), rates=np.zeros(3))
+    angle = np.array([0.0, 0.7, -2.0])
+    steps = replace(steps, azimuth=angle)
+    trust = Trust(latitude=0.8)
+    slope = level_slope(steps, trust)
+    at_zero = slope[0] @ [0.6, -0.8]
+    for k, a in enumerate(angle):  # what stands still turns back about up, seen from the table
+        back = Rotation.from_rotvec(-a * steps.up[k])
+        np.testing.assert_allclose(slope[k] @ [0.6, -0.8], back.apply(at_zero), atol=1e-15)
+    assert np.linalg.norm(at_zero) == pytest.approx(trust.horizontal)
+    assert not covariance(steps, trust)["parts of turns"].any()
+    unknown = replace(steps, azimuth=np.full(3, np.nan))
+    assert covariance(unknown, trust)["parts of turns"].any()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foucault.errors import FoucaultError
+from foucault.errors import FoucaultError, suggestion
 from foucault.export import RECEIVERS, write
 from foucault.result import Level, Result
 from make_terms import with_terms
@@ -121,3 +121,7 @@ def test_scale_factor_terms_are_refused_where_there_is_no_place(
     assert problem.value.code == "export.inexpressible"
     text = write(result, receiver, tmp_path / "out", drop=[family]).read_text()
     assert f"{last} = {result.coefficients.value(last)!r}" in text
+
+
+def test_a_receiver_in_capitals_is_suggested_as_it_is_written():
+    assert suggestion("ROS2", RECEIVERS) == " Did you mean 'ros2'?"

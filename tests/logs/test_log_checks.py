@@ -263,6 +263,41 @@ def test_two_axes_that_are_still_in_a_log_without_noise_are_not_stuck():
     assert axes.check(time, x, "gyro") == ()
 
 
+@pytest.mark.parametrize("digits", [12, 6])
+def test_two_axes_that_stop_in_a_smooth_motion_are_named(digits):
+    """A slow tumble: from sample to sample it moves by a thousand times its noise."""
+    time = 0.2 * np.arange(1200)
+    angle = np.radians(5.0) * time
+    f = G * np.stack([np.sin(angle), np.cos(angle), np.sin(1.1 * angle + 0.3)], axis=1)
+    f = np.round(f + 1e-5 * np.random.default_rng(1).standard_normal(f.shape), digits)
+    f[600:840, :2] = f[600, :2]
+    assert codes(axes.check(time, f, "accel")) == ["log.stuck"] * 2
+
+
+@pytest.mark.parametrize("digits", [12, 4])
+def test_a_smooth_motion_without_noise_is_not_taken_for_noise(digits):
+    x = np.round(G * np.sin(np.radians(1.0) * np.arange(1200)), digits)
+    assert not axes.noisy(x)
+    assert axes.noisy(x + 1e-3 * np.random.default_rng(1).standard_normal(1200))
+
+
+@pytest.mark.parametrize("count", [0.01, 1.0])
+def test_a_logger_that_repeats_its_last_row_in_a_rest_is_told(count):
+    """Where other rests show noise; a sensor too coarse for it is not called stuck."""
+    rng = np.random.default_rng(3)
+    time = 0.01 * np.arange(3000)
+    turning = np.clip(np.abs(time - 15.0) - 3.0, None, 0.0)[:, None]  # from 12 to 18 s
+    x = turning * [1.0, 0.7, -0.4] + 0.02 * (1 + 60 * (turning < 0)) * rng.standard_normal(
+        (3000, 3)
+    )
+    x = count * np.round(x / count)
+    if count < 0.1:
+        x[2200:2700] = x[2200]
+    else:
+        x[:1200] += count * (rng.random((1200, 3)) < 0.3) * (time[:1200, None] > 11.9)
+    assert codes(axes.check(time, x, "gyro")) == ["log.stuck"] * (3 if count < 0.1 else 0)
+
+
 def test_pulses_that_repeat_are_not_stuck():
     rng = np.random.default_rng(1)
     time = np.arange(40_000) / 20

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from foucault.campaign.tables import SiteTable
 from foucault.models import earth
 from foucault.models.geodesy import east_north_up
 from foucault.models.rotation import log
@@ -53,6 +54,18 @@ def test_site_at_a_latitude_uses_normal_gravity() -> None:
     assert site.gravity == earth.gravity(45 * DEG, 100.0)
     assert site.gravity_source == "normal gravity"
     assert earth.Site(9.81).latitude is None
+
+
+def test_a_site_from_python_has_the_gravity_sd_of_a_campaign() -> None:
+    for said in ({"latitude": "48 deg"}, {"latitude": "48 deg", "gravity": "9.809 m/s^2"}):
+        told = SiteTable.model_validate(said).site()
+        assert told.latitude is not None
+        given = earth.Site(9.809, told.latitude)
+        same = given if "gravity" in said else earth.Site.at(told.latitude)
+        assert same.as_dict() == told.as_dict()
+        assert same.gravity_sd == 4e-4
+    exact = SiteTable.model_validate({"latitude": "48 deg", "gravity_sd": "0 m/s^2"}).site()
+    assert exact.gravity_sd == 0.0
 
 
 def test_gravity_and_earth_rate_of_many_places_are_those_of_each() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.models.gyro_scale import readout, readout_slope, sensed
+from foucault.models.gyro_scale import readout, sensed
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.rotation import exp
 
@@ -44,12 +44,6 @@ def test_inverse_up_to_near_where_the_readout_turns_back() -> None:
     r = np.linspace(-0.99, 0.99, 31)[:, None] * turn * np.ones(3)
     # Near the turn the slope is 0.02: rounding grows by 50.
     np.testing.assert_allclose(sensed(readout(r, 0 * c, c), 0 * c, c), r, atol=1e-13)
-
-
-def test_slope_is_the_derivative() -> None:
-    step = 1e-6
-    numeric = (readout(W + step, A, C) - readout(W - step, A, C)) / (2 * step)
-    np.testing.assert_allclose(readout_slope(W, A, C), numeric, atol=1e-8)
 
 
 def test_any_rotation_of_the_axes_leaves_the_readings_as_they_are() -> None:

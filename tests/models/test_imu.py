@@ -10,11 +10,8 @@ from foucault.errors import FoucaultError
 from foucault.models.imu import (
     LAYOUT,
     LINEAR_LOWER,
-    PRODUCTS,
     Gauge,
     ImuModel,
-    products,
-    products_slope,
 )
 from foucault.models.references import gravity_slope
 from foucault.models.rotation import exp
@@ -206,16 +203,40 @@ def test_lower_gauge_axes_are_the_accelerometers_own() -> None:
     assert turned.accel_matrix[1, 2] == pytest.approx(0, abs=1e-15)  # y_c in the x-y plane
 
 
-def test_slope_of_the_products_is_their_derivative() -> None:
-    step = 1e-6
-    for j in range(3):
-        d = np.zeros(3)
-        d[j] = step
-        numeric = (products(F + d) - products(F - d)) / (2 * step)
-        # The products are quadratic: a central difference is exact but for rounding.
-        np.testing.assert_allclose(products_slope(F)[..., j], numeric, atol=1e-7)
-    assert products(np.array([2.0, 3.0, 5.0])) == pytest.approx([4, 9, 25, 6, 10, 15])
-    assert len(PRODUCTS) == 6
+@pytest.mark.parametrize("model", [ImuModel(), _everything()], ids=["nominal", "everything"])
+def test_slopes_by_every_coefficient_force_and_rate_are_differences_of_the_readings(model) -> None:
+    slopes = model.slopes(F, W, LAYOUT.names)
+    assert slopes.accel.shape == slopes.gyro.shape == (50, 3, len(LAYOUT))
+    at = model.coefficients()
+    for k, name in enumerate(LAYOUT.names):  # linear in any one coefficient but for kinks
+        step = 1e-3 * _size(name)
+        ends = (at.with_values({name: at.values[k] + s}) for s in (step, -step))
+        up, down = (ImuModel.from_coefficients(end) for end in ends)
+        _assert_slope(slopes.accel[..., k], slopes.gyro[..., k], up, down, F, F, W, W, step)
+    none = np.zeros_like(slopes.accel_by_force[..., 0])
+    for j, d in enumerate(1e-5 * np.eye(3)):
+        by_f = slopes.accel_by_force[..., j], slopes.gyro_by_force[..., j]
+        _assert_slope(*by_f, model, model, F + d, F - d, W, W, 1e-5)
+        _assert_slope(none, slopes.gyro_by_rate[..., j], model, model, F, F, W + d, W - d, 1e-5)
+
+
+def _assert_slope(accel, gyro, up, down, f_up, f_down, w_up, w_down, step) -> None:
+    ahead, behind = up.measure(f_up, w_up), down.measure(f_down, w_down)
+    for got, a, b in zip((accel, gyro), ahead, behind, strict=True):
+        numeric = (a - b) / (2 * step)
+        # Rounding of readings up to 12 over the step, and its square times a third derivative.
+        np.testing.assert_allclose(got, numeric, rtol=0, atol=1e-14 / step + step**2)
+
+
+def test_slopes_of_models_that_differ_from_sample_to_sample_are_those_of_each() -> None:
+    names = LAYOUT.names
+    values = np.random.default_rng(4).uniform(-0.3, 0.3, (len(F), len(names)))
+    values *= [_size(name) for name in names]
+    together = ImuModel.of_samples(names, values).slopes(F, W, names)
+    for i in range(3):
+        one = _model(dict(zip(names, values[i], strict=True))).slopes(F[i], W[i], names)
+        for got, want in zip(together, one, strict=True):
+            np.testing.assert_allclose(got[i], want, rtol=1e-13, atol=1e-13)
 
 
 def test_linear_names_are_part_of_the_layout() -> None:

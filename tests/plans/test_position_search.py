@@ -22,7 +22,7 @@ from foucault.procedures.norm_observation import Session, Settings
 from foucault.procedures.on_table.bound import TOGETHER
 from foucault.procedures.on_table.session import plan_of
 
-SITE = Site(9.81, np.radians(45.0))
+SITE = Site(9.81, np.radians(45.0), gravity_sd=0.0)
 NOISE = grade("tactical").noise
 
 

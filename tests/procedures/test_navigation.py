@@ -15,6 +15,7 @@ from foucault.models.attitude import matrix_of
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans.manoeuvres import Rest, Rotate
+from foucault.procedures.alignment import align_log
 from foucault.procedures.navigation import navigate_log
 from foucault.procedures.navigation.settings import Settings
 from foucault.result import Level
@@ -66,7 +67,7 @@ def test_a_calibration_pays(parked) -> None:
     assert parked.reference.still and parked.settings.vertical == "held"
     assert parked.opening.end - parked.opening.start == 300.0 and parked.opening.still
     assert [c.name for c in parked.checks] == [
-        "heading at the start", "position at the last epoch", "velocity at the last epoch",
+        "heading at the start", "noise", "position at the last epoch", "velocity at the last epoch",
     ]  # fmt: skip
     assert parked.noise_source == "declared" and parked.findings == ()
     assert [round(row.age) for row in parked.runs[0].growth] == [60, 120, 300, 600, 1200]
@@ -98,6 +99,23 @@ def test_one_coefficient_is_worth_what_navigating_twice_says(name: str) -> None:
     known = full.runs[0].errors.position[-1, :2] * -1 + less.runs[0].errors.position[-1, :2]
     k = full.budget.names.index(name)
     assert full.budget.worth[-1, 6:8, k] == pytest.approx(known, rel=0.01, abs=0.02)
+
+
+@pytest.mark.thorough
+def test_noise_declared_five_times_too_small_is_doubtful_and_that_of_the_rest_is_used() -> None:
+    log = logged([Rest(300.0)], TRUE, rate=5.0).log
+    small = ImuNoise(*(TriadNoise(white=t.white / 5) for t in (NOISE.accel, NOISE.gyro)))
+    how = {"calibration": calibration(FOUND), **PLACE}
+    test = navigate_log(log, noise=small, settings=Settings(align=200.0), **how)
+    check = next(c for c in test.checks if c.name == "noise")
+    assert not check.passed and test.verdict.level is Level.DOUBTFUL
+    assert test.noise_source == "declared, raised to that of the rest"
+    assert test.noise.gyro.white == pytest.approx(NOISE.gyro.white, rel=0.1)
+    found = align_log(log, site=SITE, end=200.0, noise=small, calibration=how["calibration"])
+    assert "alignment.declared_noise" in [f.code for f in found.findings]
+    assert found.noise == test.noise
+    fine = align_log(log, site=SITE, end=200.0, noise=NOISE, calibration=how["calibration"])
+    assert "alignment.declared_noise" not in [f.code for f in fine.findings]
 
 
 @pytest.mark.thorough
@@ -491,3 +509,39 @@ def test_real_ln100() -> None:
     test = navigate_log(ln100_log(), site=LN100_SITE, settings=Settings(align=150.0))
     assert np.degrees(test.runs[0].trajectory.angles[0, 0]) == pytest.approx(7.31, abs=0.05)
     assert test.runs[0].growth[-1].horizontal < 20
+
+
+@pytest.mark.thorough
+def test_a_row_of_zeros_on_the_way_costs_no_velocity() -> None:
+    run = logged(DRIVE, TRUE)
+    log, words = run.log, {"calibration": calibration(FOUND), "noise": NOISE, **PLACE}
+    gyro, accel = log.gyro.copy(), log.accel.copy()
+    k = len(log) // 2 + 7
+    gyro[k] = accel[k] = 0.0  # 0.5 m/s of up are lost
+    spoiled = replace(log, gyro=gyro, accel=accel)
+    clean, got = (navigate_log(x, reference=reference_of(run), **words) for x in (log, spoiled))
+    assert got.runs[0].growth[-1].vertical == pytest.approx(
+        clean.runs[0].growth[-1].vertical, abs=0.05
+    )
+    assert got.runs[0].growth[-1].horizontal == pytest.approx(
+        clean.runs[0].growth[-1].horizontal, abs=0.5
+    )
+    assert "log.spikes" in codes(got)
+    assert "log.spikes" not in codes(clean)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("triad", ["gyro", "accel"])
+def test_one_reading_20_sd_off_on_the_way_moves_the_end_by_less_than_a_sd(triad: str) -> None:
+    run = logged(DRIVE, TRUE)
+    log, words = run.log, {"calibration": calibration(FOUND), "noise": NOISE, **PLACE}
+    x = getattr(log, triad).copy()
+    x[len(log) // 2 + 7, 0] += 20 * getattr(NOISE, triad).white / np.sqrt(log.interval)
+    clean, got = (
+        navigate_log(each, reference=reference_of(run), **words).checks
+        for each in (log, replace(log, **{triad: x}))
+    )
+    for name in ("position at the last epoch", "velocity at the last epoch"):
+        one, other = (next(c for c in checks if c.name == name) for checks in (clean, got))
+        assert other.passed
+        assert other.value == pytest.approx(one.value, abs=1.0)

@@ -19,7 +19,7 @@ from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import TableColumns
 
-SITE = Site(9.81, np.radians(45.0))
+SITE = Site(9.81, np.radians(45.0), gravity_sd=0.0)
 NOISE = grade("tactical").noise
 MODEL = draw_errors("tactical", 5)
 PERFECT = {"plumb_sd": 0.0, "orthogonality_sd": 0.0, "zero_sd": 0.0, "position_sd": 0.0}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import foucault
+from foucault import campaign
 from foucault.errors import Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.cluster import CONSTANTS, LAYOUT
@@ -20,7 +21,7 @@ from foucault.result import Level
 from make_cluster import ARCSEC, DEG_H, SIZES, UG, G, one_error
 from make_tumble import FAST, PUBLISHED, calibrate, campaign_of, tumble
 
-SITE = Site(G, np.radians(40.0))
+SITE = Site(G, np.radians(40.0), gravity_sd=0.0)
 LEVEL = Session(attitude=("0 deg",) * 3, attitude_sd=0.0)
 BIAS = CONSTANTS.group("accel.bias")
 SCALE = CONSTANTS.group("accel.scale")
@@ -256,3 +257,24 @@ def test_a_result_is_saved_loaded_and_applied(tmp_path):
     true = session.simulation.model.apply(log).gyro
     assert np.abs(right.gyro - true).max() < 0.02 * DEG_H
     assert np.abs(log.gyro - true).max() > DEG_H
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("quantisation", [1e-3, 1e-4])
+def test_a_tumble_read_as_pulses_knows_how_well_it_is_known(quantisation):
+    """Counts of 100 ug and of 10 ug beside 1 ug of noise, each carried to the next reading."""
+    made = campaign_of(FAST, 'kind = "increment"')
+    accel = replace(made.noise.accel, quantisation=quantisation)
+    made = replace(made, noise=replace(made.noise, accel=accel))
+    off, nees, levels = [], [], []
+    for seed in range(8):
+        session = campaign.simulate(made, seed)
+        result = calibrate(made, session.simulation.log, trial=True)
+        c = result.coefficients
+        err = c.values - session.truth.chosen(c.names).values
+        off.append(err / c.sd)
+        nees.append(err @ np.linalg.solve(c.cov, err) / len(err))
+        levels.append(result.verdict.level)
+    assert 1 / 1.3 < np.sqrt(np.mean(np.square(off))) < 1.3
+    assert 0.75 < np.mean(nees) < 1.25
+    assert levels.count(Level.PASS) >= 7

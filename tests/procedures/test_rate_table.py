@@ -7,12 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from foucault import campaign, procedures, report, run_folder
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import nees
 from foucault.errors import FoucaultError, Status
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.estimate.drift import by_time
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
@@ -377,6 +379,37 @@ def test_errors_of_one_axis_with_rests_are_as_large_as_promised():
         total += miss(calibrate(made.log, site=SITE, noise=noise, settings=settings), made)
     low, high = chi_square_limits(n * len(ONE))
     assert low < total < high
+
+
+@pytest.mark.thorough
+def test_sessions_of_one_axis_with_rests_fall_under_doubt_as_seldom_as_stated():
+    """The Earth's rate in the rests of one placement is one vector, not another in each."""
+    names, n, doubted = ("y up", "y down"), 100, 0
+    squares, dof = [], 0
+    for seed in range(n):
+        made, noise = one_axis(seed, axes=names)
+        result = calibrate(made.log, site=SITE, noise=noise, settings=Settings(axes=names))
+        doubted += result.verdict.level is not Level.PASS
+        squares.append(result.diagnostics["chi_square_of_noise_alone"]["steps"][0])
+        dof += result.diagnostics["chi_square_of_noise_alone"]["steps"][3]
+    # Two checks with limits at 1 % each; the residuals are as large as they should be.
+    assert doubted <= binom.ppf(0.995, n, 2 * FALSE_ALARM)
+    low, high = chi_square_limits(dof)
+    assert low < np.sum(squares) < high
+
+
+@pytest.mark.parametrize("what", ["drift", "noise"])
+def test_one_axis_with_rests_that_drifts_or_has_another_noise_is_no_pass(what):
+    made, noise = one_axis(1, axes=("y up", "y down"))
+    log, settings = made.log, Settings(axes=("y up", "y down"), repeatability=False)
+    if what == "drift":
+        moved = 20 * np.radians(1.0) / 3600 * (by_time(log.time))[:, None]
+        log = replace(log, gyro=log.gyro + moved)
+    else:
+        noise = replace(noise, gyro=replace(noise.gyro, white=2 * noise.gyro.white))
+    result = calibrate(log, site=SITE, noise=noise, settings=settings)
+    failed = {c.name for c in result.checks if not c.passed}
+    assert ("drift" if what == "drift" else "noise of the steps") in failed
 
 
 WANDERS = ImuNoise(

@@ -16,7 +16,7 @@ from foucault.diagnose.systematic import deflection_verdict as verdicts
 from foucault.diagnose.systematic.deflection_choice import GENERAL18, UNIT, Told
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.systematic.fit import solve
+from foucault.estimate.systematic.fit import attitude_at_start, solve
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.procedures import systematic
@@ -180,7 +180,7 @@ def test_odds_are_what_filters_with_each_model_say(bending):
     p = problem_of(made.log, SITE, settings, NOISE, {})
     choice, begun, first, base = procedure.choice_of(p, settings, PRIORS)
     run = base.run
-    C_nb = procedure.attitude_at_start(run, run.trajectory.C_nb[0])
+    C_nb = attitude_at_start(run, run.trajectory.C_nb[0])
     phi = np.minimum(p.phi_sd, 30 * np.sqrt(np.diag(run.attitude_cov)))
 
     def log_likelihood(name, chirality=-1):

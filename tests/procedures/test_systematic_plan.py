@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ from foucault.procedures.systematic.bound import bound, foreseen, without_prior
 from foucault.procedures.systematic.foresight import shown
 from foucault.procedures.systematic.plan import HERE
 from foucault.procedures.systematic.quick import Quick
-from foucault.procedures.systematic.settings import Settings
+from foucault.procedures.systematic.settings import Session, Settings
 from make_sequence import ARCSEC, DEG, NOISE
 
 SITE = Site.at(40 * DEG, 100.0)
@@ -229,7 +231,7 @@ def test_a_search_in_a_folder_for_the_shortest(tmp_path, monkeypatch):
     monkeypatch.setattr(systematic_plan, "OTHERS", systematic_plan.OTHERS[3:])
     wanted = 'accuracy = { "deflection" = "0.06 arcsec/g" }\nmost_turns = 12'
     asked = planned(FAST, wanted)
-    found = optimisation.run(asked, tmp_path / "a", restarts=1, evaluations=33, size=2)
+    found = optimisation.run(asked, tmp_path / "a", restarts=1, evaluations=120, size=2)
     assert found.aim == "time" and found.gained and found.complete
     wanted_of = {n.name: n for n in found.needs}["largest sd of deflection"]
     assert wanted_of.kept and wanted_of.needed < 0.06 * ARCSEC_G
@@ -237,7 +239,7 @@ def test_a_search_in_a_folder_for_the_shortest(tmp_path, monkeypatch):
     assert done.settings.plan.duration == pytest.approx(found.duration)
     told = foresee(done)
     assert told.complete and told.duration == pytest.approx(found.duration)
-    more = optimisation.run(asked, tmp_path / "a", restarts=2, evaluations=33, size=2)
+    more = optimisation.run(asked, tmp_path / "a", restarts=2, evaluations=120, size=2)
     assert len(more.restarts) == 2 and more.duration <= found.duration
 
 
@@ -279,3 +281,23 @@ def test_what_cannot_be_searched(procedure, wanted, code):
         )
     else:
         assert caught.value.code == code
+
+
+@pytest.mark.parametrize("rest_time", [5.0, 20.0])
+def test_a_session_that_cannot_be_aligned_is_refused_before_it_is_made(rest_time):
+    described = campaign.parse(campaign.template("systematic"), Path("campaign.toml"))
+    session = described.session.model_copy(update={"rest_time": rest_time})
+    for what in (campaign.simulate, foresee):
+        with pytest.raises(FoucaultError, match=r"first rest lasts \d+ s.* 20.5 s or more"):
+            what(replace(described, session=session), *([1] if what is campaign.simulate else []))
+
+
+@pytest.mark.thorough
+def test_the_shortest_first_rest_that_is_planned_is_calibrated():
+    settings = Settings(sequence=("9 positions",))
+    made = systematic.simulate(
+        Session(rest_time=20.5, rate=20.0), settings=settings, noise=NOISE, site=SITE, seed=1,
+        model=systematic.draw_errors("navigation", 1),
+    )  # fmt: skip
+    result = systematic.trial(made.log, site=SITE, settings=settings, noise=NOISE)
+    assert result.coefficients.cov is not None

@@ -75,7 +75,7 @@ def test_wander_that_is_declared_is_in_the_uncertainty_of_the_long_term_bias():
 def test_gyros_that_bend_do_not_pass_without_deflection(part):
     """Quarter turns show some bending before any check of the residuals fails."""
     model = systematic.simulate(
-        systematic.Session(rest_time=5.0, rate=5.0), settings=Settings(deflection="coupled6"),
+        systematic.Session(rest_time=25.0, rate=5.0), settings=Settings(deflection="coupled6"),
         model=systematic.draw_errors("navigation", 1), noise=NOISE, site=SITE, seed=1,
     ).model  # fmt: skip
     made = simulated(model=replace(model, deflection=part * model.deflection))

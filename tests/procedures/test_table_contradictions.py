@@ -25,7 +25,7 @@ def simulated(module, name, seed, latitude, plan):
     return module.simulate(
         module.Session(rows="means"), settings=module.Settings(plan=plan),
         model=draw_errors(name, seed), noise=grade(name).noise,
-        site=Site(9.81, np.radians(latitude)), seed=seed,
+        site=Site(9.81, np.radians(latitude), gravity_sd=0.0), seed=seed,
     )  # fmt: skip
 
 
@@ -36,7 +36,7 @@ def calibrated(
     sim = simulated(module, name, seed, latitude, plan)
     log = sim.log if change is None else change(sim.log)
     result = module.calibrate(
-        log, site=Site(9.81, np.radians(latitude if said is None else said)),
+        log, site=Site(9.81, np.radians(latitude if said is None else said), gravity_sd=0.0),
         settings=module.Settings(plan=plan), noise=grade(name).noise if noise else None, **more,
     )  # fmt: skip
     c = result.coefficients

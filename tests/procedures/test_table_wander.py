@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from foucault.estimate.drift import by_time
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -64,6 +65,20 @@ def test_biases_are_within_the_uncertainty_of_the_long_term_bias(module):
     # Biases of a triad share nothing: so many independent ones have a mean square of 1.
     n = 6 * sessions
     assert chi2.ppf(5e-4, n) < np.sum(np.square(z)) < chi2.ppf(1 - 5e-4, n)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("module", [turntable, norm_observation, multi_position])
+def test_a_drift_beyond_the_declared_wander_is_told_and_the_wander_is_none(module):
+    def told(log):
+        result = module.calibrate(log, site=SITE, settings=module.Settings(), noise=NOISE)
+        (drift,) = [c for c in result.checks if c.name == "drift"]
+        return drift
+
+    log = simulated(module, 1).log
+    tau = by_time(log.time)[:, None]
+    assert told(log).passed
+    assert not told(replace(log, accel=log.accel * (1 + 5e-3 * tau))).passed
 
 
 @pytest.mark.thorough

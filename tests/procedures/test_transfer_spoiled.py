@@ -438,7 +438,8 @@ def test_a_master_s_clock_that_is_seconds_off(flight, off: float) -> None:
     result = said(flight, master(time=lambda t: t + off))
     words = told(result, "transfer.clock")
     assert f"is of {off + 0.1:+.3f} ± 0.00" in words
-    assert f"take {off + 0.1:.3f} s from the master's stamps" in words
+    verb, to = ("take", "from") if off > 0 else ("add", "to")
+    assert f"{verb} {abs(off + 0.1):.3f} s {to} the master's stamps" in words
     assert not {"transfer.mounting", "transfer.sense", "transfer.mirror"} & set(codes(result))
     assert result.verdict.level is not Level.PASS
 
@@ -531,3 +532,30 @@ def test_two_hours() -> None:
     assert not failed(result) and not codes(result)
     low, high = chi_square_limits(13)
     assert low < off(result, model, session)[1] < high
+
+
+@pytest.mark.thorough
+def test_a_row_of_zeros_in_a_turn_moves_no_coefficient(flight):
+    c, session = flight
+    log = session.simulation.log
+    gyro, accel = log.gyro.copy(), log.accel.copy()
+    gyro[8000] = accel[8000] = 0.0  # 9.8 m/s^2 for 10 ms: 10 sd of the scale of a gyro
+    clean, got = (trial(c, x) for x in (log, replace(log, gyro=gyro, accel=accel)))
+    moved_by = (got.coefficients.values - clean.coefficients.values) / clean.coefficients.sd
+    assert np.abs(moved_by).max() < 0.05
+    assert got.verdict.level is Level.PASS
+    assert "1 (accel.x, accel.y, accel.z, gyro.x, gyro.y, gyro.z)" in told(got, "log.spikes")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("row", [500, 8000, 12000])
+@pytest.mark.parametrize("triad", ["gyro", "accel"])
+def test_one_reading_20_sd_off_moves_no_coefficient_by_a_quarter_of_its_sd(flight, row, triad):
+    c, session = flight
+    log = session.simulation.log
+    x = getattr(log, triad).copy()
+    x[row, 2] += 20 * getattr(c.noise, triad).white / np.sqrt(log.interval)
+    clean, got = (trial(c, each) for each in (log, replace(log, **{triad: x})))
+    moved_by = (got.coefficients.values - clean.coefficients.values) / clean.coefficients.sd
+    assert np.abs(moved_by).max() < 0.25
+    assert got.verdict.level is Level.PASS

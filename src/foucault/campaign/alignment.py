@@ -17,29 +17,18 @@ from foucault.procedures.alignment import Comparison, align_log
 
 @dataclass(frozen=True)
 class Window:
-    """Which part of a log is aligned, and how.
+    """Which part of a log is aligned, and how."""
 
-    Attributes
-    ----------
-    methods : sequence of str
-        Methods; none for all that fit.
-    start, end : float or None
-        The rest, from the start of the log [s].
-    rests : sequence of (float, float)
-        Rests at different headings [s].
-    gyro_bias_sd, accel_bias_sd : float or None
-        How well the biases are known [rad/s], [m/s^2].
-    gaps : {"stop", "bridge"}
-        What is done where samples are missing.
-    """
-
-    methods: Sequence[Method] = ()
+    methods: Sequence[Method] = ()  # methods; none for all that fit
+    # start, end: the rest, from the start of the log [s]
     start: float | None = None
     end: float | None = None
+    # rests at different headings [s]
     rests: Sequence[tuple[float, float]] = field(default_factory=tuple)
+    # gyro_bias_sd, accel_bias_sd: how well the biases are known [rad/s], [m/s^2]
     gyro_bias_sd: float | None = None
     accel_bias_sd: float | None = None
-    gaps: Literal["stop", "bridge"] = "stop"
+    gaps: Literal["stop", "bridge"] = "stop"  # what is done where samples are missing
 
 
 def run(
@@ -52,19 +41,10 @@ def run(
 ) -> Comparison:
     """Align the log of a file.
 
-    Parameters
-    ----------
-    log : str or Path
-        A campaign file of any procedure, a log that Foucault has written, or a file whose titles
-        carry the units.
-    said : Said
-        Site and noise, before what a campaign says of them.
-    window : Window
-        Which part, and how.
-    calibration : str, Path or None
-        Run folder or result.json of the calibration.
-    progress : callable
-        Called with the fraction done and what is being done.
+    `log`: a campaign file of any procedure, a log that Foucault has written, or a file whose
+    titles carry the units; `said`: site and noise, before what a campaign says of them;
+    `calibration` or None: run folder or result.json of the calibration; `progress`: called with
+    the fraction done and what is being done.
     """
     result, _ = (None, {}) if calibration is None else calibration_of(Path(calibration))
     found = read(Path(log), progress)

@@ -39,20 +39,12 @@ def run(
 ) -> FoundDelay:
     """Find the offset of two files.
 
-    Parameters
-    ----------
-    slave : str or Path
-        A campaign file, for its log; a log that Foucault has written; or a file whose titles carry
-        the units.
-    master : str, Path or None
-        A file with [master] or [log] in it; a table of a master or a log whose titles carry the
-        units. None where the first file describes both.
-    mounting : (float, float, float) or None
-        Heading, pitch and roll of the slave in the axes of the master [rad].
-    bracket : (float, float) or None
-        Where the offset lies [s]; None for as far as they overlap.
-    progress : callable
-        Called with the fraction done and what is being done.
+    `slave`: a campaign file, for its log, a log that Foucault has written, or a file whose titles
+    carry the units; `master`: a file with [master] or [log] in it, a table of a master or a log
+    whose titles carry the units. None where the first file describes both; `mounting` or None:
+    heading, pitch and roll of the slave in the axes of the master [rad]; `bracket`: where the
+    offset lies [s], None for as far as they overlap; `progress`: called with the fraction done
+    and what is being done.
     """
     slave = Path(slave)
     with beside_another():
@@ -93,5 +85,5 @@ def _second(path: Path, progress: Progress) -> Log | MasterTable:
     if any(title.partition("(")[0].strip().lower() in _HEADINGS for title in raw.names):
         return masters.read(MasterDescription.model_validate({"file": path.name}), path.parent)
     description, told = description_of(path)
-    log = logs.read(description, path.parent)
+    log = logs.read(description.whole(), path.parent)
     return replace(log, findings=told + log.findings)

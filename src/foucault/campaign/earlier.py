@@ -62,13 +62,7 @@ KEYS = ("from", "growth", "inflate")
 
 
 def split(raw: Mapping[str, Any]) -> tuple[dict[str, Any], EarlierTable | None]:
-    """Part what [prior] says of an earlier result from the rest of a campaign.
-
-    Parameters
-    ----------
-    raw : mapping
-        The campaign as TOML gives it.
-    """
+    """Part what [prior] says of an earlier result from the rest of a campaign."""
     prior = raw.get("prior")
     said = {k: prior[k] for k in KEYS if k in prior} if isinstance(prior, dict) else {}
     if not said or not isinstance(prior, dict):
@@ -87,12 +81,7 @@ def split(raw: Mapping[str, Any]) -> tuple[dict[str, Any], EarlierTable | None]:
 def written(table: EarlierTable, old: Path, new: Path) -> dict[str, Any]:
     """Return the keys of [prior], the folder relative to where the file will lie.
 
-    Parameters
-    ----------
-    table : EarlierTable
-        What is to be written.
-    old, new : Path
-        Folders of the campaign and of the copy.
+    `old`, `new`: folders of the campaign and of the copy.
     """
     import os
 
@@ -104,12 +93,7 @@ def written(table: EarlierTable, old: Path, new: Path) -> dict[str, Any]:
 def read(table: EarlierTable, folder: Path) -> Earlier:
     """Read the earlier result that a campaign names.
 
-    Parameters
-    ----------
-    table : EarlierTable
-        What [prior] says.
-    folder : Path
-        Folder of the campaign.
+    `table`: what [prior] says.
     """
     growth = {}
     for name, text in table.growth.items():
@@ -135,14 +119,7 @@ def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], 
     coefficients alone, or is refused for that, it is given the standard deviations of the earlier
     result to begin with; these are taken out again, and all of the covariance takes their place.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    table : EarlierTable
-        Its earlier result.
-    run : callable
-        Calibrates with a prior, mean and standard deviation of coefficients or groups.
+    `run`: calibrates with a prior, mean and standard deviation of coefficients or groups.
     """
     earlier = read(table, campaign.folder)
     known = earlier.known(without=campaign.prior).own
@@ -181,14 +158,7 @@ def foreseen(
     As in `calibrated`: the plan alone first, lent the standard deviations of the earlier result
     where it cannot tell all coefficients alone, then all of the covariance.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    table : EarlierTable
-        Its earlier result.
-    run : callable
-        Foresees with a prior, mean and standard deviation of coefficients or groups.
+    `run`: foresees with a prior, mean and standard deviation of coefficients or groups.
     """
     before = read(table, campaign.folder)
     known = before.known(without=campaign.prior).own
@@ -208,12 +178,7 @@ def foreseen(
 def with_given(result: Result, prior: Mapping[str, tuple[float, float]]) -> Result:
     """Return a result that remembers which prior it was given.
 
-    Parameters
-    ----------
-    result : Result
-        The result.
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups [SI].
+    `prior`: mean and standard deviation of coefficients or groups [SI].
     """
     if not prior:
         return result
@@ -239,9 +204,6 @@ def hashed(path: str | Path) -> Hashed:
 def merge(paths: Sequence[str | Path]) -> Result:
     """Merge the results of run folders of one instrument.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        Run folders or result.json files, two or more.
+    `paths`: run folders or result.json files, two or more.
     """
     return merged([hashed(path) for path in paths])

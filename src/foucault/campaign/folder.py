@@ -29,21 +29,8 @@ def write(
 ) -> dict[str, Any]:
     """Write a document and the files that belong to it; remove the report of an earlier one.
 
-    Parameters
-    ----------
-    folder : Path
-        Made where it does not exist.
-    file : str
-        Name of the document.
-    about : mapping
-        What it says, as plain values; hashes of `files` are added under "files".
-    files : mapping of str to bytes, or None
-        Contents of the other files by name; None for a document that has none.
-
-    Returns
-    -------
-    dict
-        What the document says.
+    `about`: what it says, as plain values, hashes of `files` are added under "files"; `files`:
+    contents of the other files by name, None for a document that has none.
     """
     told = dict(about)
     if files is not None:
@@ -62,17 +49,7 @@ def write(
 
 
 def read_table(file: Path, name: str, digest: str) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a table beside a document.
-
-    Parameters
-    ----------
-    file : Path
-        The document.
-    name : str
-        File name of the table.
-    digest : str
-        SHA-256 that the document gives.
-    """
+    """Return the columns of a table beside a document."""
     import pyarrow.parquet as pq
 
     where = {"file": file, "table": Path(name).stem, "path": name}
@@ -89,10 +66,7 @@ def read_table(file: Path, name: str, digest: str) -> dict[str, npt.NDArray[Any]
 def parquet(columns: Columns) -> bytes:
     """Return a table as a Parquet file that carries the units.
 
-    Parameters
-    ----------
-    columns : mapping of str to (array_like, str)
-        Values and unit of each column [SI].
+    `columns`: values and unit of each column [SI].
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -110,9 +84,6 @@ def parquet(columns: Columns) -> bytes:
 def as_arrays(columns: Columns) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a table without their units.
 
-    Parameters
-    ----------
-    columns : mapping of str to (array_like, str)
-        Values and unit of each column [SI].
+    `columns`: values and unit of each column [SI].
     """
     return {name: np.asarray(values) for name, (values, _) in columns.items()}

@@ -9,16 +9,15 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
 from foucault.errors import Finding, error, finding
 from foucault.files import atomic, parse_json
 from foucault.plans.optimise import Comparison, Space, compare
 
-FloatArray = npt.NDArray[np.float64]
 Turned = tuple[float, float, tuple[float, float, float]]
 
 FOUND_FILE = "found.json"
@@ -29,81 +28,45 @@ GAIN = 0.9995
 
 @dataclass(frozen=True)
 class Found:
-    """A plan beside the one to beat.
-
-    Attributes
-    ----------
-    procedure : str
-        For which procedure.
-    aim : str
-        What was made small: "sd", or "time" for what is wanted among `needs`.
-    reference : str
-        What the plan to beat is called.
-    steps, reference_steps : tuple of tuple of str
-        Both plans as tables: headings, then rows.
-    duration, reference_duration : float
-        Time that they take [s].
-    motion, reference_motion : tuple of (float, float, (float, float, float))
-        Beginning, end [s] and rates about x, y, z [rad/s] of each step, where it is turned at
-        rates; empty elsewhere.
-    needs, reference_needs : tuple of Limit
-        What both plans need of the rig, where that is said.
-    names, units : tuple of str
-        What is compared, and the units of `sd` and `reference_sd` for people.
-    weights : tuple of float
-        How much each counts [1].
-    unseen : tuple of str
-        What no allowed plan shows.
-    cases : tuple of str
-        Circumstances.
-    sd, reference_sd : tuple of tuple of float
-        Standard deviations that would be stated, by case and name [units].
-    ratio : tuple of tuple of float
-        One over the other by case and name [1].
-    geometric_mean, worst : tuple of float
-        Of the ratios of what counts, by case [1].
-    restarts : tuple of dict
-        Of each restart its number, cost, evaluations, whether it continued an earlier plan, and
-        its trace.
-    evaluations : int
-        Plans that were judged [1].
-    seed : int
-        Of the search [1].
-    version : str
-        Of this package.
-    allowed : str
-        What plans were allowed, in words.
-    findings : tuple of Finding
-        What the user should know.
-    """
+    """A plan beside the one to beat."""
 
     procedure: str
-    aim: str
-    reference: str
+    aim: str  # what was made small: "sd", or "time" for what is wanted among `needs`
+    reference: str  # what the plan to beat is called
+    # steps, reference_steps: both plans as tables: headings, then rows
     steps: tuple[tuple[str, ...], ...]
     reference_steps: tuple[tuple[str, ...], ...]
+    # duration, reference_duration: time that they take [s]
     duration: float
     reference_duration: float
+    # motion, reference_motion: beginning, end [s] and rates about x, y, z [rad/s] of each step,
+    # where it is turned at rates; empty elsewhere
     motion: tuple[Turned, ...]
     reference_motion: tuple[Turned, ...]
+    # needs, reference_needs: what both plans need of the rig, where that is said
     needs: tuple[Limit, ...]
     reference_needs: tuple[Limit, ...]
+    # names, units: what is compared, and the units of `sd` and `reference_sd` for people
     names: tuple[str, ...]
     units: tuple[str, ...]
-    weights: tuple[float, ...]
-    unseen: tuple[str, ...]
+    weights: tuple[float, ...]  # how much each counts [1]
+    unseen: tuple[str, ...]  # what no allowed plan shows
     cases: tuple[str, ...]
+    # sd, reference_sd: standard deviations that would be stated, by case and name [units]
     sd: tuple[tuple[float, ...], ...]
     reference_sd: tuple[tuple[float, ...], ...]
-    ratio: tuple[tuple[float, ...], ...]
+    ratio: tuple[tuple[float, ...], ...]  # one over the other by case and name [1]
+    # geometric_mean, worst: of the ratios of what counts, by case [1]
     geometric_mean: tuple[float, ...]
     worst: tuple[float, ...]
+    # of each restart its number, cost, evaluations, whether it continued an earlier plan, and its
+    # trace
     restarts: tuple[dict[str, Any], ...]
-    evaluations: int
-    seed: int
+    evaluations: int  # plans that were judged [1]
+    seed: int  # of the search [1]
     version: str
-    allowed: str
-    findings: tuple[Finding, ...]
+    allowed: str  # what plans were allowed, in words
+    findings: tuple[Finding, ...]  # what the user should know
 
     @property
     def gained(self) -> bool:
@@ -136,20 +99,7 @@ class Found:
     ) -> Found:  # fmt: skip
         """Compare a plan with the one to beat.
 
-        Parameters
-        ----------
-        procedure : str
-            For which procedure.
-        space : Space
-            Plans and how good they are.
-        plan : object
-            The plan found.
-        rows : mapping of str to ndarray, each shape (restarts,)
-            Columns of the restarts.
-        seed : int, shape ()
-            Of the search [1].
-        told : tuple of Finding
-            What was noticed before the search.
+        `rows` (restarts,): columns of the restarts; `seed`: of the search [1].
         """
         c = compare(space, plan)
         total = int(rows["evaluations"].sum())
@@ -243,13 +193,7 @@ def _tuple(values: FloatArray) -> tuple[float, ...]:
 
 
 def load(folder: str | Path) -> Found:
-    """Read what a search has found.
-
-    Parameters
-    ----------
-    folder : str or Path
-        The folder of the search.
-    """
+    """Read what a search has found."""
     path = Path(folder) / FOUND_FILE
     try:
         raw = parse_json(path.read_text(encoding="utf-8"))

@@ -20,12 +20,7 @@ Model = TypeVar("Model", bound=BaseModel)
 def all_finite(tree: Any, where: tuple[str | int, ...] = ()) -> None:
     """Refuse nan and inf, which TOML can write and no key takes.
 
-    Parameters
-    ----------
-    tree : dict, list or a value
-        As TOML gives it.
-    where : tuple of str or int, shape (any,)
-        Keys that lead to it.
+    `where` (any,): keys that lead to it.
     """
     if isinstance(tree, float) and not math.isfinite(tree):
         reason = "it should be a number that is finite"
@@ -44,16 +39,7 @@ def validate(
 ) -> Model:
     """Check `raw` against `model`.
 
-    Parameters
-    ----------
-    model : type
-        A pydantic model.
-    raw : dict
-        Table as TOML gives it.
-    where : tuple of str
-        Keys that lead to the table.
-    also : collection of str
-        Keys of the table that the model does not know but that are allowed.
+    `also`: keys of the table that the model does not know but that are allowed.
     """
     try:
         return model.model_validate(raw, context={"locate": True})
@@ -66,15 +52,7 @@ MOST = 100_000
 
 
 def countable(table: BaseModel, where: tuple[str, ...]) -> None:
-    """Refuse counts that no session has, before anything is made so many times.
-
-    Parameters
-    ----------
-    table : BaseModel
-        What is planned.
-    where : tuple of str
-        Keys that lead to the table.
-    """
+    """Refuse counts that no session has, before anything is made so many times."""
     for name in type(table).model_fields:
         value = getattr(table, name)
         for item in value if isinstance(value, tuple | list) else (value,):
@@ -120,8 +98,11 @@ def _first(
     if isinstance(inner, FoucaultError):
         placed = _placed(inner, key, str(loc[-1]))
         return FoucaultError(placed.code, placed.message + more, placed.cure)
-    given = repr(first["input"])
+    kind = _kind_at(model, loc)
+    given = repr(first["input"] if kind is None else _said(raw, loc, first["input"]))
     reason = first["msg"].removeprefix("Value error, ").replace("Input should", "it should")
+    if kind is not None:
+        reason = _in_units(reason, kind, first.get("ctx", {}))
     words = re.findall(r"'([^']+)'", reason)
     return error(
         "campaign.value",
@@ -131,6 +112,33 @@ def _first(
         hint=suggestion(str(first["input"]), words),
         more=more,
     )
+
+
+def _kind_at(model: type[BaseModel], loc: tuple[str | int, ...]) -> str | None:
+    """Return the kind of the quantity at `loc`, shape (any,), or None where there is none."""
+    field = fields_at(model, loc[:-1]).get(str(loc[-1]))
+    return None if field is None else kind_of(field)
+
+
+def _said(raw: Any, loc: tuple[str | int, ...], read: Any) -> Any:
+    """Return what the file says at `loc`, shape (any,), or `read` where it says nothing there."""
+    try:
+        for key in loc:
+            raw = raw[key]
+    except (KeyError, IndexError, TypeError):
+        return read
+    return raw
+
+
+def _in_units(reason: str, kind: str, bounds: Mapping[str, Any]) -> str:
+    """Write the bounds in `reason`, numbers in SI, with a unit that people use."""
+    for bound in bounds.values():
+        if isinstance(bound, int | float) and bound:
+            unit = units.display_unit(kind, abs(bound))
+            written = units.plain(units.convert(bound, kind, unit))
+            reason = re.sub(rf"{re.escape(f'{bound:g}')}$|{re.escape(repr(bound))}$",
+                            f"{written} {unit}", reason)  # fmt: skip
+    return reason
 
 
 def parse_at(key: str, text: str, kind: str) -> float:

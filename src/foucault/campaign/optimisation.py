@@ -53,21 +53,11 @@ AGAIN = 0.2
 
 @dataclass(frozen=True)
 class Restart:
-    """A trial: one restart.
+    """A trial: one restart."""
 
-    Attributes
-    ----------
-    space : Space
-        Plans and how good they are.
-    evaluations : int
-        Plans that it judges [1].
-    starts : mapping of int to object
-        Restart -> plan, as JSON, from which it begins; the others draw [1].
-    """
-
-    space: Space
-    evaluations: int
-    starts: Mapping[int, Any]
+    space: Space  # plans and how good they are
+    evaluations: int  # plans that it judges [1]
+    starts: Mapping[int, Any]  # restart -> plan, as JSON, from which it begins; the others draw [1]
 
     def __call__(self, index: int, seeds: np.random.SeedSequence) -> dict[str, Any]:
         """Run restart number `index`, shape () [1]."""
@@ -100,39 +90,15 @@ def run(
 ) -> Found:
     """Search for a better plan, or go on with a search, in a folder.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The procedure, the limits of the rig and what is wanted.
-    folder : str or Path
-        Where the search is kept; one that was interrupted is continued.
-    restarts : int, shape ()
-        Number of restarts [1].
-    evaluations : int or None, shape ()
-        Plans that each of them judges; None takes what suits the procedure [1].
-    time_limit : float or None
-        After which no further restart is begun; the first always is [s].
-    seed : int, shape ()
-        Seed of the search [1].
-    map : callable or None
-        Where to compute; None takes threads.
-    workers : int, shape ()
-        Number of threads [1].
-    size : int, shape ()
-        Restarts in one round; on a cluster, a multiple of its workers [1].
-    progress : callable
-        Called with the number of restarts done and wanted.
-
-    Returns
-    -------
-    Found
-        The best plan beside the one to beat.
-
-    Raises
-    ------
-    FoucaultError
-        ``optimise.*``: nothing to search, limits that no plan keeps, coefficients that no allowed
-        plan shows.
+    `campaign`: the procedure, the limits of the rig and what is wanted; `folder`: where the
+    search is kept, one that was interrupted is continued; `restarts`: number of restarts [1];
+    `evaluations`: plans that each of them judges, None takes what suits the procedure [1];
+    `time_limit` or None: after which no further restart is begun, the first always is [s];
+    `seed`: seed of the search [1]; `map`: where to compute, None takes threads; `workers`: number
+    of threads [1]; `size`: restarts in one round, on a cluster, a multiple of its workers [1];
+    `progress`: called with the number of restarts done and wanted. Returns the best plan beside
+    the one to beat. Raises ``optimise.*``: nothing to search, limits that no plan keeps,
+    coefficients that no allowed plan shows.
     """
     ends = inf if time_limit is None else clock.monotonic() + time_limit
     space = space_of(campaign)
@@ -154,13 +120,7 @@ def run(
 
 
 def finished(folder: str | Path) -> int:
-    """Return the number of restarts that a folder holds, of whatever search [1].
-
-    Parameters
-    ----------
-    folder : str or Path
-        The folder, which need not be there.
-    """
+    """Return the number of restarts that a folder holds, of whatever search [1]."""
     if not (Path(folder) / parts.FOLDER).is_dir():
         return 0
     kept = parts.Parts(Path(folder), 1)
@@ -170,10 +130,7 @@ def finished(folder: str | Path) -> int:
 def space_of(campaign: Campaign) -> Space:
     """Return the plans that a campaign allows.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The procedure, the limits of the rig and what is wanted.
+    `campaign`: the procedure, the limits of the rig and what is wanted.
     """
     module = procedures.load(campaign.procedure)
     if campaign.wanted is None:

@@ -30,45 +30,28 @@ FOLDER = "parts"
 def silent(done: int, total: int) -> None:
     """Tell nobody.
 
-    Parameters
-    ----------
-    done, total : int, shape ()
-        Trials done and wanted [1].
+    `done`, `total`: trials done and wanted [1].
     """
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Trials of one folder.
-
-    Attributes
-    ----------
-    folder : Path
-        The folder.
-    size : int, shape ()
-        Trials in one part: what a kill can cost beside those that are being computed [1].
-    """
+    """Trials of one folder."""
 
     folder: Path
-    size: int
+    size: int  # trials in one part: what a kill can cost beside those that are being computed [1]
 
     def of(self, n: int) -> tuple[range, ...]:
         """Return the numbers of the trials in each part.
 
-        Parameters
-        ----------
-        n : int, shape ()
-            Number of trials [1].
+        `n`: number of trials [1].
         """
         return tuple(range(a, min(a + self.size, n)) for a in range(0, n, self.size))
 
     def missing(self, n: int) -> tuple[range, ...]:
         """Return the parts that are still to be computed.
 
-        Parameters
-        ----------
-        n : int, shape ()
-            Number of trials [1].
+        `n`: number of trials [1].
         """
         there = {path.name for path in (self.folder / FOLDER).iterdir() if _whole(path)}
         return tuple(part for part in self.of(n) if _name(part) not in there)
@@ -88,10 +71,7 @@ class Parts:
     def merge(self, n: int) -> Columns:
         """Return the columns of the trials that are finished, in order.
 
-        Parameters
-        ----------
-        n : int, shape ()
-            Number of trials [1].
+        `n`: number of trials [1].
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -115,21 +95,10 @@ class Parts:
     ) -> Columns:
         """Compute the trials that are missing and return the columns of all, in order.
 
-        Parameters
-        ----------
-        trial : callable
-            ``(index, seed sequence) -> row``.
-        n : int, shape ()
-            Number of trials [1].
-        seed : int, shape ()
-            Seed of all [1].
-        map : callable
-            Where to compute.
-        progress : callable
-            Called with the number of trials done and wanted.
-        until : callable
-            Asked after every part whether to stop early; then only the columns of what is
-            finished are returned.
+        `trial`: ``(index, seed sequence) -> row``; `n`: number of trials [1]; `seed`: seed of all
+        [1]; `map`: where to compute; `progress`: called with the number of trials done and
+        wanted; `until`: asked after every part whether to stop early, then only the columns of
+        what is finished are returned.
         """
         missing = self.missing(n)
         done = n - sum(len(part) for part in missing)
@@ -162,23 +131,10 @@ def opened(
 ) -> Parts:
     """Begin a folder, or make sure that it is that of the same question.
 
-    Parameters
-    ----------
-    folder : str or Path
-        The folder.
-    asked : mapping
-        What the numbers in it depend on, as JSON values; each must agree with what is there. The
-        version of this package is added.
-    file : str
-        Name of the JSON file.
-    schema : str
-        Written into it.
-    kind : str
-        What to call it in a message: ``study``.
-    size : int, shape ()
-        Trials in one part; a folder that is there keeps its own [1].
-    texts : mapping or None
-        Name -> content of other files to begin the folder with.
+    `asked`: what the numbers in it depend on, as JSON values, each must agree with what is there.
+    The version of this package is added; `kind`: what to call it in a message: ``study``; `size`:
+    trials in one part, a folder that is there keeps its own [1]; `texts` or None: name -> content
+    of other files to begin the folder with.
     """
     folder = Path(folder)
     try:

@@ -36,14 +36,9 @@ HEADINGS = ("coefficient", "sd", "prior_sd", "unit", "of_prior")
 def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> Foresight:
     """Return what the planned session of a campaign will show.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign; its log need not exist.
-    changes : mapping of str to object, or None
-        Keys of [procedure] and what they shall say instead, as in the file. A `plan` takes the
-        place of all that the file says of the plan; where a vehicle moves it is the `profile` of
-        [simulate].
+    `changes` or None: keys of [procedure] and what they shall say instead, as in the file. A
+    `plan` takes the place of all that the file says of the plan, where a vehicle moves it is the
+    `profile` of [simulate].
     """
     if campaign.earlier is not None:
         return earlier.foreseen(
@@ -66,17 +61,13 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
     if getattr(module, "FORESEES_WANTED", False):
         known["wanted"] = campaign.wanted
     found: Foresight = module.foresee(settings, **known)
+    if getattr(module, "RECORDINGS", False) and getattr(campaign.log, "more", ()):
+        told = (*told, finding("systematic.recordings_planned"))
     return replace(found, findings=(*told, *found.findings))
 
 
 def beforehand(campaign: Campaign) -> tuple[dict[str, Any], tuple[Finding, ...]]:
-    """Return what a plan is judged by beside settings, and what was assumed for it.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign; its log need not exist.
-    """
+    """Return what a plan is judged by beside settings, and what was assumed for it."""
     earlier.refuse(campaign, "a search")
     known: dict[str, Any] = {
         "session": campaign.session, "site": campaign.site, "noise": campaign.noise,
@@ -117,15 +108,7 @@ def _simulated(campaign: Campaign) -> Foresight:
 
 
 def write(foresight: Foresight, path: str | Path) -> None:
-    """Write the table of coefficients as CSV, in the units that reports show.
-
-    Parameters
-    ----------
-    foresight : Foresight
-        What will be seen.
-    path : str or Path
-        File to write.
-    """
+    """Write the table of coefficients as CSV, in the units that reports show."""
     keep_others(path, [",".join(HEADINGS).encode()])
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")

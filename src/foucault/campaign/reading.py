@@ -148,6 +148,8 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     all_finite(raw)
     file = validate(_model(raw), raw)
     name = file.procedure.get("name")
+    if calibrates and isinstance(file.log, LogDescription):
+        file.log.whole()
     if name is None:
         example = f'name = "{next(iter(procedures.PROCEDURES))}"'
         raise error("campaign.required", key="procedure.name", example=example, more="")

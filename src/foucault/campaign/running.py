@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
-from contextlib import nullcontext
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,7 +19,7 @@ from foucault.campaign.reading import Campaign, layout_of, load
 from foucault.campaign.tables import SiteTable
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import atomic, unwritable
 from foucault.logs.checks import beside_another
 from foucault.logs.streaming import OnDisk
@@ -29,7 +29,7 @@ from foucault.models.layouts import model_of
 from foucault.models.noise import grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
-from foucault.result import Level, Result
+from foucault.result import Result
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import IndexedLog, Log
 
@@ -85,7 +85,7 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     module = procedures.load(campaign.procedure)
-    if not getattr(module, "STRETCHES", False):
+    if not (getattr(module, "STRETCHES", False) or getattr(module, "RECORDINGS", False)):
         refuse_more(campaign, f"'{campaign.procedure}'")
     log = None
     if getattr(module, "STREAMS", False):
@@ -94,7 +94,7 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     given = read_log(campaign, progress) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
-        with procedures.solvable():
+        with _stuck_named(given), procedures.solvable():
             result: Result = module.calibrate(
                 given,
                 site=campaign.site,
@@ -112,28 +112,35 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
 
 
 def refuse_more(campaign: Campaign, what: str) -> None:
-    """Refuse a log in files that were recorded one by one.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    what : str
-        What needs one motion, for the text.
-    """
+    """Refuse a log in files that were recorded one by one."""
     files = getattr(campaign.log, "more", ())
     if files:
-        able = [p for p in procedures.PROCEDURES if getattr(procedures.load(p), "STRETCHES", False)]
-        raise error("log.more_moving", files=", ".join(files), what=what, allowed=", ".join(able))
+        able, each = (
+            ", ".join(p for p in procedures.PROCEDURES if getattr(procedures.load(p), kind, False))
+            for kind in ("STRETCHES", "RECORDINGS")
+        )
+        raise error("log.more_moving", files=", ".join(files), what=what, allowed=able,
+                    recordings=each)  # fmt: skip
+
+
+@contextmanager
+def _stuck_named(log: Any) -> Iterator[None]:
+    """Where the work ends and an axis did not move, say that first: it explains the rest."""
+    try:
+        yield
+    except FoucaultError as problem:
+        stuck = [f for f in log.findings if f.code == "log.stuck"]
+        if not stuck:
+            raise
+        said = " ".join(f.message for f in stuck)
+        raise FoucaultError(problem.code, f"{said} {problem.message}", stuck[0].cure) from problem
 
 
 def _stuck_first(result: Result) -> Result:
-    """Where a result is not good and an axis did not move, say that first: it explains the rest."""
-    stuck = [f.message for f in result.findings if f.code == "log.stuck"]
-    verdict = result.verdict
-    if not stuck or verdict.level is Level.PASS:
-        return result
-    return replace(result, verdict=replace(verdict, reasons=(*stuck, *verdict.reasons)))
+    """Of the reasons of a verdict say first that an axis did not move: it explains the rest."""
+    stuck = [f"{f.message} {f.cure}" for f in result.findings if f.code == "log.stuck"]
+    reasons = sorted(result.verdict.reasons, key=lambda reason: reason not in stuck)
+    return replace(result, verdict=replace(result.verdict, reasons=tuple(reasons)))
 
 
 # -- simulation ----------------------------------------------------------------------------
@@ -159,21 +166,11 @@ class Simulation(Protocol):
 
 @dataclass(frozen=True)
 class Session:
-    """A simulated session: its log, and the truth behind it.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        What was simulated.
-    simulation : Simulation
-        Log, true errors and whatever else is known to be true [SI].
-    seed : int, shape ()
-        Seed of all random numbers [1].
-    """
+    """A simulated session: its log, and the truth behind it."""
 
     campaign: Campaign
-    simulation: Simulation
-    seed: int
+    simulation: Simulation  # log, true errors and whatever else is known to be true [SI]
+    seed: int  # seed of all random numbers [1]
 
     @property
     def truth(self) -> CoefficientVector:
@@ -231,17 +228,7 @@ def _instrument(campaign: Campaign, seed: int) -> ImuModel | ClusterModel:
 
 
 def keep_recorded(folder: Path, truth: str, files: Iterable[str]) -> None:
-    """Refuse to simulate over files that no simulation has written: no truth lies beside them.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the simulated files will lie.
-    truth : str
-        Name of the file with the truth.
-    files : iterable of str
-        Names of the others.
-    """
+    """Refuse to simulate over files that no simulation has written: no truth lies beside them."""
     for name in files:
         if (folder / name).exists() and not (folder / truth).exists():
             raise error("output.other", path=folder / name)
@@ -250,17 +237,8 @@ def keep_recorded(folder: Path, truth: str, files: Iterable[str]) -> None:
 def save_session(session: Session, folder: str | Path) -> Path:
     """Write a simulated session as a user would have it, with the truth beside it.
 
-    Parameters
-    ----------
-    session : Session
-        The session.
-    folder : str or Path
-        Gets log.csv, campaign.toml and truth.json, and what the procedure has besides.
-
-    Returns
-    -------
-    Path
-        The campaign file written; `calibrate` takes it as it is.
+    `folder`: gets log.csv, campaign.toml and truth.json, and what the procedure has besides.
+    Returns the campaign file written; `calibrate` takes it as it is.
     """
     folder = Path(folder)
     keep_recorded(folder, TRUTH_FILE, (SESSION_LOG, SESSION_CAMPAIGN))

@@ -13,6 +13,7 @@ from foucault.campaign.running import read_log, refuse_more
 from foucault.campaign.tables import SiteTable
 from foucault.errors import error
 from foucault.files import sha256
+from foucault.logs.description import LogDescription
 from foucault.logs.titles import description_of
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -52,10 +53,13 @@ def read(path: Path, progress: Progress) -> Source:
     """Read a log, and what its file says of it."""
     if path.suffix != ".toml":
         description, told = description_of(path)
+        description.whole()
         log = logs.read(description, path.parent, lambda part: progress(0.3 * part, "reading"))
         return Source(replace(log, findings=told + log.findings), {}, {}, None)
     campaign = load_campaign(path, calibrates=False)
     refuse_more(campaign, "what reads a log by itself")
+    if isinstance(campaign.log, LogDescription):
+        campaign.log.whole()
     log = read_log(campaign, lambda part, words: progress(0.3 * part, words))
     if not isinstance(log, Log):
         raise error("north.not_imu", procedure=campaign.procedure)

@@ -44,15 +44,9 @@ def names_of(campaign: Campaign) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Trial:
-    """The trial of a campaign: draw an instrument, simulate it, calibrate, compare.
+    """The trial of a campaign: draw an instrument, simulate it, calibrate, compare."""
 
-    Attributes
-    ----------
-    campaign : Campaign
-        What is simulated and how it is calibrated.
-    """
-
-    campaign: Campaign
+    campaign: Campaign  # what is simulated and how it is calibrated
 
     def __call__(self, index: int, seeds: np.random.SeedSequence) -> dict[str, Any]:
         """Run trial number `index`, shape () [1]."""
@@ -115,27 +109,11 @@ def run(
 ) -> Study:
     """Run a study, or the rest of one, in a folder.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        What is simulated and how it is calibrated.
-    n : int, shape ()
-        Number of trials [1].
-    folder : str or Path
-        The study folder; one that was interrupted is continued.
-    seed : int, shape ()
-        Seed of the study [1].
-    map : callable or None
-        Where to compute; None takes threads.
-    workers : int, shape ()
-        Number of threads [1].
-    progress : callable
-        Called with the number of trials done and wanted.
-
-    Returns
-    -------
-    Study
-        Errors, predicted uncertainties and NEES of all trials [SI].
+    `campaign`: what is simulated and how it is calibrated; `n`: number of trials [1]; `folder`:
+    the study folder, one that was interrupted is continued; `seed`: seed of the study [1]; `map`:
+    where to compute, None takes threads; `workers`: number of threads [1]; `progress`: called
+    with the number of trials done and wanted. Returns errors, predicted uncertainties and NEES of
+    all trials [SI].
     """
     earlier.refuse(campaign, "a Monte Carlo study")
     folder, names = Path(folder), names_of(campaign)
@@ -157,13 +135,7 @@ def run(
 
 
 def load(folder: str | Path) -> tuple[Study, dict[str, Any]]:
-    """Read a finished study and what was asked of it.
-
-    Parameters
-    ----------
-    folder : str or Path
-        The study folder.
-    """
+    """Read a finished study and what was asked of it."""
     import pyarrow.parquet as pq
 
     folder = Path(folder)

@@ -77,15 +77,15 @@ class SiteTable(_Table):
             raise error("site.latitude", given=np.degrees(self.latitude))
         if not HEIGHT_LIMITS[0] <= self.height <= HEIGHT_LIMITS[1]:
             raise error("site.height", given=self.height)
-        # A number without its uncertainty may be from anywhere: a map, a formula, another town.
-        sd = earth.NORMAL_GRAVITY_SD if self.gravity_sd is None else self.gravity_sd
         if self.gravity is None:
             if self.latitude is None:
                 raise error("site.unknown")
-            return replace(earth.Site.at(self.latitude, self.height), gravity_sd=sd)
-        if not GRAVITY_LIMITS[0] <= self.gravity <= GRAVITY_LIMITS[1]:
+            site = earth.Site.at(self.latitude, self.height)
+        elif GRAVITY_LIMITS[0] <= self.gravity <= GRAVITY_LIMITS[1]:
+            site = earth.Site(self.gravity, self.latitude, self.height)
+        else:
             raise error("site.gravity", given=self.gravity)
-        return earth.Site(self.gravity, self.latitude, self.height, gravity_sd=sd)
+        return site if self.gravity_sd is None else replace(site, gravity_sd=self.gravity_sd)
 
     def findings(self) -> tuple[Finding, ...]:
         """Compare gravity as given with normal gravity."""

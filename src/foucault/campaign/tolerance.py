@@ -25,15 +25,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.campaign.mistakes import parse_at
 from foucault.errors import error, suggestion
 from foucault.files import parse_toml, read_text
 from foucault.models.layouts import EVERY
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 PASS, UNDECIDED, FAIL = 0, 1, 2
 DECISIONS = ("pass", "undecided", "fail")
@@ -47,43 +44,23 @@ KEYS = ("limit", "sd", "change", "drift_per_year")
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of the file.
-
-    Attributes
-    ----------
-    name : str
-        Coefficient or group.
-    limit : float
-        Largest size of the value, infinite where any will do, as the others are [SI].
-    sd : float
-        Largest standard deviation of the value [SI].
-    change : float
-        Largest difference of any two results of one instrument [SI].
-    drift_per_year : float
-        Largest size of the slope in time [SI per year].
-    """
+    """One line of the file."""
 
     name: str
+    # largest size of the value, infinite where any will do, as the others are [SI]
     limit: float = np.inf
-    sd: float = np.inf
-    change: float = np.inf
-    drift_per_year: float = np.inf
+    sd: float = np.inf  # largest standard deviation of the value [SI]
+    change: float = np.inf  # largest difference of any two results of one instrument [SI]
+    drift_per_year: float = np.inf  # largest size of the slope in time [SI per year]
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Limits of the coefficients of an instrument.
+    """Limits of the coefficients of an instrument."""
 
-    Attributes
-    ----------
-    entries : tuple of Entry
-        Lines of the file; the longer name decides where two hold for a coefficient.
-    file : str
-        Where they are from.
-    """
-
+    # lines of the file; the longer name decides where two hold for a coefficient
     entries: tuple[Entry, ...]
-    file: str = ""
+    file: str = ""  # where they are from
 
     def limits(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Return the limits of values and of standard deviations, each shape (p,) [SI].
@@ -115,15 +92,7 @@ class Tolerance:
                     yield k, entry
 
     def refuse_unknown(self, names: Sequence[str], procedure: str) -> None:
-        """Refuse limits of coefficients that a procedure does not estimate.
-
-        Parameters
-        ----------
-        names : sequence of str
-            The coefficients that it does.
-        procedure : str
-            Its name.
-        """
+        """Refuse limits of coefficients that a procedure does not estimate."""
         for entry in self.entries:
             if not any(n == entry.name or n.startswith(entry.name + ".") for n in names):
                 raise error(
@@ -134,14 +103,8 @@ class Tolerance:
     def decide(self, names: Sequence[str], values: FloatArray, sd: FloatArray) -> IntArray:
         """Decide on every coefficient of every instrument, shape (N, p): numbers of `DECISIONS`.
 
-        Parameters
-        ----------
-        names : sequence of str, shape (p,)
-            Coefficients.
-        values : ndarray, shape (N, p)
-            Their values [SI].
-        sd : ndarray, shape (N, p)
-            Their standard deviations; unknown ones (NaN) leave every decision open [SI].
+        `names` (p,): coefficients; `values` (N, p): their values [SI]; `sd` (N, p): their
+        standard deviations, unknown ones (NaN) leave every decision open [SI].
         """
         limit, largest_sd = self.limits(names)
         return decided(values, sd, limit, largest_sd)
@@ -165,16 +128,10 @@ def decided(
 ) -> IntArray:
     """Decide whether values keep to their limits: numbers of `DECISIONS`.
 
-    Parameters
-    ----------
-    values : ndarray, shape (..., p)
-        Values, changes or drifts [SI].
-    sd : ndarray, shape (..., p)
-        Their standard deviations; unknown ones (NaN) leave every decision open [SI].
-    limit : ndarray, shape (p,)
-        Largest size, infinite where any will do [SI].
-    largest_sd : ndarray, shape (p,), or float
-        Largest standard deviation with which a value passes [SI].
+    `values` (..., p): values, changes or drifts [SI]; `sd` (..., p): their standard deviations,
+    unknown ones (NaN) leave every decision open [SI]; `limit` (p,): largest size, infinite where
+    any will do [SI]; `largest_sd` (p,): largest standard deviation with which a value passes
+    [SI].
     """
     size, guard = np.abs(values), GUARD * sd
     with np.errstate(invalid="ignore"):
@@ -184,13 +141,7 @@ def decided(
 
 
 def load(path: str | Path) -> Tolerance:
-    """Read a tolerance file; the first mistake in it is raised with its name.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-    """
+    """Read a tolerance file; the first mistake in it is raised with its name."""
     path = Path(path)
     try:
         text = read_text(path)

@@ -65,16 +65,10 @@ def log_table(
 ) -> str:
     """Write the table [log] for a log as `foucault simulate` writes it.
 
-    Parameters
-    ----------
-    procedure : str
-        A key of `procedures.PROCEDURES`; one that uses a table says what its log has more, and one
-        with a log of its own writes all of it.
-    log : Log, IndexedLog or None
-        The log that was simulated [SI]; None for the template, where what a user's log may lack is
-        commented out.
-    averaged : bool
-        Whether a simulated log holds means, where it is not given itself.
+    `procedure`: a key of `procedures.PROCEDURES`, one that uses a table says what its log has
+    more, and one with a log of its own writes all of it; `log`: the log that was simulated [SI],
+    None for the template, where what a user's log may lack is commented out; `averaged`: whether
+    a simulated log holds means, where it is not given itself.
     """
     module = procedures.load(procedure)
     if hasattr(module, "log_table"):
@@ -125,11 +119,6 @@ def template(procedure: str) -> str:
     """Write a commented campaign file for `procedure`.
 
     It loads as it is, and with the log that `foucault simulate` makes it also runs as it is.
-
-    Parameters
-    ----------
-    procedure : str
-        A key of `procedures.PROCEDURES`.
     """
     module = procedures.load(procedure)
     summary = (module.__doc__ or procedure).strip().splitlines()[0].rstrip(".")
@@ -226,13 +215,6 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
 
     Numbers are written in SI to the last bit, files relative to `folder`, so that the copy
     gives the same result from there.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    folder : str or Path
-        Where the copy will lie.
     """
     tables = campaign.tables
     log = _exact(tables.log)
@@ -269,14 +251,7 @@ def changed(campaign: Campaign, changes: Mapping[str, Mapping[str, Any]], note: 
     Comments are lost; numbers keep the units that the file gives them. The log is one that is
     still to be made: its name stays.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    changes : mapping of str to mapping of str to object
-        Table -> key -> value as in a file; None removes the key.
-    note : str
-        First line, a comment.
+    `changes`: table -> key -> value as in a file, None removes the key.
     """
     raw = tomllib.loads(campaign.text)
     for table, keys in changes.items():

@@ -186,6 +186,8 @@ def _described(
 
     if log.suffix == ".toml":
         other = campaign.load(log, calibrates=False)
+        if isinstance(other.log, LogDescription):
+            other.log.whole()
         return other.log, other.folder, other.instrument
     description = LogDescription.model_validate({"file": log.name})
     before = _log_description(calibrated, result)

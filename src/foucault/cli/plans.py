@@ -11,7 +11,7 @@ from foucault.cli import sequences, words
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
-    from foucault.plans.table.directions import FloatArray
+    from foucault.arrays import FloatArray
     from foucault.plans.table.efficiency import Efficiency
 
 SAMPLE = "fibonacci 24"

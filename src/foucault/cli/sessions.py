@@ -147,8 +147,11 @@ def inspect(
     screen.data(_document(log, seen, start))
 
 
-def read_any(path: Path, tell: Any) -> Log:
-    """Read the log of a campaign file, one that foucault has written, or one titled with units."""
+def read_any(path: Path, tell: Any, *, whole: bool = False) -> Log:
+    """Read the log of a campaign file, one that foucault has written, or one titled with units.
+
+    A triad without a column for each axis is refused where the log has to be `whole`.
+    """
     from foucault import campaign, logs
     from foucault.errors import error
     from foucault.logs.titles import description_of
@@ -156,11 +159,15 @@ def read_any(path: Path, tell: Any) -> Log:
 
     if path.suffix == ".toml":
         described = campaign.load(path, calibrates=False)
+        if whole:
+            described.imu_log.whole()
         seen = campaign.read_log(described, tell)
         if not isinstance(seen, Log):
             raise error("north.not_imu", procedure=described.procedure)
         return seen
     description, told = description_of(path)
+    if whole:
+        description.whole()
     log = logs.read(description, path.parent, lambda done: tell(done, "reading the log"))
     return replace(log, findings=told + log.findings)
 
@@ -197,7 +204,7 @@ def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
     if start:
         rows.insert(1, ("starts at", f"{plain(start, 13)} s; times below count from there"))
     f = _means(seen, "accel")
-    if f is not None and len(f):
+    if f is not None and len(f) and np.isfinite(f).all():
         size = np.linalg.norm(f if seen.turning.all() else f[~seen.turning], axis=1)
         rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (1 g = 9.80665)"))
     return rows
@@ -232,7 +239,8 @@ def _axes(seen: Inspection) -> list[tuple[str, ...]]:
     ):
         if axes is None:
             continue
-        for i, axis in enumerate(AXES):
+        for i in seen.log.logged(name):
+            axis = AXES[i]
             columns = (axes.mean, axes.sd, axes.lowest, axes.highest)
             numbers = [f"{convert(float(c[i]), kind, unit):.4g}" for c in columns]
             noise = convert(float(axes.noise[i]), noise_kind, noise_unit)
@@ -248,13 +256,13 @@ def _rests(seen: Inspection) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for k in range(len(seen.rests)):
         up = size = turning = ""
-        if f is not None:
+        if f is not None and np.isfinite(f[k]).all():
             largest = int(np.argmax(np.abs(f[k])))
             tilt = np.degrees(np.arccos(abs(f[k, largest]) / np.linalg.norm(f[k])))
             up = f"{'+' if f[k, largest] > 0 else '-'}{AXES[largest]} ({tilt:.0f} deg off)"
             size = f"{np.linalg.norm(f[k]):.4f}"
         if w is not None:
-            turning = f"{np.degrees(np.linalg.norm(w[k])):.3f}"
+            turning = f"{np.degrees(np.linalg.norm(w[k][list(seen.log.logged('gyro'))])):.3f}"
         start, end = (f"{seen.rest_rows[c][k]:.2f} s" for c in ("start", "end"))
         if seen.log.averaged is not None:
             end = f"{seen.rest_rows['start'][k] + seen.log.averaged[k]:.2f} s"
@@ -291,7 +299,7 @@ def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
     samples = log.averaged is None
     keep = ("mean", "sd", "lowest", "highest", *(["noise"] if samples else []))
     triads = {
-        name: {key: getattr(axes, key).tolist() for key in keep}
+        name: {key: _numbers(getattr(axes, key)) for key in keep}
         for name, axes in (("accel", seen.accel), ("gyro", seen.gyro))
         if axes is not None
     }
@@ -305,7 +313,12 @@ def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
         "sampled": log.sampled,
         **triads,
         **({"threshold": seen.rests.threshold} if samples else {}),
-        "rests": {name: column.tolist() for name, column in seen.rest_rows.items()}
+        "rests": {name: _numbers(column) for name, column in seen.rest_rows.items()}
         | {"turning": seen.turning.tolist()},
         "findings": [item.as_dict() for item in seen.findings],
     }
+
+
+def _numbers(column: Any) -> list[Any]:
+    """Return a column as JSON has it: null where there is no number, as of an axis not logged."""
+    return [None if x != x else x for x in column.tolist()]

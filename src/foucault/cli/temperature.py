@@ -144,7 +144,8 @@ def _ramp(path: Path, tell: Any) -> Ramp:
     from foucault.cli.sessions import read_any
     from foucault.procedures.temperature import Ramp
 
-    return Ramp.of(str(path), read_any(path, lambda done, words: tell(0.4 * done, words)))
+    log = read_any(path, lambda done, words: tell(0.4 * done, words), whole=True)
+    return Ramp.of(str(path), log)
 
 
 def _orders(given: Sequence[str]) -> dict[str, int]:

@@ -12,14 +12,11 @@ from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import FoucaultError, error
 from foucault.kernels.rotation import integrate_turns
 from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 ARCSEC = 3600.0
 """Seconds of arc in a degree [1]."""
@@ -34,21 +31,11 @@ when it is to the second [1]."""
 
 @dataclass(frozen=True)
 class Match:
-    """How well an exchange of axes and a change of unit explain the turns.
+    """How well an exchange of axes and a change of unit explain the turns."""
 
-    Attributes
-    ----------
-    miss : float
-        Root mean square angle between predicted and observed up [rad].
-    exchange : ndarray, shape (3, 3)
-        Signed permutation that takes the gyro columns to body axes [1].
-    scale : float
-        Factor that takes the declared rate to the true one [1].
-    """
-
-    miss: float
-    exchange: FloatArray
-    scale: float
+    miss: float  # root mean square angle between predicted and observed up [rad]
+    exchange: FloatArray  # (3, 3) signed permutation that takes the gyro columns to body axes [1]
+    scale: float  # factor that takes the declared rate to the true one [1]
 
 
 def exchanges() -> list[FloatArray]:
@@ -65,10 +52,7 @@ def exchanges() -> list[FloatArray]:
 def exchange_words(exchange: FloatArray) -> str:
     """Return an exchange of axes as text, body axis = declared column.
 
-    Parameters
-    ----------
-    exchange : ndarray, shape (3, 3)
-        Signed permutation that takes the declared columns to body axes [1].
+    `exchange` (3, 3): signed permutation that takes the declared columns to body axes [1].
     """
     return ", ".join(
         f"{AXES[i]} = {'-' if row[k] < 0 else '+'}{AXES[k]}"
@@ -92,24 +76,10 @@ def explain_turns(
 ) -> tuple[Match, Match]:
     """Compare the turns as the gyros tell them with the change of gravity.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    up_b : ndarray, shape (n, 3)
-        Direction of up at each rest, from the accelerometers, frame b [1].
-    bias : ndarray, shape (3,)
-        Mean rate at rest [rad/s].
-    first, last : ndarray of int, shape (n - 1,)
-        First and last sample of each turn.
-
-    Returns
-    -------
-    declared : Match
-        The columns as declared.
-    best : Match
-        The exchange and unit that explain the turns best (the same object where nothing is
-        suspicious).
+    `log`: readings [SI]; `up_b` (n, 3): direction of up at each rest, from the accelerometers,
+    frame b [1]; `bias` (3,): mean rate at rest [rad/s]; `first`, `last` (n - 1,): first and last
+    sample of each turn. Returns `best`: the exchange and unit that explain the turns best (the
+    same object where nothing is suspicious).
     """
     assert log.gyro is not None
     rate = log.gyro - bias
@@ -129,18 +99,8 @@ def as_good(
 ) -> list[Match]:
     """Return every exchange and unit that explains the turns as well as `best`, itself included.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    up_b : ndarray, shape (n, 3)
-        Direction of up at each rest, frame b [1].
-    bias : ndarray, shape (3,)
-        Mean rate at rest [rad/s].
-    first, last : ndarray of int, shape (n - 1,)
-        First and last sample of each turn.
-    best : Match
-        As `explain_turns` returns it.
+    `log`: readings [SI]; `up_b` (n, 3): direction of up at each rest, frame b [1]; `bias` (3,):
+    mean rate at rest [rad/s]; `first`, `last` (n - 1,): first and last sample of each turn.
     """
     assert log.gyro is not None
     every = _tried(log, log.gyro - bias, up_b, first, last)
@@ -159,12 +119,7 @@ def _tried(
 def mistake(log: Log, declared: Match, best: Match) -> FoucaultError | None:
     """Put the better explanation of the turns in words, or return None where there is none.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    declared, best : Match
-        As `explain_turns` returns them.
+    `log`: readings [SI].
     """
     clipped = [f.message for f in log.findings if f.code == "log.saturated" and "gyro" in f.message]
     if clipped and declared.miss >= SUSPICIOUS and not best.miss <= WELL * declared.miss:

@@ -27,7 +27,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foucault.tables import FloatArray
+from foucault.arrays import FloatArray
 
 PER_OCTAVE = 8
 """Lines of the spectrum are joined, so many groups an octave. Of each the median counts: pulses
@@ -36,28 +36,23 @@ that come evenly, dither and engines stand in single lines [1]."""
 SLOW = 10.83
 """Slow motion is told from white noise at this likelihood ratio: 1 in 1000 [1]."""
 
+FEWER = 6.63
+"""Less carried rounding than the counts make is told at this likelihood ratio: 1 in 100 [1]."""
+
 PASSES = 50
 """Most times that the lines are weighed by what was found of them [1]."""
 
 
 def white_and_carried(
-    parts: Sequence[FloatArray], interval: float
+    parts: Sequence[FloatArray], interval: float, least: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the density of white noise and the variance of carried rounding, each shape (3,).
 
-    Parameters
-    ----------
-    parts : sequence of ndarray, each shape (m, 3)
-        Increments over `interval`, as rates, of stretches without motion [unit].
-    interval : float
-        Time over which each is the mean [s].
-
-    Returns
-    -------
-    white : ndarray, shape (3,)
-        N^2 [unit^2 s].
-    carried : ndarray, shape (3,)
-        v, of the integral [unit^2 s^2].
+    `parts` (m, 3): increments over `interval`, as rates, of stretches without motion [unit];
+    `interval`: time over which each is the mean [s]; `least` (3,) or None: variance of carried
+    rounding where the size of a count is known: q^2/12. Found freely in a few seconds it may come
+    out smaller, and white noise would take up what it lacks [unit^2 s^2]. Returns `white` (3,):
+    n^2 [unit^2 s]; `carried` (3,): v, of the integral [unit^2 s^2].
     """
     rows = [_lines(x, interval) for x in parts if len(x) >= 4]
     if not rows:
@@ -71,7 +66,8 @@ def white_and_carried(
     typical /= _of_median(count)[:, None]
     design = np.add.reduceat(design[order], first) / count[:, None]
     known = 0.5 * (count + 1)  # of many lines the median tells as much as half of them
-    out = np.array([_fitted(typical[:, i], design, known) for i in range(typical.shape[1])])
+    floor = np.zeros(typical.shape[1]) if least is None else least
+    out = np.array([_fitted(typical[:, i], design, known, v) for i, v in enumerate(floor)])
     return out[:, 0], out[:, 1]
 
 
@@ -97,30 +93,45 @@ def _lines(x: FloatArray, interval: float) -> tuple[FloatArray, FloatArray, Floa
     return power, design, np.log2(k / m)
 
 
-def _fitted(power: FloatArray, design: FloatArray, count: FloatArray) -> FloatArray:
-    """Return what is most likely of the three parts, the slow one where it is there for sure."""
+def _fitted(power: FloatArray, design: FloatArray, count: FloatArray, least: float) -> FloatArray:
+    """Return what is most likely of the three parts, the slow one where it is there for sure.
+
+    Of carried rounding there is `least`, unless less of it is in these lines for sure: that of
+    even pulses stands in few others.
+    """
     if not power.any():
-        return np.zeros(3)
-    two, three = (_likeliest(power, design[:, :n], count) for n in (2, 3))
-    out = np.zeros(3)
-    out[:2] = two[0]
-    return three[0] if three[1] - two[1] > SLOW / 2 else out
+        return np.array([0.0, least, 0.0])
+
+    def best(carried: float) -> tuple[FloatArray, float]:
+        two, three = (_likeliest(power, design[:, :n], count, carried) for n in (2, 3))
+        if three[1] - two[1] > SLOW / 2:
+            return three
+        return np.append(two[0], 0.0), two[1]
+
+    freely, counted = best(0.0), best(least)
+    return freely[0] if freely[1] - counted[1] > FEWER / 2 else counted[0]
 
 
 def _likeliest(
-    power: FloatArray, design: FloatArray, count: FloatArray
+    power: FloatArray, design: FloatArray, count: FloatArray, carried: float
 ) -> tuple[FloatArray, float]:
-    """Maximise -sum count (log S + power/S), S = design @ parts: least squares weighed by 1/S."""
+    """Maximise -sum count (log S + power/S), S = design @ parts: least squares weighed by 1/S.
+
+    Of carried rounding there is at least `carried`.
+    """
     from scipy.optimize import nnls
 
     least = 1e-9 * float(power.mean())
     size = np.maximum(design.mean(axis=0), 1e-300)
     expected = np.full(len(power), float(power.mean()))
-    parts = np.zeros(design.shape[1])
+    parts, known = np.zeros(design.shape[1]), np.zeros(design.shape[1])
+    known[1] = carried
+    beyond = power - design @ known
     best = -np.inf
     for _ in range(PASSES):  # each pass weighs by the last; the first takes all lines for alike
         weight = np.sqrt(count) / expected
-        found = nnls(design / size * weight[:, None], power * weight)[0] / size
+        found = nnls(design / size * weight[:, None], beyond * weight)[0] / size
+        found += known
         expected = np.maximum(design @ found, least)
         likelihood = -float(count @ (np.log(expected) + power / expected))
         if likelihood > best:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import ADVICE, Status
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
@@ -15,8 +16,6 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.result import Check, Estimate, Level
 from foucault.tables import AXES
 from foucault.units import display_unit, factor, plain
-
-FloatArray = npt.NDArray[np.float64]
 
 LARGEST_BIAS = 60.0
 """No gyro has a larger bias [deg/s]."""
@@ -38,15 +37,7 @@ REVERSED = (
 
 
 def status_check(status: Status, weakest: tuple[str, ...]) -> Check:
-    """Return the check that the estimation converged and saw everything.
-
-    Parameters
-    ----------
-    status : Status
-        How the estimation ended.
-    weakest : tuple of str
-        Combinations of coefficients that were not seen.
-    """
+    """Return the check that the estimation converged and saw everything."""
     fine = status is Status.CONVERGED
     words = ADVICE[status]
     if weakest:
@@ -55,13 +46,7 @@ def status_check(status: Status, weakest: tuple[str, ...]) -> Check:
 
 
 def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
-    """Return the checks of size: a scale factor error of a third is a wrong unit.
-
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate.
-    """
+    """Return the checks of size: a scale factor error of a third is a wrong unit."""
     out = []
     for triad, words in (("accel", "accelerometer"), ("gyro", "gyro")):
         names = [n for n in coefficients.names if n.startswith(f"{triad}.scale.")]
@@ -96,10 +81,7 @@ def _impossible_bias(coefficients: CoefficientVector) -> list[Check]:
 def judge_prior(estimate: Estimate) -> list[Check]:
     """Return the check of what was said to be known beforehand, where anything was.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        A solution of `estimate.gauss_newton`, best of its `add_prior`.
+    `estimate`: a solution of `estimate.gauss_newton`, best of its `add_prior`.
     """
     known = int(np.isfinite(estimate.coefficients.prior_sd).sum())
     if not known:
@@ -117,19 +99,11 @@ def prior_check(
 ) -> Check:
     """Compare what was said to be known beforehand with what the observations alone say.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, priors included, with its covariance [SI].
-    residuals : ndarray, shape (k,)
-        White residuals of the k priors, in order [1].
-    alone : CoefficientVector or None
-        The estimate without the priors, where it is known [SI].
-    cause : str
-        What else has put the estimate off, where that is known.
+    `coefficients`: the estimate, priors included, with its covariance [SI]; `residuals` (k,):
+    white residuals of the k priors, in order [1]; `alone` or None: the estimate without the
+    priors, where it is known [SI]; `cause`: what else has put the estimate off, where that is
+    known.
 
-    Notes
-    -----
     A narrow prior draws the estimate to itself, so its residual ``r = (prior - estimate) / s``
     says little. It is compared with the estimate without it, ``d = (prior - alone) / s`` of
     covariance ``C = I + S^-1 P S^-1``, s the sd of the priors and P the covariance of `alone`.
@@ -192,17 +166,9 @@ def unseen_sizes(
 ) -> list[str]:
     """Say how large the errors that no residual shows may be before they matter, for result.json.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, with covariance [SI].
-    gravity : float
-        Local gravity [m/s^2].
-    gyro_range : sequence of float, shape (2,), or None
-        Lowest and highest rate of the session; None without gyros [rad/s].
+    `coefficients`: the estimate, with covariance [SI]; `gravity`: local gravity [m/s^2];
+    `gyro_range` (2,): lowest and highest rate of the session, None without gyros [rad/s].
 
-    Notes
-    -----
     An error matters that moves a coefficient by its standard deviation, the smallest of its kind.
     """
     c, g, out = coefficients, gravity, []
@@ -245,12 +211,7 @@ def unseen_sizes(
 def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
     """Judge the drift that was found; nothing to judge where none would show.
 
-    Parameters
-    ----------
-    found : Drift or None
-        The drift, see `estimate.drift.find_drift`.
-    layout : Layout
-        The coefficients, for their units.
+    `found` or None: the drift, see `estimate.drift.find_drift`.
     """
     if found is None:
         return []
@@ -272,14 +233,9 @@ def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
 def left_out_check(found: LeftOut | None, layout: Layout, what: str, cure: str) -> list[Check]:
     """Judge terms that were left out; nothing to judge where none would show.
 
-    Parameters
-    ----------
-    found : LeftOut or None
-        The terms, see `estimate.drift.find_left_out`.
-    layout : Layout
-        Coefficients that these are of, for their units.
-    what, cure : str
-        What the terms are called, and what to do about them.
+    `found` or None: the terms, see `estimate.drift.find_left_out`; `layout`: coefficients that
+    these are of, for their units; `what`, `cure`: what the terms are called, and what to do about
+    them.
     """
     if found is None:
         return []
@@ -305,12 +261,8 @@ def from_prior(coefficients: CoefficientVector, mean: FloatArray) -> FloatArray:
     prior, the nearer to m, however far off the data are. The difference x - m has the variance
     ``sd_prior^2 - sd^2``, whatever the share of the prior is.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, with covariance, and the standard deviations of its prior [SI].
-    mean : ndarray, shape (k,)
-        Mean of the prior [SI].
+    `coefficients`: the estimate, with covariance, and the standard deviations of its prior [SI];
+    `mean` (k,): mean of the prior [SI].
     """
     known = coefficients.prior_sd
     share = np.maximum(1.0 - (coefficients.sd / known) ** 2, SEEN)
@@ -323,18 +275,8 @@ def alike_check(
 ) -> Check:  # fmt: skip
     """Test whether the three of a group are off alike from what was known: no instrument is.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate.
-    residuals : ndarray, shape (k,)
-        White residuals of the k priors, in order [1].
-    group : str
-        Name of the group, of scale factors.
-    cause : str
-        What puts all of them off.
-    false_alarm : float, shape ()
-        Probability that it fails by chance [1].
+    `residuals` (k,): white residuals of the k priors, in order [1]; `false_alarm`: probability
+    that it fails by chance [1].
     """
     from scipy.special import ndtri
 
@@ -359,23 +301,10 @@ def reversed_earth_at_rest(
     A reversed sign of the vertical part leaves ``-2 w_ie sin(L) up`` in every rest. One number is
     looked for, not nine of a g-sensitivity, so that gyros tell it whose noise hides each of those.
 
-    Parameters
-    ----------
-    rates : ndarray, shape (n, 3)
-        Mean rates at rest, without the Earth's rate as the latitude says it [rad/s].
-    up : ndarray, shape (n, 3)
-        Directions of up, body axes [1].
-    matrix : ndarray, shape (3, 3)
-        Scale factors and misalignments of the gyros [1].
-    site : Site
-        Latitude.
-    sd : float
-        Least scatter of these rates that their noise makes, per axis [rad/s].
-
-    Returns
-    -------
-    Check or None
-        None where the latitude is unknown or the directions are too few or too much alike.
+    `rates` (n, 3): mean rates at rest, without the Earth's rate as the latitude says it [rad/s];
+    `up` (n, 3): directions of up, body axes [1]; `matrix` (3, 3): scale factors and misalignments
+    of the gyros [1]; `sd`: least scatter of these rates that their noise makes, per axis [rad/s].
+    Returns None where the latitude is unknown or the directions are too few or too much alike.
     """
     from scipy.special import stdtrit
 
@@ -416,13 +345,8 @@ def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Che
     Scatter that is estimated makes a result honest, not good: where one reading spoils all, the
     uncertainties grow until everything fits.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, with covariance [SI].
-    bound : array_like, shape (n,)
-        Cramer-Rao bound of the same coefficients by the noise alone, as sd; NaN or infinite where
-        nothing tells them [SI].
+    `coefficients`: the estimate, with covariance [SI]; `bound` (n,): Cramer-Rao bound of the same
+    coefficients by the noise alone, as sd, NaN or infinite where nothing tells them [SI].
     """
     least = np.asarray(bound, float)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -448,17 +372,8 @@ def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check |
     vertical Earth rate is: estimated, it takes up a reversed sign as ``k g = -2 w_ie sin L``, and
     leaves nothing in the residuals.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, with covariance [SI].
-    site : Site
-        Gravity and latitude.
-
-    Returns
-    -------
-    Check or None
-        None where g-sensitivity or latitude is not known, or too little to tell.
+    `coefficients`: the estimate, with covariance [SI]. Returns None where g-sensitivity or
+    latitude is not known, or too little to tell.
     """
     names = [f"gyro.g_sensitivity.{a}{a}" for a in AXES]
     if site.latitude is None or not set(names) <= set(coefficients.names):

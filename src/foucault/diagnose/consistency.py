@@ -13,28 +13,18 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.result import Check
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def nees(errors: FloatArray, cov: FloatArray) -> FloatArray:
     """Return the normalised estimation error squared, ``e' inv(P) e``, of each trial.
 
-    Parameters
-    ----------
-    errors : ndarray, shape (trials, n)
-        Estimate minus truth [SI].
-    cov : ndarray, shape (trials, n, n) or (n, n)
-        Predicted covariance [SI].
-
-    Returns
-    -------
-    ndarray, shape (trials,)
-        NEES; chi-square with n degrees of freedom where the covariance is right [1].
+    `errors` (trials, n): estimate minus truth [SI]; `cov` (trials, n, n) or (n, n): predicted
+    covariance [SI]. Returns (trials,): NEES; chi-square with n degrees of freedom where the
+    covariance is right [1].
     """
     scale = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
     unit = errors / scale
@@ -48,16 +38,8 @@ def consistency_check(
 ) -> Check:
     """Test the mean of independent normalised squares, two-sided, and say what it means.
 
-    Parameters
-    ----------
-    name : str
-        What the squares are: "NEES" or "NIS".
-    squares : ndarray, shape (n,)
-        Normalised squares of independent trials or updates [1].
-    dof : int, shape ()
-        Degrees of freedom of each [1].
-    false_alarm : float
-        Probability of failing a result that is right [1].
+    `squares` (n,): normalised squares of independent trials or updates [1]; `dof`: degrees of
+    freedom of each [1]; `false_alarm`: probability of failing a result that is right [1].
     """
     n = len(squares)
     low, high = (v / (n * dof) for v in chi_square_limits(n * dof, false_alarm))

@@ -7,46 +7,31 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """How well directions cover the sphere.
+    """How well directions cover the sphere."""
 
-    Attributes
-    ----------
-    largest_gap : float
-        Angle from the loneliest point of the sphere to the nearest direction [rad].
-    half_space : float
-        Largest, over all axes, of the smallest cosine between the axis and the directions: not
-        negative where all directions lie in one half-space [1].
-    flatness : float
-        Smallest singular value of the directions relative to an even spread: zero where all
-        lie in a plane through the origin [1].
-    missing : tuple of (ndarray of shape (3,), str)
-        Directions that would fill the largest gaps, in body axes and in words [1].
-    """
-
+    # angle from the loneliest point of the sphere to the nearest direction [rad]
     largest_gap: float
+    # largest, over all axes, of the smallest cosine between the axis and the directions: not
+    # negative where all directions lie in one half-space [1]
     half_space: float
+    # smallest singular value of the directions relative to an even spread: zero where all lie in a
+    # plane through the origin [1]
     flatness: float
+    # (3,) directions that would fill the largest gaps, in body axes and in words [1]
     missing: tuple[tuple[FloatArray, str], ...]
 
 
 def coverage(up_b: FloatArray, worst: float = np.radians(50.0), most: int = 6) -> Coverage:
     """Judge a set of directions of up in body axes.
 
-    Parameters
-    ----------
-    up_b : ndarray, shape (n, 3)
-        Unit vectors, direction of up in body axes [1].
-    worst : float
-        A gap wider than this is missing [rad].
-    most : int, shape ()
-        Largest number of missing directions to name [1].
+    `up_b` (n, 3): unit vectors, direction of up in body axes [1]; `worst`: a gap wider than this
+    is missing [rad]; `most`: largest number of missing directions to name [1].
     """
     grid = _grid()
     cosine = grid @ up_b.T
@@ -89,10 +74,7 @@ def _grid() -> FloatArray:
 def direction_words(up_b: FloatArray) -> str:
     """Say a direction of up in words: "+z up", "between +x and -y up".
 
-    Parameters
-    ----------
-    up_b : ndarray, shape (3,)
-        Unit vector in body axes [1].
+    `up_b` (3,): unit vector in body axes [1].
     """
     order = np.argsort(-np.abs(up_b))
     strong = [i for i in order if abs(up_b[i]) > 0.38 * abs(up_b[order[0]])]
@@ -105,12 +87,7 @@ def direction_words(up_b: FloatArray) -> str:
 def coverage_json(c: Coverage, directions: int) -> dict[str, Any]:
     """Return coverage as plain values for result.json.
 
-    Parameters
-    ----------
-    c : Coverage
-        The coverage.
-    directions : int, shape ()
-        Number of rests [1].
+    `directions`: number of rests [1].
     """
     missing = [{"direction": d.tolist(), "words": words} for d, words in c.missing]
     return {

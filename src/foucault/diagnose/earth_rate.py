@@ -7,18 +7,21 @@ import numpy as np
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.earth_seen import EarthSeen
+from foucault.models.earth import EARTH_RATE
 from foucault.result import Check
+
+
+def no_latitude() -> Finding:
+    """Say what the Earth's rotation adds to the gyro bias where the latitude is unknown."""
+    sd = np.degrees(EARTH_RATE / np.sqrt(3)) * 3600
+    return finding("session.no_latitude", sd=f"{sd:.0f}")
 
 
 def earth_checks(earth: EarthSeen | None, false_alarm: float) -> list[Check]:
     """Return the check of the Earth's rate by the times and at the latitude of a log.
 
-    Parameters
-    ----------
-    earth : EarthSeen or None
-        What the session says of it; None makes no check.
-    false_alarm : float, shape ()
-        Probability that it fails by chance [1].
+    `earth`: what the session says of it, None makes no check; `false_alarm`: probability that it
+    fails by chance [1].
     """
     if earth is None:
         return []
@@ -32,13 +35,7 @@ def earth_checks(earth: EarthSeen | None, false_alarm: float) -> list[Check]:
 
 
 def put_off(checks: list[Check]) -> str:
-    """Say what puts coefficients off where the check of the Earth's rate failed, else nothing.
-
-    Parameters
-    ----------
-    checks : list of Check
-        Of `earth_checks`.
-    """
+    """Say what puts coefficients off where the check of the Earth's rate failed, else nothing."""
     if all(check.passed for check in checks):
         return ""
     return "the times or the latitude put it off, see the check of the Earth's rate"
@@ -47,12 +44,8 @@ def put_off(checks: list[Check]) -> str:
 def earth_findings(earth: EarthSeen | None, false_alarm: float) -> list[Finding]:
     """Say what explains another rate of the Earth than there is.
 
-    Parameters
-    ----------
-    earth : EarthSeen or None
-        What the session says of it.
-    false_alarm : float, shape ()
-        Probability that it is said by chance [1].
+    `earth` or None: what the session says of it; `false_alarm`: probability that it is said by
+    chance [1].
     """
     if earth is None or all(check.passed for check in earth_checks(earth, false_alarm)):
         return []
@@ -65,12 +58,7 @@ def earth_findings(earth: EarthSeen | None, false_alarm: float) -> list[Finding]
 def causes(earth: EarthSeen, limit: float) -> str:
     """Say what explains another rate of the Earth, the likelier first.
 
-    Parameters
-    ----------
-    earth : EarthSeen
-        What the session says of it.
-    limit : float, shape ()
-        A cause explains it that leaves no more than this squared normalised difference [1].
+    `limit`: a cause explains it that leaves no more than this squared normalised difference [1].
     """
     (faster, sd, left), (north, north_sd, remains) = earth.faster, earth.farther_north
     mirrored = earth.left_by(np.array([0.0, -2.0 * np.sin(earth.latitude)]))

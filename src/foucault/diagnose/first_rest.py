@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.coverage import direction_words
 from foucault.errors import Finding, error, finding
 from foucault.logs.description import LogDescription
 from foucault.models.readings import Readings
 from foucault.tables import AXES, Log
 
-FloatArray = npt.NDArray[np.float64]
-
 
 def first_rest_orientation(log: Log, up_b: FloatArray) -> list[Finding]:
     """Compare the first rest with its declared orientation.
 
-    Parameters
-    ----------
-    log : Log
-        The log; its source keeps the description it was read with.
-    up_b : ndarray, shape (3,)
-        Direction of up at the first rest, frame b [1].
-
-    Raises
-    ------
-    FoucaultError
-        It is another than declared.
+    `log`: the log, its source keeps the description it was read with; `up_b` (3,): direction of
+    up at the first rest, frame b [1]. Raises it is another than declared.
     """
     description = log.source.get("description") or {}
     declared = (description.get("accel") or {}).get("first_rest")
@@ -40,17 +29,8 @@ def first_rest_orientation(log: Log, up_b: FloatArray) -> list[Finding]:
 def as_declared(declared: str, up_b: FloatArray) -> None:
     """Refuse a first rest whose orientation is another than declared.
 
-    Parameters
-    ----------
-    declared : str
-        As in a description, such as "z up".
-    up_b : ndarray, shape (3,)
-        Direction of up at the first rest, frame b [1].
-
-    Raises
-    ------
-    FoucaultError
-        ``accel.orientation``.
+    `declared`: as in a description, such as "z up"; `up_b` (3,): direction of up at the first
+    rest, frame b [1]. Raises ``accel.orientation``.
     """
     axis, sense = str(declared).split()
     want = np.zeros(3)
@@ -71,17 +51,7 @@ def as_declared(declared: str, up_b: FloatArray) -> None:
 def first_as_declared(readings: Readings, described: Log | LogDescription) -> None:
     """Refuse readings on a table of which the first is in another orientation than declared.
 
-    Parameters
-    ----------
-    readings : Readings
-        One mean per rest and spin [SI].
-    described : Log or LogDescription
-        What says `first_rest`, or says nothing.
-
-    Raises
-    ------
-    FoucaultError
-        ``accel.orientation``.
+    `readings`: one mean per rest and spin [SI]. Raises ``accel.orientation``.
     """
     if isinstance(described, Log):
         said = (described.source.get("description") or {}).get("accel") or {}

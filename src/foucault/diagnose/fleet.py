@@ -23,11 +23,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-
-FloatArray = npt.NDArray[np.float64]
 
 TO_SD = 1.482602218505602
 """Standard deviation over MAD, for a normal distribution [1]."""
@@ -41,67 +39,35 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class Distribution:
-    """One coefficient over the fleet.
-
-    Attributes
-    ----------
-    name : str
-        The coefficient.
-    count : int
-        Instruments that have it [1].
-    median : float
-        Middle value [SI].
-    spread : float
-        Robust standard deviation over the instruments [SI].
-    lowest, highest : float
-        Extreme values [SI].
-    sd : float
-        Median standard deviation of the measurement [SI].
-    """
+    """One coefficient over the fleet."""
 
     name: str
-    count: int
-    median: float
-    spread: float
+    count: int  # instruments that have it [1]
+    median: float  # middle value [SI]
+    spread: float  # robust standard deviation over the instruments [SI]
+    # lowest, highest: extreme values [SI]
     lowest: float
     highest: float
-    sd: float
+    sd: float  # median standard deviation of the measurement [SI]
 
 
 @dataclass(frozen=True)
 class Outlying:
-    """A coefficient of an instrument that differs from the fleet's by more than chance.
+    """A coefficient of an instrument that differs from the fleet's by more than chance."""
 
-    Attributes
-    ----------
-    index : int
-        Number of the instrument [1].
-    name : str
-        The coefficient, or "noise of the accelerometers", "noise of the gyros".
-    value : float
-        Its value [SI]; of noise the ratio to that of the fleet [1].
-    z : float
-        Distance from the median over the spread; of noise the square root of chi-square over its
-        limit [1].
-    """
-
-    index: int
-    name: str
-    value: float
+    index: int  # number of the instrument [1]
+    name: str  # the coefficient, or "noise of the accelerometers", "noise of the gyros"
+    value: float  # its value [SI]; of noise the ratio to that of the fleet [1]
+    # distance from the median over the spread; of noise the square root of chi-square over its
+    # limit [1]
     z: float
 
 
 def distributions(names: Sequence[str], values: FloatArray, sd: FloatArray) -> list[Distribution]:
     """Describe how each coefficient is distributed.
 
-    Parameters
-    ----------
-    names : sequence of str, shape (p,)
-        Coefficients.
-    values : ndarray, shape (N, p)
-        Their values, NaN where an instrument has none [SI].
-    sd : ndarray, shape (N, p)
-        Their standard deviations [SI].
+    `names` (p,): coefficients; `values` (N, p): their values, NaN where an instrument has none
+    [SI]; `sd` (N, p): their standard deviations [SI].
     """
     out = []
     for k, name in enumerate(names):
@@ -120,10 +86,7 @@ def distributions(names: Sequence[str], values: FloatArray, sd: FloatArray) -> l
 def middle_and_spread(x: FloatArray) -> tuple[float, float]:
     """Return the median and 1.4826 times the median distance from it.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Values [any].
+    `x` (n,): values [any].
     """
     middle = float(np.median(x))
     return middle, float(TO_SD * np.median(np.abs(x - middle)))
@@ -134,14 +97,8 @@ def outlying(
 ) -> list[Outlying]:
     """Name the instruments that differ from the fleet, the farthest first.
 
-    Parameters
-    ----------
-    names : sequence of str, shape (p,)
-        Coefficients.
-    values : ndarray, shape (N, p)
-        Their values, NaN where an instrument has none [SI].
-    sd : ndarray, shape (N, p), or None
-        Their standard deviations [SI]; None where all are measured alike.
+    `names` (p,): coefficients; `values` (N, p): their values, NaN where an instrument has none
+    [SI]; `sd` (N, p): their standard deviations [SI], None where all are measured alike.
     """
     known = np.isfinite(values)
     looked = [k for k in range(len(names)) if known[:, k].sum() >= FEWEST]
@@ -188,12 +145,8 @@ def _extreme(z: FloatArray, false_alarm: float) -> list[int]:
 def noisy(chi_square: FloatArray, redundancy: FloatArray) -> list[Outlying]:
     """Name the instruments whose residuals are larger than the noise of the fleet explains.
 
-    Parameters
-    ----------
-    chi_square : ndarray, shape (N, 2)
-        Sums of squared residuals over their variances, accelerometers and gyros [1].
-    redundancy : ndarray, shape (N, 2)
-        What they should be [1].
+    `chi_square` (N, 2): sums of squared residuals over their variances, accelerometers and gyros
+    [1]; `redundancy` (N, 2): what they should be [1].
     """
     usable = np.isfinite(chi_square) & (redundancy >= 0.5)
     tests = max(int(usable.sum()), 1)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error
 from foucault.units import STANDARD_GRAVITY
-
-FloatArray = npt.NDArray[np.float64]
 
 GRAVITY_BAND = 1.25
 """The mean specific force is gravity within this factor, whatever the calibration [1]."""
@@ -24,18 +22,9 @@ def one_axis_off(mean: FloatArray, gravity: float) -> tuple[int, float] | None:
     Where one column is in another unit, ``sum (s_i f_i)^2 = g^2`` holds in all rests with its
     factor, and without it in those alone in which its axis is level.
 
-    Parameters
-    ----------
-    mean : ndarray, shape (n, 3)
-        Mean specific force of each rest [m/s^2].
-    gravity : float, shape ()
-        Local gravity [m/s^2].
-
-    Returns
-    -------
-    (int, float) or None
-        Its axis, and what its readings are over what they should be [1]; None where all are alike
-        or no such factor explains it.
+    `mean` (n, 3): mean specific force of each rest [m/s^2]; `gravity`: local gravity [m/s^2].
+    Returns its axis, and what its readings are over what they should be [1]; None where all are
+    alike or no such factor explains it.
     """
     size = np.linalg.norm(mean, axis=1)
     if len(mean) < 3 or size.max() < ALIKE * size.min():
@@ -55,21 +44,9 @@ def wrong_force(
 ) -> FoucaultError | None:
     """Return what explains a specific force at rest that is not gravity by far.
 
-    Parameters
-    ----------
-    seen : float, shape ()
-        Its magnitude [m/s^2].
-    gravity : float, shape ()
-        Local gravity [m/s^2].
-    interval : float, shape ()
-        Usual interval between samples [s].
-    band : float, shape ()
-        It is gravity within this factor; wider where the instrument moves [1].
-
-    Returns
-    -------
-    FoucaultError or None
-        None where it is gravity but for errors of accelerometers.
+    `seen`: its magnitude [m/s^2]; `gravity`: local gravity [m/s^2]; `interval`: usual interval
+    between samples [s]; `band`: it is gravity within this factor, wider where the instrument
+    moves [1]. Returns None where it is gravity but for errors of accelerometers.
     """
     ratio = seen / gravity
     if 1 / band < ratio < band:

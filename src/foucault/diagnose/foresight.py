@@ -6,14 +6,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding
-
-FloatArray = npt.NDArray[np.float64]
-
 
 NOTHING = 1e-12
 """What is needed or allowed and below this is rounding [SI]."""
@@ -21,50 +18,25 @@ NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class Leg:
-    """A part of a plan with one rate, and what is seen once it is over.
+    """A part of a plan with one rate, and what is seen once it is over."""
 
-    Attributes
-    ----------
-    start, end : float
-        When it begins and ends [s].
-    rate : tuple of float, shape (3,)
-        Mean command about x, y and z [rad/s].
-    rank : int
-        Combinations of the states that are seen by then [1].
-    alone : int
-        States that are seen each by itself by then [1].
-    """
-
+    # start, end: when it begins and ends [s]
     start: float
     end: float
-    rate: tuple[float, float, float]
-    rank: int
-    alone: int
+    rate: tuple[float, float, float]  # (3,) mean command about x, y and z [rad/s]
+    rank: int  # combinations of the states that are seen by then [1]
+    alone: int  # states that are seen each by itself by then [1]
 
 
 @dataclass(frozen=True)
 class Limit:
-    """What a plan needs of the rig, and what the rig allows.
+    """What a plan needs of the rig, and what the rig allows."""
 
-    Attributes
-    ----------
-    name : str
-        Of what, such as "middle angle".
-    kind : str
-        Kind of its unit, as `units.KINDS` has it.
-    needed : float
-        What the plan needs [SI].
-    allowed : float or None
-        What the rig allows; None where nothing was said [SI].
-    unit : str or None
-        Unit it is written in; None for the largest of its kind.
-    """
-
-    name: str
-    kind: str
-    needed: float
-    allowed: float | None = None
-    unit: str | None = None
+    name: str  # of what, such as "middle angle"
+    kind: str  # kind of its unit, as `units.KINDS` has it
+    needed: float  # what the plan needs [SI]
+    allowed: float | None = None  # what the rig allows; None where nothing was said [SI]
+    unit: str | None = None  # unit it is written in; None for the largest of its kind
 
     @property
     def kept(self) -> bool:
@@ -97,39 +69,19 @@ def said(value: float, kind: str, unit: str | None = None) -> str:
 
 @dataclass(frozen=True)
 class Extra:
-    """What a little more of a plan would buy.
+    """What a little more of a plan would buy."""
 
-    Attributes
-    ----------
-    what : str
-        The addition, in words.
-    time : float
-        How much longer it all takes [s].
-    ratio : float
-        Geometric mean of sd with it over sd without [1].
-    best : tuple of (str, float)
-        Coefficients that gain most, and sd with it over sd without [1].
-    """
-
-    what: str
-    time: float
-    ratio: float
+    what: str  # the addition, in words
+    time: float  # how much longer it all takes [s]
+    ratio: float  # geometric mean of sd with it over sd without [1]
+    # coefficients that gain most, and sd with it over sd without [1]
     best: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def of(cls, what: str, time: float, names: tuple[str, ...], ratio: FloatArray) -> Extra:
         """Return it from the ratio of every coefficient.
 
-        Parameters
-        ----------
-        what : str
-            The addition, in words.
-        time : float
-            How much longer it all takes [s].
-        names : tuple of str
-            Coefficients.
-        ratio : ndarray, shape (n,)
-            Sd with it over sd without [1].
+        `time`: how much longer it all takes [s]; `ratio` (n,): sd with it over sd without [1].
         """
         order = np.argsort(ratio)[:GAINING]
         best = tuple((names[i], float(ratio[i])) for i in order)
@@ -142,70 +94,34 @@ GAINING = 3
 
 @dataclass(frozen=True)
 class Foresight:
-    """What a planned motion will show.
+    """What a planned motion will show."""
 
-    Attributes
-    ----------
-    coefficients : CoefficientVector
-        Where the model was linearised, with the covariance that the result will have and the sd
-        of the prior, infinite where there is none [SI].
-    linearised_at : str
-        The same in words.
-    plan : str
-        What the plan is called.
-    duration : float
-        Time it takes, moves included [s].
-    states : int
-        Number of unknowns, what is not reported among them [1].
-    rank : int
-        Combinations of them that the whole plan shows [1].
-    smallest : float or None
-        Smallest singular value that counts over the largest, priors as units [1].
-    fastest : float or None
-        Largest rate of the plan about an axis [rad/s].
-    rate_limit : float or None
-        What the rig allows [rad/s].
-    legs : tuple of Leg
-        The plan of a torqued cluster, leg by leg.
-    hardly : tuple of str
-        Coefficients that will be known hardly better than before.
-    unseen : tuple of str
-        Combinations that nothing in the plan shows.
-    remaining : tuple of str
-        Combinations that will remain most uncertain against the prior, worst first.
-    weakest : tuple of str
-        Combinations that are harder to see than each of their coefficients alone, worst first.
-    correlated : tuple of (str, str, float)
-        Pairs whose errors will be most correlated [1].
-    limits : tuple of Limit
-        What the plan needs of the rig.
-    more : tuple of Extra
-        What a little more would buy.
-    singular : bool
-        Whether the angles of the attitude at the end are no measure: see `findings`.
-    findings : tuple of Finding
-        What the user should know.
-    """
-
+    # where the model was linearised, with the covariance that the result will have and the sd of
+    # the prior, infinite where there is none [SI]
     coefficients: CoefficientVector
-    linearised_at: str
-    plan: str
-    duration: float
-    states: int
-    rank: int
+    linearised_at: str  # the same in words
+    plan: str  # what the plan is called
+    duration: float  # time it takes, moves included [s]
+    states: int  # number of unknowns, what is not reported among them [1]
+    rank: int  # combinations of them that the whole plan shows [1]
+    # smallest singular value that counts over the largest, priors as units [1]
     smallest: float | None = None
-    fastest: float | None = None
-    rate_limit: float | None = None
-    legs: tuple[Leg, ...] = ()
-    hardly: tuple[str, ...] = ()
-    unseen: tuple[str, ...] = ()
+    fastest: float | None = None  # largest rate of the plan about an axis [rad/s]
+    rate_limit: float | None = None  # what the rig allows [rad/s]
+    legs: tuple[Leg, ...] = ()  # the plan of a torqued cluster, leg by leg
+    hardly: tuple[str, ...] = ()  # coefficients that will be known hardly better than before
+    unseen: tuple[str, ...] = ()  # combinations that nothing in the plan shows
+    # combinations that will remain most uncertain against the prior, worst first
     remaining: tuple[str, ...] = ()
+    # combinations that are harder to see than each of their coefficients alone, worst first
     weakest: tuple[str, ...] = ()
+    # pairs whose errors will be most correlated [1]
     correlated: tuple[tuple[str, str, float], ...] = ()
-    limits: tuple[Limit, ...] = ()
-    more: tuple[Extra, ...] = ()
+    limits: tuple[Limit, ...] = ()  # what the plan needs of the rig
+    more: tuple[Extra, ...] = ()  # what a little more would buy
+    # whether the angles of the attitude at the end are no measure: see `findings`
     singular: bool = False
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what the user should know
 
     @property
     def names(self) -> tuple[str, ...]:

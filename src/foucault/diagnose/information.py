@@ -17,16 +17,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error
 from foucault.estimate import gauss_newton
-from foucault.result import Linearised
-
-FloatArray = npt.NDArray[np.float64]
+from foucault.result import Linearised, Problem
 
 INVISIBLE = 1e-9
 """A scaled singular value below this is zero: the combination is not seen at all [1]."""
@@ -41,14 +41,8 @@ some ``eps`` times its standard deviation; what is truly shared is far more."""
 def untouched(s: FloatArray, Vt: FloatArray, seen: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Tell which coefficients have no share in the directions that are not seen, shape (n,).
 
-    Parameters
-    ----------
-    s : ndarray, shape (n,)
-        Singular values of the scaled problem, the largest first [1].
-    Vt : ndarray, shape (n, n)
-        A row for each: its direction [1].
-    seen : ndarray of bool, shape (n,)
-        Which of them are seen.
+    `s` (n,): singular values of the scaled problem, the largest first [1]; `Vt` (n, n): a row for
+    each: its direction [1]; `seen` (n,): which of them are seen.
     """
     sd = s[0] * np.linalg.norm(Vt[seen] / s[seen, None], axis=0)
     return np.asarray(np.linalg.norm(Vt[~seen], axis=0) <= UNTOUCHED * sd)
@@ -57,16 +51,11 @@ def untouched(s: FloatArray, Vt: FloatArray, seen: npt.NDArray[np.bool_]) -> npt
 def largest_shares(layout: Layout, direction: FloatArray, most: int = 4) -> dict[str, float]:
     """Return the largest shares of a direction by name, the largest first and positive.
 
-    Parameters
-    ----------
-    layout : Layout
-        The coefficients.
-    direction : ndarray, shape (n,)
-        A direction of length 1 in their space [1].
-    most : int, shape ()
-        Largest number of names [1].
+    `direction` (n,): a direction of length 1 in their space [1]; `most`: largest number of names
+    [1].
     """
-    largest = np.argsort(-np.abs(direction), kind="stable")[:most].tolist()
+    # Shares that are alike but for rounding stand in the order of the layout.
+    largest = np.argsort(-np.abs(direction).round(9), kind="stable")[:most].tolist()
     lead = float(np.sign(direction[largest[0]]))
     return {layout.names[i]: lead * float(direction[i]) for i in largest if abs(direction[i]) > 0.2}
 
@@ -74,12 +63,8 @@ def largest_shares(layout: Layout, direction: FloatArray, most: int = 4) -> dict
 def terms(shares: dict[str, float], *, dots: bool = False) -> str:
     """Return a direction in words, such as ``+0.71 a -0.71 b``.
 
-    Parameters
-    ----------
-    shares : dict of str to float
-        Coefficient -> share [1].
-    dots : bool
-        Whether dots stand for the shares that are left out.
+    `shares`: coefficient -> share [1]; `dots`: whether dots stand for the shares that are left
+    out.
     """
     words = [f"{share:+.2f} {name}" for name, share in shares.items()]
     # What is left of the length 1; a thousandth of a prior is not worth a mark.
@@ -89,18 +74,12 @@ def terms(shares: dict[str, float], *, dots: bool = False) -> str:
 
 @dataclass(frozen=True)
 class Combination:
-    """A direction in the space of the coefficients, and how badly it is seen.
+    """A direction in the space of the coefficients, and how badly it is seen."""
 
-    Attributes
-    ----------
-    factor : float
-        How many times less certain the combination is than if each coefficient were alone;
-        infinite where it is not seen at all [1].
-    shares : dict of str to float
-        Coefficient -> share in the direction, each in units of its certainty alone [1].
-    """
-
+    # how many times less certain the combination is than if each coefficient were alone; infinite
+    # where it is not seen at all [1]
     factor: float
+    # coefficient -> share in the direction, each in units of its certainty alone [1]
     shares: dict[str, float]
 
     @property
@@ -115,17 +94,10 @@ class Combination:
 
 @dataclass(frozen=True)
 class Remaining:
-    """A direction in the space of the coefficients, and how uncertain it remains.
+    """A direction in the space of the coefficients, and how uncertain it remains."""
 
-    Attributes
-    ----------
-    ratio : float
-        Standard deviation along it after the data over that before, 0 to 1 [1].
-    shares : dict of str to float
-        Coefficient -> share in the direction, each in units of its prior [1].
-    """
-
-    ratio: float
+    ratio: float  # standard deviation along it after the data over that before, 0 to 1 [1]
+    # coefficient -> share in the direction, each in units of its prior [1]
     shares: dict[str, float]
 
     @property
@@ -136,18 +108,10 @@ class Remaining:
 
 @dataclass(frozen=True)
 class Information:
-    """Fisher information of named coefficients, nuisance parameters eliminated.
-
-    Attributes
-    ----------
-    layout : Layout
-        The coefficients.
-    root : ndarray, shape (n, n)
-        Square root R of the information: ``R.T @ R`` [1 / unit].
-    """
+    """Fisher information of named coefficients, nuisance parameters eliminated."""
 
     layout: Layout
-    root: FloatArray
+    root: FloatArray  # (n, n) square root R of the information: ``R.T @ R`` [1 / unit]
 
     @cached_property
     def matrix(self) -> FloatArray:
@@ -195,12 +159,8 @@ class Information:
     def weakest(self, most: int = 3, worth: float = 2.0) -> tuple[Combination, ...]:
         """Return the combinations of coefficients that are seen worst, worst first.
 
-        Parameters
-        ----------
-        most : int, shape ()
-            Largest number of combinations [1].
-        worth : float
-            Leave out those that are less than this many times worse than alone [1].
+        `most`: largest number of combinations [1]; `worth`: leave out those that are less than
+        this many times worse than alone [1].
         """
         out: list[Combination] = []
         for value, direction, seen in zip(*(part[::-1] for part in self._svd), strict=True):
@@ -213,10 +173,7 @@ class Information:
     def with_prior(self, prior_sd: FloatArray) -> Information:
         """Return the information of data and prior together.
 
-        Parameters
-        ----------
-        prior_sd : ndarray, shape (n,)
-            Standard deviation of the prior, infinite where there is none [unit].
+        `prior_sd` (n,): standard deviation of the prior, infinite where there is none [unit].
         """
         sd = proper_prior(self.layout, prior_sd, finite=False)
         rows = np.vstack([self.root, np.diag(1.0 / sd)])
@@ -228,12 +185,8 @@ class Information:
         With the prior as unit the covariance after the data is ``(I + S' S)^-1``, S the scaled
         root: along a right singular vector the standard deviation is ``1 / sqrt(1 + s^2)``.
 
-        Parameters
-        ----------
-        prior_sd : ndarray, shape (n,)
-            Standard deviation of the prior, finite [unit].
-        most : int, shape ()
-            Largest number of directions [1].
+        `prior_sd` (n,): standard deviation of the prior, finite [unit]; `most`: largest number of
+        directions [1].
         """
         sd = proper_prior(self.layout, prior_sd)
         _, s, Vt = np.linalg.svd(self.root * sd)
@@ -245,14 +198,11 @@ class Information:
     def correlated(self, limit: float = 0.9) -> tuple[tuple[str, str, float], ...]:
         """Return the pairs whose errors are correlated beyond `limit`, strongest first.
 
-        Parameters
-        ----------
-        limit : float
-            Smallest absolute correlation [1].
+        `limit`: smallest absolute correlation [1].
         """
         rho, names = self.correlation(), self.layout.names
         first, second = np.triu_indices(len(names), 1)
-        strong = np.argsort(-np.abs(rho[first, second]), kind="stable")
+        strong = np.argsort(-np.abs(rho[first, second]).round(9), kind="stable")
         return tuple(
             (names[i], names[j], float(rho[i, j]))
             for i, j in zip(first[strong].tolist(), second[strong].tolist(), strict=True)
@@ -262,10 +212,7 @@ class Information:
     def distance(self, estimate: CoefficientVector) -> FloatArray:
         """Return the standard deviation of an estimate over the bound, shape (n,) [1].
 
-        Parameters
-        ----------
-        estimate : CoefficientVector
-            With covariance; the same coefficients in the same order.
+        `estimate`: with covariance, the same coefficients in the same order.
         """
         return np.asarray(estimate.sd / self.sd)
 
@@ -273,19 +220,9 @@ class Information:
 def proper_prior(layout: Layout, prior_sd: FloatArray, *, finite: bool = True) -> FloatArray:
     """Return the standard deviations of a prior, or refuse them.
 
-    Parameters
-    ----------
-    layout : Layout
-        The coefficients.
-    prior_sd : ndarray, shape (n,)
-        Standard deviation of each before any data [SI unit].
-    finite : bool
-        Whether they are to serve as units: infinite ones are refused too.
-
-    Raises
-    ------
-    FoucaultError
-        One is missing, zero, negative or not finite.
+    `prior_sd` (n,): standard deviation of each before any data [SI unit]; `finite`: whether they
+    are to serve as units: infinite ones are refused too. Raises one is missing, zero, negative or
+    not finite.
     """
     sd = np.atleast_1d(np.asarray(prior_sd, float))
     if sd.shape != (len(layout),):
@@ -303,12 +240,7 @@ def proper_prior(layout: Layout, prior_sd: FloatArray, *, finite: bool = True) -
 def information(at: Linearised, layout: Layout) -> Information:
     """Return the information that a linearised problem has about its coefficients.
 
-    Parameters
-    ----------
-    at : Linearised
-        White residuals and Jacobian; the coefficients are the first columns.
-    layout : Layout
-        The coefficients.
+    `at`: white residuals and Jacobian, the coefficients are the first columns.
     """
     root = gauss_newton.eliminate(at, len(layout))
     # What nuisance parameters take the whole of leaves rounding: it must not look like a signal.
@@ -316,3 +248,12 @@ def information(at: Linearised, layout: Layout) -> Information:
     root = np.where(np.linalg.norm(root, axis=0) > INVISIBLE * whole, root, 0.0)
     # Fewer observations than coefficients leave fewer rows.
     return Information(layout, np.pad(root, ((0, len(layout) - len(root)), (0, 0))))
+
+
+def bound(problem: Problem, state: Any) -> dict[str, Any]:
+    """Return the Cramer-Rao bound of a problem, and what is seen worst, for result.json.
+
+    `problem`: with what is to count: most often the noise of the sensors alone.
+    """
+    info = information(problem.linearise(state, np.ones(problem.n_blocks)), problem.layout)
+    return {"bound": info.sd.tolist(), "weakest": [c.words for c in info.weakest()]}

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.rests import Rests, find_rests, measure_noise, rest_table
 from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding
 from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
 
 STEADY = np.radians(1.0)
 """A quiet time that turns faster than the rests is a turn; drift and Earth are slower [rad/s]."""
@@ -20,54 +20,32 @@ STEADY = np.radians(1.0)
 
 @dataclass(frozen=True)
 class Axes:
-    """Readings of one triad, each shape (3,) [unit of the triad].
+    """Readings of one triad, each shape (3,) [unit of the triad]."""
 
-    Attributes
-    ----------
-    mean, sd, lowest, highest : ndarray, shape (3,)
-        Over the whole log [unit].
-    noise : ndarray, shape (3,)
-        White noise at rest, NaN where there is no rest [unit/sqrt(Hz)].
-    """
-
+    # mean, sd, lowest, highest: (3,) over the whole log [unit]
     mean: FloatArray
     sd: FloatArray
     lowest: FloatArray
     highest: FloatArray
-    noise: FloatArray
+    noise: FloatArray  # (3,) white noise at rest, NaN where there is no rest [unit/sqrt(Hz)]
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a log looks like before anything is estimated from it.
+    """What a log looks like before anything is estimated from it."""
 
-    Attributes
-    ----------
-    log : Log
-        The log [SI].
-    rests : Rests
-        Where the instrument did not move.
-    rest_rows : dict of str to ndarray
-        first, last, start, end and means of `tables.RESTS`, shape (rests,) each [SI].
-    accel, gyro : Axes or None
-        Readings [m/s^2], [rad/s].
-    shortest, longest : float
-        Extremes of the sample interval [s].
-    gaps : int, shape ()
-        Intervals longer than one and a half nominal ones [1].
-    turning : ndarray of bool, shape (rests,)
-        Which of the quiet times are turns at a constant rate.
-    """
-
-    log: Log
-    rests: Rests
+    log: Log  # the log [SI]
+    rests: Rests  # where the instrument did not move
+    # first, last, start, end and means of `tables.RESTS`, shape (rests,) each [SI]
     rest_rows: dict[str, npt.NDArray[np.generic]]
+    # accel, gyro: readings [m/s^2], [rad/s]
     accel: Axes | None
     gyro: Axes | None
+    # shortest, longest: extremes of the sample interval [s]
     shortest: float
     longest: float
-    gaps: int
-    turning: npt.NDArray[np.bool_]
+    gaps: int  # intervals longer than one and a half nominal ones [1]
+    turning: npt.NDArray[np.bool_]  # (rests,) which of the quiet times are turns at a constant rate
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -78,17 +56,16 @@ class Inspection:
 def inspect(log: Log) -> Inspection:
     """Look at a log.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
+    `log`: readings [SI].
     """
     if log.averaged is not None:
         return _means(log)
-    log = without_spikes(log)
+    given, log = log, without_spikes(log.filled())
     rests = find_rests(log)
     rows = rest_table(log, rests)
     turning = turns_among(log, rests, rows)
+    log = _as_logged(log, given)
+    rows = rest_table(log, rests)
     still = replace(rests, first=rests.first[~turning], last=rests.last[~turning])
     step = np.diff(log.time)
     return Inspection(
@@ -102,6 +79,17 @@ def inspect(log: Log) -> Inspection:
         gaps=int(np.count_nonzero(step > 1.5 * log.interval)),
         turning=turning,
     )
+
+
+def _as_logged(log: Log, given: Log) -> Log:
+    """Return the log without what took the place of axes that were not logged."""
+    new: dict[str, Any] = {}
+    for name in ("gyro", "accel"):
+        axes = list(given.logged(name))
+        if len(given) and len(axes) in (1, 2):
+            new[name] = np.full((len(log), 3), np.nan)
+            new[name][:, axes] = getattr(log, name)[:, axes]
+    return replace(log, **new) if new else log
 
 
 def _means(log: Log) -> Inspection:
@@ -129,14 +117,8 @@ def turns_among(
 ) -> npt.NDArray[np.bool_]:
     """Tell which quiet times are turns at a constant rate, shape (n,).
 
-    Parameters
-    ----------
-    log : Log
-        Readings; the rate of a table counts before that of the gyros [SI].
-    rests : Rests
-        The quiet times.
-    rows : dict of str to ndarray, each shape (n,)
-        Their means, as `rest_table` has them [SI].
+    `log`: readings, the rate of a table counts before that of the gyros [SI]; `rows` (n,): their
+    means, as `rest_table` has them [SI].
     """
     n = len(rests)
     told = None if log.table is None else log.table.rate

@@ -9,7 +9,10 @@ The power of means over a time T is that of successive differences, blind to wha
     psd(T) = T <(m_k+1 - m_k)^2> / 2
 
 Rounding and vibration fade with T where white noise does not, so that it is judged by the least of
-two such times, a fifth of a second and a longer one, a rest having several.
+two such times, a fifth of a second and a longer one, a rest having several. Counts that an
+instrument adds up carry their rounding to the next reading; the white noise beside it stands in the
+spectrum (`diagnose.carried`), and where that is less it is what counts. Of successive means that
+rounding, of variance v, makes 3 v/T.
 
 References
 ----------
@@ -23,16 +26,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
+from foucault.diagnose.carried import white_and_carried
+from foucault.diagnose.rests import resolution
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.result import Check
 from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 SHORT = 0.2
 """Means over so long show white noise above rounding [s]."""
@@ -50,50 +52,28 @@ to it the noise that is seen is used, and that is enough [1]."""
 
 @dataclass(frozen=True)
 class SeenNoise:
-    """The noise of one triad at rest beside what was declared.
-
-    Attributes
-    ----------
-    triad : str
-        "gyro" or "accel".
-    white : float
-        White noise seen, outlying samples included, mean of the axes [unit/sqrt(Hz)].
-    ratio : float
-        Power seen over power declared, of the axis where it is largest; 1 where none was declared
-        or what is seen is not significantly larger [1].
-    axis : str
-        That axis.
-    samples, outliers : int
-        Samples at rest, and how many lie farther off than any would by chance [1].
-    part : float
-        Share of the power, on the axis where it is largest, that the outlying samples make [1].
-    worst : tuple
-        Axis, time [s] and size in standard deviations [1] of the farthest sample.
-    """
+    """The noise of one triad at rest beside what was declared."""
 
     triad: str
-    white: float
+    white: float  # white noise seen, outlying samples included, mean of the axes [unit/sqrt(Hz)]
+    # power seen over power declared, of the axis where it is largest; 1 where none was declared or
+    # what is seen is not significantly larger [1]
     ratio: float
     axis: str
+    # samples, outliers: samples at rest, and how many lie farther off than any would by chance [1]
     samples: int
     outliers: int
+    # share of the power, on the axis where it is largest, that the outlying samples make [1]
     part: float
+    # axis, time [s] and size in standard deviations [1] of the farthest sample
     worst: tuple[str, float, float]
 
 
 @dataclass(frozen=True)
 class NoiseAtRest:
-    """The noise to use, and what is to be said of it.
+    """The noise to use, and what is to be said of it."""
 
-    Attributes
-    ----------
-    noise : ImuNoise
-        As declared, or as the rests show where that is more [SI].
-    seen : tuple of SeenNoise
-        Each triad.
-    """
-
-    noise: ImuNoise
+    noise: ImuNoise  # as declared, or as the rests show where that is more [SI]
     seen: tuple[SeenNoise, ...]
 
     @property
@@ -140,19 +120,8 @@ def noise_at_rest(
 ) -> NoiseAtRest:
     """Return the noise to use: what was declared, or what is seen where that is more.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of both triads [SI].
-    rests : sequence of (int, int)
-        First sample of each rest and the sample after its last [1].
-    declared : ImuNoise or None
-        Noise as declared [SI]; None takes what is seen.
-
-    Returns
-    -------
-    NoiseAtRest
-        Noise, a check and findings.
+    `log`: readings of both triads [SI]; `rests`: first sample of each rest and the sample after
+    its last [1]; `declared`: noise as declared [SI], None takes what is seen.
     """
     assert log.gyro is not None and log.accel is not None
     said = declared or ImuNoise()
@@ -177,24 +146,31 @@ def _seen(
 ) -> SeenNoise:
     from scipy.special import chdtri, fdtri
 
-    interval = log.interval
+    interval, counted = log.interval, log.sampled == "increment"
     out, sd = outlying(x, rests)
     rows = np.concatenate([np.arange(a, b) for a, b in rests])
     shortest = min(b - a for a, b in rests)
     short = max(1, round(SHORT / interval))
     long = max(short, shortest // SEVERAL)
     inside = np.where(out, _medians(x, rests), x)
+    # A rounded sum is off by less than one step.
+    steps = [resolution(column) * interval if counted else 0.0 for column in x[rows].T]
+    carried = np.square(steps) / 12
     best, before = (np.full(3, np.inf), np.ones(3), np.zeros(3)), 0
     for size in sorted({short, long}):
         psd, count = successive(x, rests, size)
         if count < FEW:
             continue
         psd = psd * interval
-        expected = np.zeros(3) if declared is None else _power(declared, interval, size)
+        rounding = 3 * carried / (size * interval)
+        expected = np.zeros(3)
+        if declared is not None:
+            expected += _power(declared, interval, size, counted)
         limit = float(chdtri(2 * count / 3, FALSE_ALARM / 12)) / (2 * count / 3)
         over = np.ones(3)
-        np.divide(psd, expected, out=over, where=expected > 0)
-        over = np.where(over > limit, over, 1.0)
+        more = psd > limit * (expected + rounding)
+        np.divide(psd - rounding, expected, out=over, where=more & (expected > 0))
+        over = np.maximum(over, 1.0)
         # The longer means are fewer: they count where they are calmer for sure.
         surely = fdtri(2 * before / 3, 2 * count / 3, 1 - FALSE_ALARM / 6) if before else 1.0
         calmer, before = psd * surely < best[0], count
@@ -204,6 +180,13 @@ def _seen(
             np.where(calmer, new, old) for new, old in zip((psd, over, part), best, strict=True)
         )
     psd, ratio, part = best
+    if counted:
+        # The spectrum is that of most lines and rests; outlying samples are noise beside it.
+        white = white_beside_rounding(x, rests, interval)
+        white = np.where(white > 0, white + np.maximum(part, 0.0) * psd, 0.0)
+        if declared is not None and declared.white > 0:
+            ratio = np.maximum(np.minimum(ratio, white / declared.white**2), 1.0)
+        psd = np.where(white > 0, np.minimum(psd, white), psd)
     if not np.isfinite(psd).all() or (declared is not None and not declared.white > 0):
         psd, ratio, part = np.where(np.isfinite(psd), psd, 0.0), np.ones(3), np.zeros(3)
     k = int(np.argmax(ratio if ratio.max() > 1.0 else part))
@@ -216,11 +199,25 @@ def _seen(
     )  # fmt: skip
 
 
-def _power(noise: TriadNoise, interval: float, size: int) -> float:
+def white_beside_rounding(
+    x: FloatArray, rests: Sequence[tuple[int, int]], interval: float
+) -> FloatArray:
+    """Return the density of white noise beside carried rounding, 0 where it does not show, (3,).
+
+    `x` (n, 3): increments, as rates [unit]; `rests`: first sample of each rest and the sample
+    after its last [1]; `interval`: sample interval [s].
+    """
+    size = max(1, round(SHORT / interval))
+    parts = [x[a : a + (b - a) // size * size].reshape(-1, size, 3).mean(axis=1) for a, b in rests]
+    return white_and_carried(parts, size * interval)[0]
+
+
+def _power(noise: TriadNoise, interval: float, size: int, counted: bool) -> float:
     """Return the power that successive differences of means over `size` samples should have."""
     T = size * interval
     slow = noise.random_walk**2 + 2 * noise.bias_instability**2 / noise.correlation_time
-    return noise.white**2 + noise.quantisation**2 / 12 * interval + slow * T**2 / 3
+    rounding = 0.0 if counted else noise.quantisation**2 / 12 * interval
+    return noise.white**2 + rounding + slow * T**2 / 3
 
 
 def successive(
@@ -228,21 +225,9 @@ def successive(
 ) -> tuple[FloatArray, int]:
     """Return half the mean square difference of successive means, times their size.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Readings [unit].
-    rests : sequence of (int, int)
-        First sample of each rest and the sample after its last [1].
-    size : int, shape ()
-        Samples of a mean [1].
-
-    Returns
-    -------
-    power : ndarray, shape (3,)
-        The variance of one sample where noise is white [unit^2].
-    count : int
-        Number of differences [1].
+    `x` (n, 3): readings [unit]; `rests`: first sample of each rest and the sample after its last
+    [1]; `size`: samples of a mean [1]. Returns `power` (3,): the variance of one sample where
+    noise is white [unit^2]; `count`: number of differences [1].
     """
     total, count = np.zeros(3), 0
     for a, b in rests:
@@ -264,19 +249,9 @@ def _medians(x: FloatArray, rests: Sequence[tuple[int, int]]) -> FloatArray:
 def outlying(x: FloatArray, rests: Sequence[tuple[int, int]]) -> tuple[BoolArray, FloatArray]:
     """Find the samples at rest that lie farther from its median than any would by chance.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Readings [unit].
-    rests : sequence of (int, int)
-        First sample of each rest and the sample after its last [1].
-
-    Returns
-    -------
-    out : ndarray of bool, shape (n, 3)
-        Those samples; none in turns.
-    sd : ndarray, shape (3,)
-        Standard deviation of the others, by the median of their size [unit].
+    `x` (n, 3): readings [unit]; `rests`: first sample of each rest and the sample after its last
+    [1]. Returns `out` (n, 3): those samples; none in turns; `sd` (3,): standard deviation of the
+    others, by the median of their size [unit].
     """
     from scipy.special import ndtri
 

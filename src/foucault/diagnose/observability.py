@@ -38,6 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Layout
 from foucault.diagnose.information import (
     INVISIBLE,
@@ -49,9 +50,6 @@ from foucault.diagnose.information import (
 )
 from foucault.errors import error
 from foucault.result import Linearised
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 NAMED = 1e-6
 """Directions and motions below this are rounding [1]."""
@@ -81,30 +79,14 @@ class LinearSegment:
 
 @dataclass(frozen=True)
 class Gain:
-    """What one segment adds to those before.
+    """What one segment adds to those before."""
 
-    Attributes
-    ----------
-    label : str
-        The segment, shape ().
-    rank : int
-        Combinations that are seen once it is over [1].
-    added : int
-        Combinations it adds [1].
-    singular_values : ndarray, shape (n,)
-        Of all rows so far: prior over noise, the largest first [1].
-    alone : tuple of str
-        States that are now seen each by itself, and were not before.
-    together : tuple of dict of str to float
-        Combinations of the other states that are now seen: largest shares, in units of the
-        priors [1].
-    """
-
-    label: str
-    rank: int
-    added: int
-    singular_values: FloatArray
-    alone: tuple[str, ...]
+    label: str  # the segment, shape ()
+    rank: int  # combinations that are seen once it is over [1]
+    added: int  # combinations it adds [1]
+    singular_values: FloatArray  # (n,) of all rows so far: prior over noise, the largest first [1]
+    alone: tuple[str, ...]  # states that are now seen each by itself, and were not before
+    # combinations of the other states that are now seen: largest shares, in units of the priors [1]
     together: tuple[dict[str, float], ...]
 
     @property
@@ -118,37 +100,21 @@ class Gain:
 
 @dataclass(frozen=True)
 class Observability:
-    """What a plan makes visible of the states.
-
-    Attributes
-    ----------
-    layout : Layout
-        The states.
-    gains : tuple of Gain
-        What each segment adds.
-    singular_values : ndarray, shape (n,)
-        Of all segments: prior over noise of one reading, the largest first [1].
-    unseen : tuple of Combination
-        Directions that no segment shows: the outputs stay the same when the states change so.
-        Each is named by its largest shares.
-    tolerance : float
-        A singular value below this times the largest counts as zero [1].
-    time_scale : float
-        Unit of time of the powers of F; NaN where no state moves [s].
-    powers : int
-        Highest power of F [1].
-    exact : bool
-        Whether what a segment does not see stands still in it, so that the transitions between
-        the segments change nothing; otherwise `unseen` is of the stripped matrix only.
-    """
+    """What a plan makes visible of the states."""
 
     layout: Layout
-    gains: tuple[Gain, ...]
+    gains: tuple[Gain, ...]  # what each segment adds
+    # (n,) of all segments: prior over noise of one reading, the largest first [1]
     singular_values: FloatArray
+    # directions that no segment shows: the outputs stay the same when the states change so. Each is
+    # named by its largest shares
     unseen: tuple[Combination, ...]
-    tolerance: float
+    tolerance: float  # A singular value below this times the largest counts as zero [1]
+    # unit of time of the powers of F; NaN where no state moves [s]
     time_scale: float = float("nan")
-    powers: int = 0
+    powers: int = 0  # highest power of F [1]
+    # whether what a segment does not see stands still in it, so that the transitions between the
+    # segments change nothing; otherwise `unseen` is of the stripped matrix only
     exact: bool = True
 
     @property
@@ -253,19 +219,11 @@ def growth(
     After step k the rows are the whitened ones of all observations up to then, the nuisance
     parameters eliminated; rows of a prior (block -1) do not count.
 
-    Parameters
-    ----------
-    at : Linearised
-        White residuals and Jacobian; the coefficients are the first columns.
-    layout : Layout
-        The coefficients.
-    prior_sd : ndarray, shape (n,)
-        Standard deviation of each before the data [SI unit].
-    steps : mapping of str to sequence of int, or None
-        Label -> numbers of the observations (`Linearised.blocks`) that come with it, in the order
-        of time; None takes each observation as a step, in the order of their numbers [1].
-    tolerance : float
-        Singular values below this times the largest are zero [1].
+    `at`: white residuals and Jacobian, the coefficients are the first columns; `prior_sd` (n,):
+    standard deviation of each before the data [SI unit]; `steps`: label -> numbers of the
+    observations (`Linearised.blocks`) that come with it, in the order of time, None takes each
+    observation as a step, in the order of their numbers [1]; `tolerance`: singular values below
+    this times the largest are zero [1].
     """
     sd, n = proper_prior(layout, prior_sd), len(layout)
     if steps is None:

@@ -18,19 +18,18 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
+from foucault.diagnose.noise_at_rest import NoiseAtRest, noise_at_rest, white_beside_rounding
 from foucault.errors import Finding, finding
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.session_noise import QUIETEST
 from foucault.tables import Log
 from foucault.units import convert
-
-FloatArray = npt.NDArray[np.float64]
 
 BLOCKS = 16
 """A rest holds so many of the longest averaging time [1]."""
@@ -54,31 +53,21 @@ BESIDE = 4.0
 
 @dataclass(frozen=True)
 class RestNoise:
-    """White noise of one triad.
+    """White noise of one triad."""
 
-    Attributes
-    ----------
-    white : float
-        Root of its density, all axes together [SI/sqrt(Hz)].
-    clear : bool
-        Whether the Allan variance shows it, without motion or rounding beside it.
-    """
-
-    white: float
-    clear: bool
+    white: float  # root of its density, all axes together [SI/sqrt(Hz)]
+    clear: bool  # whether the Allan variance shows it, without motion or rounding beside it
 
 
 def noise_of(rest: Log) -> tuple[ImuNoise, tuple[Finding, ...]]:
     """Measure the white noise of both triads, and say where it is not clear.
 
-    Parameters
-    ----------
-    rest : Log
-        The part of a log that rests [SI].
+    `rest`: the part of a log that rests [SI].
     """
     assert rest.accel is not None
     assert rest.gyro is not None
-    accel, gyro = (white_noise(x, rest.interval) for x in (rest.accel, rest.gyro))
+    counted = rest.sampled == "increment"
+    accel, gyro = (white_noise(x, rest.interval, counted) for x in (rest.accel, rest.gyro))
     noise = ImuNoise(TriadNoise(white=accel.white), TriadNoise(white=gyro.white))
     if accel.clear and gyro.clear:
         return noise, ()
@@ -87,15 +76,31 @@ def noise_of(rest: Log) -> tuple[ImuNoise, tuple[Finding, ...]]:
     return noise, (finding("alignment.noise", gyro=f"{of_gyro:.2g}", accel=f"{of_accel:.2g}"),)
 
 
-def white_noise(x: FloatArray, interval: float) -> RestNoise:
+def held_against(rest: Log, declared: ImuNoise, least: ImuNoise) -> NoiseAtRest:
+    """Hold the noise that was declared against a rest that may sway.
+
+    Sway and dither scatter the readings as noise does. Noise beyond what was declared is what
+    differences that are blind to them show too.
+
+    `rest`: the part of a log that rests [SI]; `declared`: noise as declared [SI]; `least`: noise
+    by `noise_of` [SI].
+    """
+    plain = noise_at_rest(rest, [(0, len(rest))], declared)
+    seen, used = [], {}
+    for s in plain.seen:
+        said = getattr(declared, s.triad)
+        most: float = min(s.white, getattr(least, s.triad).white)
+        ratio: float = min(s.ratio, (most / said.white) ** 2) if said.white > 0 else 1.0
+        seen.append(replace(s, white=most, ratio=max(ratio, 1.0)))
+        used[s.triad] = replace(said, white=most) if ratio > 1.0 else said
+    return NoiseAtRest(ImuNoise(accel=used["accel"], gyro=used["gyro"]), tuple(seen))
+
+
+def white_noise(x: FloatArray, interval: float, counted: bool = False) -> RestNoise:
     """Measure the white noise of a triad at rest.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Readings of the rest [SI].
-    interval : float, shape ()
-        Sample interval [s].
+    `x` (n, 3): readings of the rest [SI]; `interval`: sample interval [s]; `counted`: whether
+    readings are increments, whose rounding is carried to the next one.
     """
     sizes = 2 ** np.arange(max(1, int(np.log2(max(len(x) / BLOCKS, 1))) + 1))
     orders = range(1, ORDERS + 1)
@@ -118,6 +123,9 @@ def white_noise(x: FloatArray, interval: float) -> RestNoise:
     if not clear and (k == 0 or psd[k, n] > psd[0, bound]):
         k, n = np.intp(0), np.intp(bound)
     white = float(np.sqrt(psd[k, n]))
+    if counted:  # carried rounding is in all differences, and apart in the spectrum
+        beside = float(np.sqrt(white_beside_rounding(x, [(0, len(x))], interval).mean()))
+        white = min(white, beside) if beside > 0 else white
     return RestNoise(white, bool(clear) or float(np.sqrt(surely[0, bound])) < QUIETEST)
 
 

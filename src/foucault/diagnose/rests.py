@@ -20,44 +20,30 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.carried import white_and_carried
 from foucault.errors import Finding, error, finding
 from foucault.kernels.moving import moving_moments
 from foucault.models.noise import rounding_bias
 from foucault.tables import AXES, Log
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class Rests:
-    """The rests of a log and how they were found.
+    """The rests of a log and how they were found."""
 
-    Attributes
-    ----------
-    first, last : ndarray of int, shape (n,)
-        First sample of each rest and the sample after its last.
-    level, accel_level, gyro_level : ndarray, shape (samples,)
-        Standard deviation in the window around each sample, relative to the quiet [1].
-    threshold : float
-        Level below which a window is at rest [1].
-    window : int
-        Samples of a window [1].
-    findings : tuple of Finding
-        Candidates that were left out, and why.
-    left_out : ndarray, shape (len(findings), 2)
-        Rate of each against the others [rad/s], and its duration [s].
-    """
-
+    # first, last: (n,) first sample of each rest and the sample after its last
     first: IntArray
     last: IntArray
+    # level, accel_level, gyro_level: (samples,) standard deviation in the window around each
+    # sample, relative to the quiet [1]
     level: FloatArray
     accel_level: FloatArray
     gyro_level: FloatArray
-    threshold: float
-    window: int
-    findings: tuple[Finding, ...] = ()
+    threshold: float  # level below which a window is at rest [1]
+    window: int  # samples of a window [1]
+    findings: tuple[Finding, ...] = ()  # candidates that were left out, and why
+    # (len(findings) rate of each against the others [rad/s], and its duration [s]
     left_out: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __len__(self) -> int:
@@ -67,15 +53,7 @@ class Rests:
 def require_live_gyros(log: Log) -> None:
     """Refuse gyros that all read one value throughout while the accelerometers live.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-
-    Raises
-    ------
-    FoucaultError
-        ``gyro.stuck``.
+    `log`: readings [SI]. Raises ``gyro.stuck``.
     """
     if log.gyro is None or log.accel is None or len(log) < 2:
         return
@@ -93,16 +71,9 @@ def find_rests(
 ) -> Rests:
     """Find the intervals in which the instrument did not move.
 
-    Parameters
-    ----------
-    log : Log
-        Readings with accelerometers, gyros or both [SI].
-    window : float
-        Length of the moving window [s].
-    threshold : float or None
-        Level that separates rest from motion; None chooses it from the data [1].
-    shortest : float
-        Shortest quiet time that counts as a rest, the window's length not included [s].
+    `log`: readings with accelerometers, gyros or both [SI]; `window`: length of the moving window
+    [s]; `threshold`: level that separates rest from motion, None chooses it from the data [1];
+    `shortest`: shortest quiet time that counts as a rest, the window's length not included [s].
     """
     rate = log.rate if len(log) > 1 else 0.0
     samples = max(5, 2 * round(window * rate / 2) + 1)
@@ -127,12 +98,8 @@ def _level(x: FloatArray | None, samples: int) -> FloatArray:
 def moving_sd(x: FloatArray, samples: int) -> FloatArray:
     """Return the standard deviation in the window around each sample, all axes together, (n,).
 
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Readings of one triad [unit].
-    samples : int, shape ()
-        Length of the window, odd; the result is NaN in the half window at either end [1].
+    `x` (n, 3): readings of one triad [unit]; `samples`: length of the window, odd, the result is
+    NaN in the half window at either end [1].
     """
     _, variance = moving_moments(np.ascontiguousarray(x), samples)
     return np.asarray(np.sqrt(variance.sum(axis=1)))
@@ -141,10 +108,7 @@ def moving_sd(x: FloatArray, samples: int) -> FloatArray:
 def quiet_sd(sd: FloatArray) -> float:
     """Return the standard deviation of a quiet window, of which the level is 1.
 
-    Parameters
-    ----------
-    sd : ndarray, shape (n,)
-        Standard deviation in each window [unit].
+    `sd` (n,): standard deviation in each window [unit].
     """
     seen = sd[np.isfinite(sd) & (sd > 0)]
     # The quietest windows, but not the luckiest: the 5th percentile.
@@ -158,10 +122,7 @@ APART = 0.2
 def split(level: FloatArray) -> float:
     """Return the level that splits the log-levels into the two most distinct classes [1].
 
-    Parameters
-    ----------
-    level : ndarray, shape (n,)
-        Levels, 1 for quiet; NaN does not count [1].
+    `level` (n,): levels, 1 for quiet, NaN does not count [1].
     """
     x = np.log10(np.maximum(level[np.isfinite(level)], 0.1))
     if len(x) == 0 or x.max() - x.min() < 0.3:  # nothing moves: everything is rest
@@ -185,12 +146,7 @@ def split(level: FloatArray) -> float:
 def quiet_runs(quiet: npt.NDArray[np.bool_], shortest: int) -> tuple[IntArray, IntArray]:
     """Return first and one-past-last index of the runs of True that are long enough.
 
-    Parameters
-    ----------
-    quiet : ndarray of bool, shape (n,)
-        Where the instrument is at rest.
-    shortest : int, shape ()
-        Fewest samples of a run [1].
+    `quiet` (n,): where the instrument is at rest; `shortest`: fewest samples of a run [1].
     """
     edge = np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]]))
     first, last = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
@@ -210,14 +166,9 @@ def trimmed(
     The threshold that tells rest from turn lies far above the level of a rest, and the more so
     the slower the log; a turn that starts gently is below it for a while.
 
-    Parameters
-    ----------
-    level : ndarray, shape (samples,)
-        Level of each window, 1 for quiet [1].
-    first, last : ndarray of int, shape (n,)
-        First sample of each rest and the sample after its last.
-    shortest : int, shape ()
-        Fewest samples of a rest; a rest is not cut below it [1].
+    `level` (samples,): level of each window, 1 for quiet [1]; `first`, `last` (n,): first sample
+    of each rest and the sample after its last; `shortest`: fewest samples of a rest, a rest is
+    not cut below it [1].
     """
     first, last = first.copy(), last.copy()
     for j, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
@@ -249,10 +200,7 @@ def _drop_moving(
 def turning(gyro_mean: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
     """Tell which rests turn steadily, and how fast against the others, shape (n,) [rad/s].
 
-    Parameters
-    ----------
-    gyro_mean : ndarray, shape (n, 3)
-        Mean rate of each rest; fewer than five cannot be told apart [rad/s].
+    `gyro_mean` (n, 3): mean rate of each rest, fewer than five cannot be told apart [rad/s].
     """
     off = np.linalg.norm(gyro_mean - np.median(gyro_mean, axis=0), axis=1)
     # 1 deg/s is far beyond Earth rate and bias drift, and slow for a hand.
@@ -261,27 +209,19 @@ def turning(gyro_mean: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
 
 @dataclass(frozen=True)
 class RestNoise:
-    """White noise power of one triad, measured at rest.
+    """White noise power of one triad, measured at rest."""
 
-    Attributes
-    ----------
-    psd : ndarray, shape (3,)
-        Power spectral density around a few hertz: what integration over a turn adds up
-        [unit^2 s].
-    psd_of_mean : ndarray, shape (3,)
-        Power that the scatter of a rest's mean corresponds to; larger than `psd` where the
-        rests were not quite still [unit^2 s].
-    rounding : ndarray, shape (3,)
-        Constant error of rounding that averaging does not remove, sd [unit].
-    carried : ndarray, shape (3,)
-        Variance of the integral of an increment log at an instant, whose rounding goes on to the
-        next reading: 2 carried / T^2 in a mean over T; 0 where readings are no increments
-        [unit^2 s^2].
-    """
-
+    # (3,) power spectral density around a few hertz: what integration over a turn adds up [unit^2
+    # s]
     psd: FloatArray
+    # (3,) power that the scatter of a rest's mean corresponds to; larger than `psd` where the rests
+    # were not quite still [unit^2 s]
     psd_of_mean: FloatArray
+    # (3,) constant error of rounding that averaging does not remove, sd [unit]
     rounding: FloatArray
+    # (3,) variance of the integral of an increment log at an instant, whose rounding goes on to the
+    # next reading: 2 carried / T^2 in a mean over T; 0 where readings are no increments [unit^2
+    # s^2]
     carried: FloatArray = field(default_factory=lambda: np.zeros(3))
 
 
@@ -300,18 +240,9 @@ def measure_noise(
 ) -> RestNoise:
     """Measure the noise of one triad in the rests of a log.
 
-    Parameters
-    ----------
-    x : ndarray, shape (samples, 3)
-        Readings [unit].
-    interval : float
-        Sample interval [s].
-    rests : Rests
-        Where the instrument rested.
-    steps : ndarray, shape (3,), or None
-        Steps of the output, where `x` alone does not show them [unit].
-    increments : bool
-        Whether the readings are means over their intervals, which may carry their rounding on.
+    `x` (samples, 3): readings [unit]; `interval`: sample interval [s]; `steps` (3,) or None:
+    steps of the output, where `x` alone does not show them [unit]; `increments`: whether the
+    readings are means over their intervals, which may carry their rounding on.
     """
     from scipy.special import fdtri
 
@@ -346,6 +277,8 @@ def measure_noise(
         psd, carried = white_and_carried(parts, short * interval)
         # An axis that never changes does not tell: counters carry on.
         on = (psd < CARRIED * sd**2 * interval) | (square == 0)
+        counted = white_and_carried(parts, short * interval, np.where(on, floor * interval, 0.0))
+        psd, carried = np.where(on, counted, (psd, carried))
         carried = np.where(on, np.maximum(carried, floor * interval), carried)
         rounding, floor = np.where(on, 0.0, rounding), np.where(on, 0.0, floor)
     of_mean = psd
@@ -371,12 +304,7 @@ def _levels(x: FloatArray, rests: Rests) -> FloatArray:
 def resolution(x: FloatArray, most: int = 10_000) -> float:
     """Return the step of a rounded signal [unit], 0 where the samples are not rounded.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Readings of one axis [unit].
-    most : int, shape ()
-        Number of samples to look at [1].
+    `x` (n,): readings of one axis [unit]; `most`: number of samples to look at [1].
     """
     seen = x[:: max(1, len(x) // most)]
     values = np.unique(seen)
@@ -395,10 +323,7 @@ def _block_means(x: FloatArray, size: int) -> FloatArray:
 def rest_levels(rests: Rests) -> FloatArray:
     """Return the median level of each rest, shape (n,); 1 is quiet [1].
 
-    Parameters
-    ----------
-    rests : Rests
-        The rests and the levels of the log.
+    `rests`: the rests and the levels of the log.
     """
     spans = zip(rests.first, rests.last, strict=True)
     return np.array([np.nanmedian(rests.level[a:b]) for a, b in spans])
@@ -424,14 +349,7 @@ def rest_table(log: Log, rests: Rests) -> dict[str, npt.NDArray[np.generic]]:
 def detection_table(log: Log, rests: Rests, rows: int = 4000) -> dict[str, FloatArray]:
     """Return the table "detection" of the report: the levels, thinned, peaks kept.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    rests : Rests
-        How the rests were found.
-    rows : int, shape ()
-        Largest number of rows [1].
+    `log`: readings [SI]; `rows`: largest number of rows [1].
     """
     step = max(1, -(-len(log) // rows))
     n = len(log) // step * step

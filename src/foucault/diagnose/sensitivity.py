@@ -10,12 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
 from foucault.diagnose.information import Information
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.consistency import consistency_check
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.result import Check
-
-FloatArray = npt.NDArray[np.float64]
 
 EACH = FALSE_ALARM / 5
 """False-alarm rate of each of the five checks of a study, so that all together keep 1 % [1]."""
@@ -34,41 +33,21 @@ INTERVALS = {68: 0.994458, 95: 1.959964}
 
 @dataclass(frozen=True)
 class Study:
-    """The trials of a study that produced an estimate.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Coefficients.
-    error : ndarray, shape (trials, n)
-        Estimate minus truth [SI].
-    sd : ndarray, shape (trials, n)
-        Predicted standard deviation [SI].
-    bound : ndarray, shape (trials, n)
-        Cramer-Rao bound, NaN where the procedure does not give one [SI].
-    nees : ndarray, shape (trials,)
-        Normalised estimation error squared [1].
-    status : mapping of str to int
-        How many trials ended in each status, failures included [1].
-    """
+    """The trials of a study that produced an estimate."""
 
     names: tuple[str, ...]
-    error: FloatArray
-    sd: FloatArray
+    error: FloatArray  # (trials, n) estimate minus truth [SI]
+    sd: FloatArray  # (trials, n) predicted standard deviation [SI]
+    # (trials, n) Cramer-Rao bound, NaN where the procedure does not give one [SI]
     bound: FloatArray
-    nees: FloatArray
-    status: Mapping[str, int]
+    nees: FloatArray  # (trials,) normalised estimation error squared [1]
+    status: Mapping[str, int]  # how many trials ended in each status, failures included [1]
 
     @classmethod
     def of(cls, names: Sequence[str], rows: Mapping[str, npt.NDArray[Any]]) -> Study:
         """Take the columns ``error.*``, ``sd.*``, ``bound.*``, ``nees`` and ``status`` of rows.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Coefficients.
-        rows : mapping of str to ndarray, each shape (trials,)
-            Columns of the study [SI].
+        `rows` (trials,): columns of the study [SI].
         """
         good = np.isfinite(rows["nees"])
         kinds, counts = np.unique(rows["status"].astype(str), return_counts=True)

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, finding
 from foucault.models.layouts import is_cluster
 from foucault.models.references import clock_slope
 from foucault.result import Result, TimeBase
-from foucault.tables import AXES, Clock, FloatArray, Log
+from foucault.tables import AXES, Clock, Log
 
 WORDS = {
     "sensor": "the sensor's own oscillator",
@@ -46,19 +47,10 @@ def with_clock(
 ) -> Result:
     """Put what the clock of the log makes of the coefficients beside them, and say it.
 
-    Parameters
-    ----------
-    result : Result
-        Its covariance is that in the log's own time [SI].
-    clock : Clock
-        What counted the time of the log.
-    turned : bool
-        Whether the reference of the gyros is an angle over the time of the log.
-    summed : bool
-        Whether the readings are increments.
-    slope : ndarray, shape (n,), or None
-        Derivative of the coefficients with respect to the logarithm of the clock's rate, where it
-        does not follow from the two [SI].
+    `result`: its covariance is that in the log's own time [SI]; `turned`: whether the reference
+    of the gyros is an angle over the time of the log; `slope` (n,) or None: derivative of the
+    coefficients with respect to the logarithm of the clock's rate, where it does not follow from
+    the two [SI].
     """
     vector, plain = result.coefficients, slope is None
     if slope is None:

@@ -20,10 +20,7 @@ def student(dof: float) -> float:
     variance ``n / (n - 2)``: twice that of a known noise at `TOLD`, and without bounds at 2, so
     that fewer are taken for as many.
 
-    Parameters
-    ----------
-    dof : float
-        Degrees of freedom of the residuals [1].
+    `dof`: degrees of freedom of the residuals [1].
     """
     n = max(dof, TOLD)
     return float(np.sqrt(n / (n - 2.0)))
@@ -34,14 +31,8 @@ def chi_square_limits(
 ) -> tuple[float, float]:
     """Return the two-sided limits of a chi-square variable.
 
-    Parameters
-    ----------
-    dof : float
-        Degrees of freedom [1].
-    false_alarm : float
-        Probability that any of the tests falls outside by chance [1].
-    tests : int, shape ()
-        Number of tests in the family; the probability is shared (Sidak) [1].
+    `dof`: degrees of freedom [1]; `false_alarm`: probability that any of the tests falls outside
+    by chance [1]; `tests`: number of tests in the family, the probability is shared (Sidak) [1].
     """
     from scipy.special import chdtri
 
@@ -52,12 +43,7 @@ def chi_square_limits(
 def chi_square_density(x: npt.NDArray[np.float64], dof: float) -> npt.NDArray[np.float64]:
     """Return the density of a chi-square variable.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Where, not negative [1].
-    dof : float
-        Degrees of freedom [1].
+    `x` (n,): where, not negative [1]; `dof`: degrees of freedom [1].
     """
     from scipy.special import gammaln, xlogy
 

@@ -26,14 +26,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.result import Linearised
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 SHOWN = 1e-4
 """A drift of which less than this share shows in the residuals is not tested [1]."""
@@ -47,25 +44,14 @@ ENOUGH = 3.0
 
 @dataclass(frozen=True)
 class Drift:
-    """The drift that the residuals show most clearly.
+    """The drift that the residuals show most clearly."""
 
-    Attributes
-    ----------
-    name : str
-        The coefficient, or accel.scale or gyro.scale for all three alike.
-    size, sd : float
-        How much it changed from the first observation to the last [SI].
-    dof : float
-        Degrees of freedom that the sd was found from [1].
-    limit : float
-        `ratio` that chance allows for the largest of all [1].
-    """
-
-    name: str
+    name: str  # the coefficient, or accel.scale or gyro.scale for all three alike
+    # size, sd: how much it changed from the first observation to the last [SI]
     size: float
     sd: float
-    dof: float
-    limit: float = np.inf
+    dof: float  # degrees of freedom that the sd was found from [1]
+    limit: float = np.inf  # `ratio` that chance allows for the largest of all [1]
 
     @property
     def ratio(self) -> float:
@@ -81,10 +67,7 @@ class Drift:
 def by_time(time: FloatArray) -> FloatArray:
     """Return the time of each observation from -1/2, the first, to 1/2, the last, shape (k,) [1].
 
-    Parameters
-    ----------
-    time : ndarray, shape (k,)
-        Middle of each observation [s].
+    `time` (k,): middle of each observation [s].
     """
     span = float(np.ptp(time))
     return np.asarray((time - time.min()) / span - 0.5) if span > 0 else np.zeros(len(time))
@@ -100,24 +83,11 @@ def find_drift(
 ) -> Drift | None:
     """Look for the coefficient whose drift explains the residuals best.
 
-    Parameters
-    ----------
-    at : Linearised
-        The problem linearised at its solution, everything that was estimated in its columns.
-    names : sequence of str, length p
-        The coefficients, its first columns.
-    time : ndarray, shape (blocks,)
-        Middle of each observation [s].
-    kinds : ndarray of int, shape (blocks,), or None
-        Kind of each observation, which has a scatter of its own; None for one kind.
-    candidates : ndarray, shape (m, p), or None
-        What a drift of each coefficient does to the white residuals, where whitening mixes
-        observations; None: each row of `at` times its time.
-
-    Returns
-    -------
-    Drift or None
-        None where nothing would show.
+    `at`: the problem linearised at its solution, everything that was estimated in its columns;
+    `time` (blocks,): middle of each observation [s]; `kinds` (blocks,): kind of each observation,
+    which has a scatter of its own, None for one kind; `candidates` (m, p): what a drift of each
+    coefficient does to the white residuals, where whitening mixes observations, None: each row of
+    `at` times its time. Returns None where nothing would show.
     """
     from scipy.special import stdtrit
 
@@ -162,28 +132,15 @@ def _kind_of_rows(at: Linearised, kinds: IntArray | None) -> IntArray:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Terms that were left out, as the residuals show them, all together.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The coefficients.
-    size, sd : ndarray, shape (k,)
-        What they would be, and its standard deviation; NaN where nothing shows [SI].
-    ratio : float
-        Mean square that they explain over that of what remains [1].
-    dof : float
-        Degrees of freedom of what remains [1].
-    limit : float
-        `ratio` that chance allows [1].
-    """
+    """Terms that were left out, as the residuals show them, all together."""
 
     names: tuple[str, ...]
+    # size, sd: (k,) what they would be, and its standard deviation; NaN where nothing shows [SI]
     size: FloatArray
     sd: FloatArray
-    ratio: float
-    dof: float
-    limit: float
+    ratio: float  # mean square that they explain over that of what remains [1]
+    dof: float  # degrees of freedom of what remains [1]
+    limit: float  # `ratio` that chance allows [1]
 
     @property
     def significant(self) -> bool:
@@ -196,21 +153,10 @@ def find_left_out(
 ) -> LeftOut | None:
     """Test whether the residuals follow terms that were not estimated.
 
-    Parameters
-    ----------
-    at : Linearised
-        The problem linearised at its solution, everything that was estimated in its columns.
-    names : sequence of str, length k
-        The coefficients that were left out.
-    columns : ndarray, shape (m, k)
-        What each of them does to the white residuals [1 / SI].
-    kinds : ndarray of int, shape (blocks,), or None
-        Kind of each observation; what the terms do not touch says nothing of them.
-
-    Returns
-    -------
-    LeftOut or None
-        None where nothing would show.
+    `at`: the problem linearised at its solution, everything that was estimated in its columns;
+    `columns` (m, k): what each of them does to the white residuals [1 / SI]; `kinds` (blocks,) or
+    None: kind of each observation, what the terms do not touch says nothing of them. Returns None
+    where nothing would show.
     """
     from scipy.special import fdtri
 
@@ -243,9 +189,14 @@ def _variance(
 ) -> tuple[float, float]:
     """Return the variance of a drift and its degrees of freedom, each kind with its own scatter.
 
-    Several scatters added have the degrees of freedom of Welch and Satterthwaite.
+    Several scatters added have the degrees of freedom of Welch and Satterthwaite. What a prior
+    says, of a bias that wanders too, is believed as it is: its rows have the variance 1. Where most
+    of the drift is in them the observations tell no scatter of their own: there is one for all.
     """
     square = float(left @ left)
+    believed = float(np.sum(left[kind < 0] ** 2)) / square**2
+    if believed * square > 0.5:
+        kind, believed = np.zeros_like(kind), 0.0
     parts, dofs = [], []
     for one in np.unique(kind[kind >= 0]):
         mine = kind == one
@@ -256,6 +207,6 @@ def _variance(
                 return 0.0, 0.0
             parts.append(share * float(rest[mine] @ rest[mine]) / dof / square)
             dofs.append(dof)
-    total = sum(parts)
+    total = believed + sum(parts)
     wide = sum(v**2 / dof for v, dof in zip(parts, dofs, strict=True))
     return total, total**2 / wide if wide > 0 else 0.0

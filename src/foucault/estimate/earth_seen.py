@@ -16,14 +16,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.ins_filter import FilterRun
 from foucault.models.earth import EARTH_RATE
 from foucault.models.rotation import exp, log
 from foucault.navigate.increments import Increments
-
-FloatArray = npt.NDArray[np.float64]
 
 STEP = 1e-3
 """So much of the Earth's rate is taken out [1]."""
@@ -31,21 +29,12 @@ STEP = 1e-3
 
 @dataclass(frozen=True)
 class EarthSeen:
-    """The Earth's rate, over what was taken for it.
+    """The Earth's rate, over what was taken for it."""
 
-    Attributes
-    ----------
-    more : ndarray, shape (2,)
-        By how much it is more along north and up, in parts of the whole Earth's rate [1].
-    cov : ndarray, shape (2, 2)
-        Covariance of that [1].
-    latitude : float
-        The latitude that was taken for known [rad].
-    """
-
+    # (2,) by how much it is more along north and up, in parts of the whole Earth's rate [1]
     more: FloatArray
-    cov: FloatArray
-    latitude: float
+    cov: FloatArray  # (2, 2) covariance of that [1]
+    latitude: float  # the latitude that was taken for known [rad]
 
     @property
     def square(self) -> float:
@@ -55,10 +44,7 @@ class EarthSeen:
     def left_by(self, more: FloatArray) -> float:
         """Return the squared normalised difference from what a cause would make [1].
 
-        Parameters
-        ----------
-        more : ndarray, shape (2,)
-            By how much it makes the rate more along north and up [1].
+        `more` (2,): by how much it makes the rate more along north and up [1].
         """
         left = self.more - more
         return float(left @ np.linalg.solve(self.cov, left))
@@ -66,17 +52,9 @@ class EarthSeen:
     def along(self, way: FloatArray) -> tuple[float, float, float]:
         """Return what explains the difference best along a way, its sd, and what is left then.
 
-        Parameters
-        ----------
-        way : ndarray, shape (2,)
-            What one unit of a cause makes along north and up [1].
-
-        Returns
-        -------
-        value, sd : float
-            Size of the cause [unit of it].
-        left : float
-            Squared normalised difference that it leaves, one degree of freedom [1].
+        `way` (2,): what one unit of a cause makes along north and up [1]. Returns `value`, `sd`:
+        size of the cause [unit of it]; `left`: squared normalised difference that it leaves, one
+        degree of freedom [1].
         """
         weighed = np.linalg.solve(self.cov, way)
         value = float(weighed @ self.more / (weighed @ way))
@@ -98,14 +76,8 @@ def earth_seen(
 ) -> EarthSeen | None:
     """Return what a session says of the Earth's rate; None where it says nothing.
 
-    Parameters
-    ----------
-    filtered : callable
-        The filter, from the same start each time.
-    increments : Increments
-        The session [SI].
-    latitude : float, shape ()
-        Where it stood [rad].
+    `filtered`: the filter, from the same start each time; `increments`: the session [SI];
+    `latitude`: where it stood [rad].
     """
     run = filtered(increments)
     seen = np.isfinite(run.innovation)

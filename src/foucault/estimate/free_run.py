@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 LONGEST = 30.0
 """White noise is right to 1e-3 of a variance where no epoch of a long run is longer [s]."""
@@ -30,28 +27,10 @@ def sensitivity(
 ) -> FloatArray:
     """Return how start errors and coefficients show in a run without measurements.
 
-    Parameters
-    ----------
-    increments : Increments
-        Increments [SI].
-    state : State
-        State at the end of row `first`.
-    sensors : Sensors
-        Coefficients.
-    rows : ndarray of int, shape (m,)
-        Rows to look at, rising [1].
-    first : int, shape ()
-        Row at whose end the run starts [1].
-    gravity_offset : float, shape ()
-        Measured local minus normal gravity [m/s^2].
-    held : bool
-        Whether height stays.
-
-    Returns
-    -------
-    ndarray, shape (m, 9, 9 + p)
-        Errors at each row (phi, velocity, position as seen at the place, frame n) per unit of the
-        errors at the start (psi, dv, dr) and of each coefficient [SI].
+    `increments`: increments [SI]; `rows` (m,): rows to look at, rising [1]; `first`: row at whose
+    end the run starts [1]; `gravity_offset`: measured local minus normal gravity [m/s^2]. Returns
+    (m, 9, 9 + p): errors at each row (phi, velocity, position as seen at the place, frame n) per
+    unit of the errors at the start (psi, dv, dr) and of each coefficient [SI].
     """
     found = run(
         increments, state, sensors, Updates.none(rows), np.zeros((9 + len(sensors),) * 2),
@@ -81,31 +60,11 @@ def spread(
 ) -> FloatArray:
     """Return the covariance of a run without measurements, as seen at the place.
 
-    Parameters
-    ----------
-    increments : Increments
-        Increments [SI].
-    state : State
-        State at the end of row `first`.
-    sensors : Sensors
-        Coefficients whose errors count.
-    rows : ndarray of int, shape (m,)
-        Rows to look at, rising [1].
-    P0 : ndarray, shape (9 + p, 9 + p)
-        Covariance at the start, see `start_cov` [SI].
-    noise : ImuNoise
-        White noise of the triads [SI].
-    first : int, shape ()
-        Row at whose end the run starts [1].
-    gravity_offset : float, shape ()
-        Measured local minus normal gravity [m/s^2].
-    held : bool
-        Whether height stays.
-
-    Returns
-    -------
-    ndarray, shape (m, 9, 9)
-        Covariance of phi [rad], velocity [m/s] and position [m] errors, frame n.
+    `increments`: increments [SI]; `rows` (m,): rows to look at, rising [1]; `P0` (9 + p, 9 + p):
+    covariance at the start, see `start_cov` [SI]; `noise`: white noise of the triads [SI];
+    `first`: row at whose end the run starts [1]; `gravity_offset`: measured local minus normal
+    gravity [m/s^2]. Returns (m, 9, 9): covariance of phi [rad], velocity [m/s] and position [m]
+    errors, frame n.
     """
     # Noise is put in where epochs begin and end: they must be short against what it does.
     time = increments.time[first : int(rows[-1]) + 1]

@@ -34,9 +34,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
-
-FloatArray = npt.NDArray[np.float64]
 
 LEAST = 1e-6
 """Share of the information in a combination below which a result says nothing of it [1]."""
@@ -56,20 +55,13 @@ ALL_SHARED = 1e-6
 
 @dataclass(frozen=True)
 class Known:
-    """What a result says of the coefficients.
+    """What a result says of the coefficients."""
 
-    Attributes
-    ----------
-    vector : CoefficientVector
-        Values with covariance and prior_sd; every coefficient has a standard deviation [SI].
-    means : mapping of str to float
-        Mean of the prior of each coefficient, 0 where it is not here [SI].
-    sources : mapping of Hashable to str
-        Errors that other results share, what each is of -> its name in `vector` [1].
-    """
-
+    # values with covariance and prior_sd; every coefficient has a standard deviation [SI]
     vector: CoefficientVector
+    # mean of the prior of each coefficient, 0 where it is not here [SI]
     means: Mapping[str, float] = field(default_factory=dict)
+    # errors that other results share, what each is of -> its name in `vector` [1]
     sources: Mapping[Hashable, str] = field(default_factory=dict)
 
     @property
@@ -89,12 +81,8 @@ class Known:
 def with_sources(known: Known, shared: Mapping[Hashable, FloatArray]) -> Known:
     """Put the sources of errors that other results share beside the coefficients.
 
-    Parameters
-    ----------
-    known : Known
-        What a result says, its covariance with what it shares.
-    shared : mapping of Hashable to ndarray, shape (n,)
-        Source -> error of each coefficient per standard deviation of the source [SI].
+    `known`: what a result says, its covariance with what it shares; `shared` (n,): source ->
+    error of each coefficient per standard deviation of the source [SI].
     """
     vector = known.vector
     if not shared:
@@ -118,12 +106,8 @@ def at_most(vector: CoefficientVector, L: FloatArray) -> FloatArray:
 
     ``P - L L'`` is positive where no eigenvalue of ``L' P^-1 L`` is above one.
 
-    Parameters
-    ----------
-    vector : CoefficientVector
-        The coefficients, each with a standard deviation, and their covariance P [SI].
-    L : ndarray, shape (n, k)
-        Errors per standard deviation of their k sources [SI].
+    `vector`: the coefficients, each with a standard deviation, and their covariance P [SI]; `L`
+    (n, k): errors per standard deviation of their k sources [SI].
     """
     assert vector.cov is not None
     sd = vector.sd
@@ -135,36 +119,20 @@ def at_most(vector: CoefficientVector, L: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Fused:
-    """Two results as one.
+    """Two results as one."""
 
-    Attributes
-    ----------
-    known : Known
-        What both say together.
-    chi_square : float
-        How far they are apart, squared [1].
-    dof : int, shape ()
-        Combinations of coefficients that both know [1].
-    change : ndarray, shape (n,)
-        By how many of its standard deviations each coefficient of `known` moves away from the first
-        result; NaN where that does not have it [1].
-    """
-
-    known: Known
-    chi_square: float
-    dof: int
+    known: Known  # what both say together
+    chi_square: float  # how far they are apart, squared [1]
+    dof: int  # combinations of coefficients that both know [1]
+    # (n,) by how many of its standard deviations each coefficient of `known` moves away from the
+    # first result; NaN where that does not have it [1]
     change: FloatArray
 
 
 def fused(first: Known, second: Known) -> Fused:
     """Join two results that have no data in common.
 
-    Parameters
-    ----------
-    first : Known
-        Counted with its prior.
-    second : Known
-        Counted with its prior only for coefficients that the first does not have.
+    `second`: counted with its prior only for coefficients that the first does not have.
     """
     one, two = first.vector, second.vector
     more = [c for c in two.layout.coefficients if c.name not in one.layout]

@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.result import Estimate, Linearised, Problem
 
-FloatArray = npt.NDArray[np.float64]
 Loss = Callable[[FloatArray], FloatArray]
 
 
@@ -56,12 +56,8 @@ LEFT_OUT = 1e-6
 def huber(norms: FloatArray, limit: float = ROBUST_LIMIT) -> FloatArray:
     """Give weight limit/norm to observations with a standardized residual beyond `limit`.
 
-    Parameters
-    ----------
-    norms : ndarray, shape (blocks,)
-        Root mean square of the standardized residuals of each observation [1].
-    limit : float
-        Where the loss turns from square to linear [1].
+    `norms` (blocks,): root mean square of the standardized residuals of each observation [1];
+    `limit`: where the loss turns from square to linear [1].
     """
     return np.minimum(1.0, limit / np.maximum(norms, limit))
 
@@ -85,23 +81,11 @@ def solve(
 ) -> Estimate:
     """Minimise the sum of squared white residuals of a problem.
 
-    Parameters
-    ----------
-    problem : Problem
-        What to solve.
-    loss : callable
-        ``norms -> weights``, both shape (blocks,) [1]; `least_squares` or `huber`.
-    max_iterations : int, shape ()
-        After this many steps the status is NOT_CONVERGED.
-    tolerance : float
-        Converged when a step is shorter than this, in units of its standard deviation [1].
-    weights : ndarray, shape (blocks,), or None
-        Robust weights to start from; None starts with full weights [1].
-
-    Returns
-    -------
-    Estimate
-        Coefficients with covariance; the status says how it ended.
+    `loss`: ``norms -> weights``, both shape (blocks,) [1], `least_squares` or `huber`;
+    `max_iterations`: after this many steps the status is NOT_CONVERGED [1]; `tolerance`:
+    converged when a step is shorter than this, in units of its standard deviation [1]; `weights`
+    (blocks,): robust weights to start from, None starts with full weights [1]. Returns
+    coefficients with covariance; the status says how it ended.
     """
     state = problem.start
     weights = np.ones(problem.n_blocks) if weights is None else weights
@@ -140,12 +124,8 @@ def add_prior(problem: Problem, alone: Estimate) -> Estimate:
     then held: they would take up what contradicts it, and the more wrong a prior, the more surely
     it would be believed. `diagnose.checks.judge_prior` compares the two.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem with its prior, and with the noise and scatter that the observations showed.
-    alone : Estimate
-        Its solution without the prior.
+    `problem`: the problem with its prior, and with the noise and scatter that the observations
+    showed.
     """
     estimate = solve(
         replace(problem, start=alone.state), loss=partial(_held, alone.weights),
@@ -165,16 +145,8 @@ def leave_out(
 ) -> Estimate:
     """Take observations away from a solution: one linear step, without linearising again.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem that was solved.
-    estimate : Estimate
-        Its solution.
-    at : Linearised
-        The problem linearised there, with the robust weights of the solution.
-    blocks : ndarray of int, shape (k,)
-        Observations to leave out.
+    `at`: the problem linearised there, with the robust weights of the solution; `blocks` (k,):
+    observations to leave out.
     """
     kept = ~np.isin(at.blocks, blocks)
     part = Linearised(at.residuals[kept], at.jacobian[kept], at.blocks[kept])
@@ -188,17 +160,9 @@ def leave_out(
 def eliminate(at: Linearised, n_coefficients: int) -> FloatArray:
     """Return the square root R22 of the information, nuisance parameters eliminated.
 
-    Parameters
-    ----------
-    at : Linearised
-        A problem linearised at some state; coefficients are its first columns.
-    n_coefficients : int, shape ()
-        Number of coefficients [1].
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Upper triangular; ``R22.T @ R22`` is the Fisher information [1 / unit^2].
+    `at`: a problem linearised at some state, coefficients are its first columns;
+    `n_coefficients`: number of coefficients [1]. Returns (n, n): upper triangular; ``R22.T @
+    R22`` is the Fisher information [1 / unit^2].
     """
     n = n_coefficients
     part = _solve_step(at, n)
@@ -207,17 +171,7 @@ def eliminate(at: Linearised, n_coefficients: int) -> FloatArray:
 
 
 def with_prior(problem: Problem, state: Any, at: Linearised) -> Linearised:
-    """Add to `at` the rows of what is known of the coefficients beforehand.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem, with its prior.
-    state : object
-        Where it was linearised.
-    at : Linearised
-        The problem linearised there.
-    """
+    """Add to `at` the rows of what is known of the coefficients beforehand."""
     prior = problem.prior
     if prior is None:
         return at
@@ -277,14 +231,9 @@ def block_norms(
 ) -> FloatArray:
     """Return the root mean square standardized residual of each observation.
 
-    Parameters
-    ----------
-    residuals : ndarray, shape (m,)
-        White residuals, the root of the weights in them [1].
-    blocks : ndarray of int, shape (m,)
-        Observation each belongs to, -1 for a prior.
-    weights : ndarray, shape (blocks,)
-        Weights the residuals were made with; they are undone [1].
+    `residuals` (m,): white residuals, the root of the weights in them [1]; `blocks` (m,):
+    observation each belongs to, -1 for a prior; `weights` (blocks,): weights the residuals were
+    made with, they are undone [1].
     """
     used = blocks >= 0
     square = np.bincount(blocks[used], residuals[used] ** 2, len(weights))

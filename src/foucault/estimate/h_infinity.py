@@ -23,12 +23,10 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.estimate.linear_filter import LinearRun, LinearSystem, filtered
-
-FloatArray = npt.NDArray[np.float64]
 
 WIDEST = 1e12
 """A gamma beyond which no filter is looked for [1]."""
@@ -37,10 +35,7 @@ WIDEST = 1e12
 def by_prior(system: LinearSystem) -> FloatArray:
     """Return the L that wants every state, in units of its uncertainty at the start, (n, n).
 
-    Parameters
-    ----------
-    system : LinearSystem
-        The system; states that are known exactly at the start are not wanted.
+    `system`: the system, states that are known exactly at the start are not wanted.
     """
     sd = np.sqrt(np.diag(system.P0))
     return np.diag(1.0 / sd[sd > 0]) if (sd > 0).all() else np.diag(1.0 / sd)[sd > 0]
@@ -49,24 +44,10 @@ def by_prior(system: LinearSystem) -> FloatArray:
 def h_infinity(system: LinearSystem, L: FloatArray, gamma: float) -> LinearRun:
     """Run the H-infinity filter.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        The system.
-    L : ndarray, shape (r, n)
-        What is wanted, each row in units in which errors shall be compared [SI].
-    gamma : float, shape ()
-        Bound of the error; infinite for a Kalman filter [1].
-
-    Returns
-    -------
-    LinearRun
-        Where the filter ceased to exist `stopped` is the epoch, and nothing is known from there on.
-
-    Raises
-    ------
-    FoucaultError
-        A gamma that is not positive, or an L that does not fit the states.
+    `L` (r, n): what is wanted, each row in units in which errors shall be compared [SI]; `gamma`:
+    bound of the error, infinite for a Kalman filter [1]. Returns where the filter ceased to exist
+    `stopped` is the epoch, and nothing is known from there on. Raises A gamma that is not
+    positive, or an L that does not fit the states.
     """
     if not gamma > 0:
         raise error("h_infinity.gamma", given=f"{gamma:g}")
@@ -78,14 +59,7 @@ def h_infinity(system: LinearSystem, L: FloatArray, gamma: float) -> LinearRun:
 def least_gamma(system: LinearSystem, L: FloatArray, *, within: float = 0.01) -> float:
     """Return the least gamma, to so much of itself, for which the filter exists to the end.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        The system.
-    L : ndarray, shape (r, n)
-        What is wanted [SI].
-    within : float, shape ()
-        Relative tolerance; what is returned exists [1].
+    `L` (r, n): what is wanted [SI]; `within`: relative tolerance, what is returned exists [1].
     """
 
     def exists(gamma: float) -> bool:

@@ -12,14 +12,16 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error
 from foucault.kernels.ins_filter import ins_filter
@@ -31,47 +33,31 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.state import State, states_of
 from foucault.navigate.strapdown import Trajectory, require_finite
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class Updates:
-    """What is measured when; rows without a finite sd only carry the covariance on.
+    """What is measured when; rows without a finite sd only carry the covariance on."""
 
-    Attributes
-    ----------
-    rows : ndarray of int, shape (m,)
-        Rows of the increments at whose ends something is measured, rising. White noise is taken
-        in where epochs begin and end: add rows with nothing measured to cut long ones [1].
-    velocity_n : ndarray, shape (m, 3)
-        Measured velocity: east, north, up of the position that is measured with it, else of the
-        computed one, which leaves out (velocity) x (position error) tan L / R [m/s].
-    position : ndarray, shape (m, 3)
-        Measured latitude [rad], longitude [rad] and height [m].
-    sd : ndarray, shape (m, 6)
-        Standard deviations of velocity [m/s] and position [m], east, north, up; infinite where
-        nothing is measured. Those of east and north should be equal: they are taken along the
-        axes of frame l.
-    restart : ndarray of bool, shape (m,)
-        There velocity and position are set to what is measured, as uncertain as `sd` says, and
-        forget how they went with the rest, which learns nothing from them.
-    """
-
+    # (m,) rows of the increments at whose ends something is measured, rising. White noise is taken
+    # in where epochs begin and end: add rows with nothing measured to cut long ones [1]
     rows: IntArray
+    # (m, 3) measured velocity: east, north, up of the position that is measured with it, else of
+    # the computed one, which leaves out (velocity) x (position error) tan L / R [m/s]
     velocity_n: FloatArray
-    position: FloatArray
+    position: FloatArray  # (m, 3) measured latitude [rad], longitude [rad] and height [m]
+    # (m, 6) standard deviations of velocity [m/s] and position [m], east, north, up; infinite where
+    # nothing is measured. Those of east and north should be equal: they are taken along the axes of
+    # frame l
     sd: FloatArray
+    # (m,) there velocity and position are set to what is measured, as uncertain as `sd` says, and
+    # forget how they went with the rest, which learns nothing from them
     restart: npt.NDArray[np.bool_]
 
     @classmethod
     def none(cls, rows: IntArray) -> Updates:
         """Return epochs at which nothing is measured.
 
-        Parameters
-        ----------
-        rows : ndarray of int, shape (m,)
-            Rows, rising [1].
+        `rows` (m,): rows, rising [1].
         """
         m = len(rows)
         return cls(np.asarray(rows, np.int64), np.zeros((m, 3)), np.zeros((m, 3)),
@@ -88,16 +74,9 @@ class Updates:
     ) -> Updates:
         """Return zero velocity, and the same position where it is given, at all rows.
 
-        Parameters
-        ----------
-        rows : ndarray of int, shape (m,)
-            Rows, rising [1].
-        velocity_sd : float or ndarray, shape (m,)
-            Standard deviation of each component; infinite where it does not rest [m/s].
-        position : (float, float, float) or None
-            Latitude [rad], longitude [rad], height [m].
-        position_sd : float, shape ()
-            Standard deviation of each component [m].
+        `rows` (m,): rows, rising [1]; `velocity_sd` (m,): standard deviation of each component,
+        infinite where it does not rest [m/s]; `position` or None: latitude [rad], longitude
+        [rad], height [m]; `position_sd`: standard deviation of each component [m].
         """
         out = cls.none(rows)
         out.sd[:, :3] = np.reshape(velocity_sd, (-1, 1))
@@ -116,49 +95,67 @@ class Updates:
         return np.column_stack([self.velocity_n, normal, self.position[:, 2], known])
 
 
+PER_EPOCH = ("coefficients", "sd", "innovation", "variance", "corrections", "transitions",
+             "before", "after")  # fmt: skip
+"""What a `FilterRun` has of every epoch besides its trajectory."""
+
+
 @dataclass(frozen=True)
 class FilterRun:
-    """What the filter found, epoch by epoch.
+    """What the filter found, epoch by epoch."""
 
-    Attributes
-    ----------
-    sensors : Sensors
-        The coefficients that were estimated.
-    trajectory : Trajectory
-        Corrected states at the epochs.
-    coefficients : ndarray, shape (m, p)
-        Estimates of the coefficients [SI].
-    sd : ndarray, shape (m, 9 + p)
-        Standard deviations in the order of `layout` [SI].
-    innovation : ndarray, shape (m, 6)
-        Computed minus measured velocity and position, less what was known of that error; NaN
-        where nothing was measured or it lay beyond the gate [SI].
-    variance : ndarray, shape (m, 6)
-        Variances of the innovations; finite for those beyond the gate too [SI].
-    corrections : ndarray, shape (m, 9 + p)
-        What was fed back [SI].
-    transitions : ndarray, shape (m, 9, 9 + p), or (0, 9, 9 + p)
-        From one epoch to the next, where kept [SI].
-    before, after : ndarray, shape (m, 9 + p, 9 + p), or (0, ...)
-        Covariances before and after each update, where kept [SI].
-    cov : ndarray, shape (9 + p, 9 + p)
-        Covariance at the end [SI].
-    decay : ndarray, shape (p,)
-        1 / correlation time of the coefficients [1/s].
-    """
-
-    sensors: Sensors
-    trajectory: Trajectory
-    coefficients: FloatArray
-    sd: FloatArray
+    sensors: Sensors  # the coefficients that were estimated
+    trajectory: Trajectory  # corrected states at the epochs
+    coefficients: FloatArray  # (m, p) estimates of the coefficients [SI]
+    sd: FloatArray  # (m, 9 + p) standard deviations in the order of `layout` [SI]
+    # (m, 6) computed minus measured velocity and position, less what was known of that error; NaN
+    # where nothing was measured or it lay beyond the gate [SI]
     innovation: FloatArray
+    # (m, 6) variances of the innovations; finite for those beyond the gate too [SI]
     variance: FloatArray
-    corrections: FloatArray
-    transitions: FloatArray
+    corrections: FloatArray  # (m, 9 + p) what was fed back [SI]
+    transitions: FloatArray  # (m, 9, 9 + p) from one epoch to the next, where kept [SI]
+    # before, after: (m, 9 + p, 9 + p) covariances before and after each update, where kept [SI]
     before: FloatArray
     after: FloatArray
-    cov: FloatArray
-    decay: FloatArray
+    cov: FloatArray  # (9 + p, 9 + p) covariance at the end [SI]
+    decay: FloatArray  # (p,) 1 / correlation time of the coefficients [1/s]
+    # epochs with which further recordings begin: there nothing of navigation, and of what wanders,
+    # is left of the one before [1]
+    begins: tuple[int, ...] = ()
+
+    @classmethod
+    def joined(cls, runs: Sequence[FilterRun], sensors: Sensors) -> FilterRun:
+        """Return runs of recordings, each with the coefficients of the one before, as one.
+
+        `sensors`: the coefficients, with the terms of all recordings.
+        """
+        if len(runs) == 1:
+            return replace(runs[0], sensors=sensors)
+
+        def together(name: str) -> FloatArray:
+            return np.concatenate([getattr(run, name) for run in runs])
+
+        history = np.concatenate([run.trajectory.history for run in runs])
+        return replace(
+            runs[-1], sensors=sensors, trajectory=Trajectory(together("time"), history),
+            begins=tuple(np.cumsum([len(run.time) for run in runs[:-1]]).tolist()),
+            **{name: together(name) for name in PER_EPOCH},
+        )  # fmt: skip
+
+    def recordings(self) -> list[FilterRun]:
+        """Return the run of each recording; of one made with ``keep=True`` where there are more."""
+        if not self.begins:
+            return [self]
+        t = self.trajectory
+        return [
+            replace(
+                self, sensors=self.sensors.during(k), cov=self.after[b - 1], begins=(),
+                trajectory=Trajectory(t.time[a:b], t.history[a:b]),
+                **{name: getattr(self, name)[a:b] for name in PER_EPOCH},
+            )
+            for k, (a, b) in enumerate(pairwise([0, *self.begins, len(self.time)]))
+        ]  # fmt: skip
 
     @property
     def layout(self) -> Layout:
@@ -206,18 +203,10 @@ def seen_at_place(
 ) -> FloatArray:
     """Return the matrices from (psi, dv, dr) in l to (phi, velocity, position) in n.
 
-    Parameters
-    ----------
-    history : ndarray, shape (m, 12)
-        States of `kernels.strapdown` [SI].
-    states : mapping of str to ndarray or None
-        What they mean, see `navigate.state.states_of`, where that is known already [SI].
-
-    Returns
-    -------
-    ndarray, shape (m, 9, 9)
-        Axes are those of the computed place; that its meridian points elsewhere than that of the
-        true place, by dr_E tan L / R, is left out: it has no bound near a pole [SI].
+    `history` (m, 12): states of `kernels.strapdown` [SI]; `states` or None: what they mean, see
+    `navigate.state.states_of`, where that is known already [SI]. Returns (m, 9, 9): axes are
+    those of the computed place; that its meridian points elsewhere than that of the true place,
+    by dr_E tan L / R, is left out: it has no bound near a pole [SI].
     """
     C_nl = (states or states_of(history))["C_nl"]
     v0, v1, v2 = history[:, 4:7].T
@@ -242,14 +231,9 @@ def start_cov(
 ) -> FloatArray:
     """Return the covariance of a start at rest, shape (9 + p, 9 + p) [SI].
 
-    Parameters
-    ----------
-    phi_cov : ndarray, shape (3, 3)
-        Covariance of the attitude error phi [rad^2].
-    velocity_sd, position_sd : float, shape ()
-        Standard deviation of each component [m/s], [m].
-    coefficients : ndarray, shape (p,) or (p, p)
-        Standard deviations, or the covariance, of the coefficients [SI].
+    `phi_cov` (3, 3): covariance of the attitude error phi [rad^2]; `velocity_sd`, `position_sd`:
+    standard deviation of each component [m/s], [m]; `coefficients` (p,) or (p, p): standard
+    deviations, or the covariance, of the coefficients [SI].
     """
     p = len(coefficients)
     P = np.zeros((9 + p, 9 + p))
@@ -281,44 +265,18 @@ def run(
 ) -> FilterRun:
     """Navigate from row `first` and correct at the updates.
 
-    Parameters
-    ----------
-    increments : Increments
-        Increments as measured, or with known errors removed [SI].
-    state : State
-        State at the end of row `first`.
-    sensors : Sensors
-        Coefficients to estimate.
-    updates : Updates
-        What is measured; the last row is where the run ends.
-    P0 : ndarray, shape (9 + p, 9 + p)
-        Covariance at the start, see `start_cov` [SI].
-    noise : ImuNoise
-        White noise of the triads, random walk of their biases and what they wander by, where
-        those are states [SI].
-    first : int, shape ()
-        Row at whose end the run starts [1].
-    estimate : ndarray, shape (p,), or None
-        Coefficients at the start, zero by default [SI].
-    wander : mapping of str to float or None
-        Random walk of coefficients or groups of them [unit/sqrt(s)].
-    correlation_time : mapping of str to float or None
-        Correlation time of coefficients or groups that are Markov processes; much longer than
-        the time between updates [s].
-    gate : float, shape ()
-        Measurements beyond so many standard deviations are left out [1].
-    gravity_offset : float, shape ()
-        Measured local minus normal gravity [m/s^2].
-    held : bool
-        Whether height stays and the vertical velocity is zero.
-    keep : bool or "transitions"
-        Whether what a smoother needs is kept, or the transitions alone.
-
-    Raises
-    ------
-    FoucaultError
-        Rows outside the log, an impossible start, measurements that cannot be, or numbers that
-        are not finite.
+    `increments`: increments as measured, or with known errors removed [SI]; `updates`: what is
+    measured, the last row is where the run ends; `P0` (9 + p, 9 + p): covariance at the start,
+    see `start_cov` [SI]; `noise`: white noise of the triads, random walk of their biases and what
+    they wander by, where those are states [SI]; `first`: row at whose end the run starts [1];
+    `estimate` (p,) or None: coefficients at the start, zero by default [SI]; `wander` or None:
+    random walk of coefficients or groups of them [unit/sqrt(s)]; `correlation_time` or None:
+    correlation time of coefficients or groups that are Markov processes, much longer than the
+    time between updates [s]; `gate`: measurements beyond so many standard deviations are left out
+    [1]; `gravity_offset`: measured local minus normal gravity [m/s^2]; `held`: whether height
+    stays and the vertical velocity is zero; `keep`: whether what a smoother needs is kept, or the
+    transitions alone. Raises rows outside the log, an impossible start, measurements that cannot
+    be, or numbers that are not finite.
     """
     rows = np.asarray(updates.rows, np.int64)
     n, p = len(increments), len(sensors)

@@ -20,81 +20,48 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.kernels.linear_filter import linear_filter, linear_smoother
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """What happens from epoch to epoch, and what is measured.
+    """What happens from epoch to epoch, and what is measured."""
 
-    Attributes
-    ----------
-    Phi : ndarray, shape (m, b, n)
-        Transition to each epoch from the one before, the first from the start; its rows beyond
-        the first b are those of the identity [SI].
-    half : ndarray, shape (m, n)
-        Half of the variance of the white noise between them, which comes in half before the
-        transition and half after [SI].
-    H : ndarray, shape (m, q, n)
-        Rows of what is measured [SI].
-    z : ndarray, shape (m, q)
-        What was measured [SI].
-    R : ndarray, shape (m, q)
-        Its variances; infinite where nothing was [SI].
-    x0 : ndarray, shape (n,)
-        Expected state at the start [SI].
-    P0 : ndarray, shape (n, n)
-        Its covariance [SI].
-    jump : ndarray, shape (m, b), or None
-        u, known steps of the state, which no noise comes with; None for none [SI].
-    """
-
+    # (m, b, n) transition to each epoch from the one before, the first from the start; its rows
+    # beyond the first b are those of the identity [SI]
     Phi: FloatArray
+    # (m, n) half of the variance of the white noise between them, which comes in half before the
+    # transition and half after [SI]
     half: FloatArray
-    H: FloatArray
-    z: FloatArray
-    R: FloatArray
-    x0: FloatArray
-    P0: FloatArray
+    H: FloatArray  # (m, q, n) rows of what is measured [SI]
+    z: FloatArray  # (m, q) what was measured [SI]
+    R: FloatArray  # (m, q) its variances; infinite where nothing was [SI]
+    x0: FloatArray  # (n,) expected state at the start [SI]
+    P0: FloatArray  # (n, n) its covariance [SI]
+    # (m, b) u, known steps of the state, which no noise comes with; None for none [SI]
     jump: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class LinearRun:
-    """What a filter has found, epoch by epoch.
+    """What a filter has found, epoch by epoch."""
 
-    Attributes
-    ----------
-    states, sd : ndarray, shape (m, n)
-        Estimates after each epoch and their standard deviations [SI].
-    innovation, variance : ndarray, shape (m, q)
-        Of each measurement; NaN where nothing was measured, a NaN innovation alone where it lay
-        beyond the gate [SI].
-    predicted : ndarray, shape (m, n) or (0, n)
-        Estimates before each epoch, where kept [SI].
-    before : ndarray, shape (m, n, n) or (0, n, n)
-        Their covariances, where kept [SI].
-    cov : ndarray, shape (n, n)
-        Covariance at the end [SI].
-    margin : ndarray, shape (m,)
-        Smallest ``1 - l P l' / gamma^2`` of each epoch; NaN for a Kalman filter [1].
-    stopped : int or None
-        Epoch at which an H-infinity filter of this gamma ceased to exist; nothing is known from
-        there on [1].
-    """
-
+    # states, sd: (m, n) estimates after each epoch and their standard deviations [SI]
     states: FloatArray
     sd: FloatArray
+    # innovation, variance: (m, q) of each measurement; NaN where nothing was measured, a NaN
+    # innovation alone where it lay beyond the gate [SI]
     innovation: FloatArray
     variance: FloatArray
-    predicted: FloatArray
-    before: FloatArray
-    cov: FloatArray
+    predicted: FloatArray  # (m, n) or (0, n) estimates before each epoch, where kept [SI]
+    before: FloatArray  # (m, n, n) or (0, n, n) their covariances, where kept [SI]
+    cov: FloatArray  # (n, n) covariance at the end [SI]
+    # (m,) smallest ``1 - l P l' / gamma^2`` of each epoch; NaN for a Kalman filter [1]
     margin: FloatArray
+    # epoch at which an H-infinity filter of this gamma ceased to exist; nothing is known from there
+    # on [1]
     stopped: int | None
 
     @cached_property
@@ -113,12 +80,7 @@ class LinearRun:
 def given(cov: FloatArray, known: list[int]) -> FloatArray:
     """Return the covariance that is left once some of the states are known exactly.
 
-    Parameters
-    ----------
-    cov : ndarray, shape (n, n)
-        Covariance of all states [SI].
-    known : list of int
-        Which become known [1].
+    `cov` (n, n): covariance of all states [SI]; `known`: which become known [1].
     """
     if not known:
         return cov
@@ -131,14 +93,7 @@ def given(cov: FloatArray, known: list[int]) -> FloatArray:
 def kalman(system: LinearSystem, *, gate: float = np.inf, keep: bool = False) -> LinearRun:
     """Run a Kalman filter.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        The system.
-    gate : float, shape ()
-        Measurements beyond so many standard deviations are left out [1].
-    keep : bool
-        Whether what `smoothed` needs is kept.
+    `gate`: measurements beyond so many standard deviations are left out [1].
     """
     return filtered(system, np.zeros((0, len(system.x0))), np.inf, gate=gate, keep=keep)
 
@@ -148,18 +103,8 @@ def filtered(
 ) -> LinearRun:
     """Run a filter whose error of ``L x`` stays below a bound, see `estimate.h_infinity`.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        The system.
-    L : ndarray, shape (r, n)
-        What is wanted [SI].
-    limit : float, shape ()
-        Square of the bound gamma; infinite for a Kalman filter [1].
-    gate : float, shape ()
-        Measurements beyond so many standard deviations are left out [1].
-    keep : bool
-        Whether predictions are kept.
+    `L` (r, n): what is wanted [SI]; `limit`: square of the bound gamma, infinite for a Kalman
+    filter [1]; `gate`: measurements beyond so many standard deviations are left out [1].
     """
     s = system
     jump = np.zeros(s.Phi.shape[:2]) if s.jump is None else s.jump
@@ -173,36 +118,16 @@ def filtered(
 
 @dataclass(frozen=True)
 class LinearSmoothed:
-    """A Kalman run as seen from its end.
+    """A Kalman run as seen from its end."""
 
-    Attributes
-    ----------
-    states : ndarray, shape (m, n)
-        Estimates [SI].
-    cov : ndarray, shape (m, n, n)
-        Covariances [SI].
-    start : ndarray, shape (n,)
-        Estimate of the state at the start [SI].
-    start_cov : ndarray, shape (n, n)
-        Its covariance [SI].
-    """
-
-    states: FloatArray
-    cov: FloatArray
-    start: FloatArray
-    start_cov: FloatArray
+    states: FloatArray  # (m, n) estimates [SI]
+    cov: FloatArray  # (m, n, n) covariances [SI]
+    start: FloatArray  # (n,) estimate of the state at the start [SI]
+    start_cov: FloatArray  # (n, n) its covariance [SI]
 
 
 def smoothed(system: LinearSystem, run: LinearRun) -> LinearSmoothed:
-    """Smooth a run of `kalman` made with ``keep=True``.
-
-    Parameters
-    ----------
-    system : LinearSystem
-        The system.
-    run : LinearRun
-        What the filter found.
-    """
+    """Smooth a run of `kalman` made with ``keep=True``."""
     if len(run.before) != len(system.Phi):
         raise ValueError("a run to be smoothed must be made with keep=True")
     states, cov, adjoint, information = linear_smoother(

@@ -13,20 +13,15 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 
 def design(readings: FloatArray, norm: float) -> FloatArray:
     """Return the rows of the linear system, shape (m, 9) [1].
 
-    Parameters
-    ----------
-    readings : ndarray, shape (m, 3)
-        Mean readings, one per orientation [unit of norm].
-    norm : float
-        True norm [unit of readings].
+    `readings` (m, 3): mean readings, one per orientation [unit of norm]; `norm`: true norm [unit
+    of readings].
     """
     x, y, z = (readings / norm).T  # normalised: condition 10 instead of 3e8
     return np.stack(
@@ -37,23 +32,11 @@ def design(readings: FloatArray, norm: float) -> FloatArray:
 def solve(readings: FloatArray, norm: float | FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Solve for the lower-triangular matrix L and the bias b of ``N = L x + b``, ``|x| = norm``.
 
-    Parameters
-    ----------
-    readings : ndarray, shape (m, 3)
-        Mean readings N, one per orientation, m >= 9 [unit of norm].
-    norm : float or ndarray, shape (m,)
-        True norm, of all or of each; its sign does not count [unit of readings].
+    `readings` (m, 3): mean readings N, one per orientation, m >= 9 [unit of norm]; `norm` (m,):
+    true norm, of all or of each, its sign does not count [unit of readings]. Returns `L` (3, 3):
+    lower triangular, positive diagonal [1]; `b` (3,): bias [unit of readings]. None instead of
+    the pair where the orientations do not determine an ellipsoid.
 
-    Returns
-    -------
-    L : ndarray, shape (3, 3)
-        Lower triangular, positive diagonal [1].
-    b : ndarray, shape (3,)
-        Bias [unit of readings].
-        None instead of the pair where the orientations do not determine an ellipsoid.
-
-    Notes
-    -----
     With ``s = |norm| / h``, h the largest norm, ``(N - b)' A (N - b) = (s h)^2`` divided by h^2 is
     ``rows @ K = s^2 - c`` where ``c = b' A b / h^2`` follows from K itself: K is affine in c. With
     equal norms ``c = d' b / (1 + d' b)`` of the solution for c = 0; otherwise it is iterated.
@@ -106,12 +89,8 @@ def published_recovery(readings: FloatArray, norm: float) -> tuple[FloatArray, F
     ``b' A b`` is neglected, so that scale factor errors are too small by about ``|b|^2 / 2``
     relative to the norm; misalignments and biases are right to first order only.
 
-    Parameters
-    ----------
-    readings : ndarray, shape (m, 3)
-        Mean readings, one per orientation, m >= 9 [unit of norm].
-    norm : float
-        True norm [unit of readings].
+    `readings` (m, 3): mean readings, one per orientation, m >= 9 [unit of norm]; `norm`: true
+    norm [unit of readings].
 
     References
     ----------

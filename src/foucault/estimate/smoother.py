@@ -20,32 +20,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.ins_filter import FilterRun
 from foucault.kernels.ins_filter import corrected
 from foucault.navigate.strapdown import Trajectory
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A filter run as seen from its end.
+    """A filter run as seen from its end."""
 
-    Attributes
-    ----------
-    trajectory : Trajectory
-        States at the epochs.
-    coefficients : ndarray, shape (m, p)
-        Coefficients [SI].
-    cov : ndarray, shape (m, 9 + p, 9 + p)
-        Covariances [SI].
-    """
-
-    trajectory: Trajectory
-    coefficients: FloatArray
-    cov: FloatArray
+    trajectory: Trajectory  # states at the epochs
+    coefficients: FloatArray  # (m, p) coefficients [SI]
+    cov: FloatArray  # (m, 9 + p, 9 + p) covariances [SI]
 
     @property
     def sd(self) -> FloatArray:
@@ -54,25 +42,22 @@ class Smoothed:
 
 
 def smooth(found: FilterRun) -> Smoothed:
-    """Smooth a run of `estimate.ins_filter.run` made with ``keep=True``.
-
-    Parameters
-    ----------
-    found : FilterRun
-        What the filter found.
-    """
+    """Smooth a run of `estimate.ins_filter.run` made with ``keep=True``."""
     m, n = found.sd.shape
     if len(found.transitions) != m:
         raise ValueError("a run to be smoothed must be made with keep=True")
     c = np.zeros((m, n))
     cov = found.after.copy()
     kept = np.exp(-np.diff(found.time)[:, None] * found.decay)
+    forgotten = np.ones(m)
+    for begin in found.begins:
+        kept[begin - 1], forgotten[begin] = found.decay == 0, 0.0
     size = np.sqrt(np.diagonal(found.before, axis1=1, axis2=2))
     A = np.empty((n, n))
     for k in range(m - 2, -1, -1):
         before = found.before[k + 1]
         # P+ F', of whose rows those of the coefficients are diagonal.
-        A[:, :9] = found.after[k] @ found.transitions[k + 1].T
+        A[:, :9] = forgotten[k + 1] * (found.after[k] @ found.transitions[k + 1].T)
         A[:, 9:] = found.after[k][:, 9:] * kept[k]
         G = _divided(A, before, size[k + 1])
         c[k] = G @ (c[k + 1] + found.corrections[k + 1])

@@ -18,12 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.result import Linearised
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 SEEN = 0.01
 """An observation of which a smaller share than this is redundant is not controlled at all [1]."""
@@ -38,29 +35,15 @@ ALIKE = 0.95
 
 @dataclass(frozen=True)
 class Snooping:
-    """The tests of all observations, k of them.
+    """The tests of all observations, k of them."""
 
-    Attributes
-    ----------
-    blocks : ndarray of int, shape (k,)
-        Number of each observation.
-    test : ndarray, shape (k,)
-        T_j [1].
-    dof : ndarray, shape (k,)
-        Its degrees of freedom; 0 where nothing controls the observation [1].
-    redundancy : ndarray, shape (k,)
-        Share of the best controlled direction of the observation that is redundant, 0 to 1 [1].
-    direction : ndarray, shape (k, rows)
-        That direction, in white residuals [1].
-    correlation : ndarray, shape (k, k)
-        Correlation of the tests, without sign: 1 for observations that look alike [1].
-    """
-
-    blocks: IntArray
-    test: FloatArray
-    dof: FloatArray
+    blocks: IntArray  # (k,) number of each observation
+    test: FloatArray  # (k,) T_j [1]
+    dof: FloatArray  # (k,) its degrees of freedom; 0 where nothing controls the observation [1]
+    # (k,) share of the best controlled direction of the observation that is redundant, 0 to 1 [1]
     redundancy: FloatArray
-    direction: FloatArray
+    direction: FloatArray  # (k, rows) that direction, in white residuals [1]
+    # (k, k) correlation of the tests, without sign: 1 for observations that look alike [1]
     correlation: FloatArray
 
     @property
@@ -72,10 +55,7 @@ class Snooping:
     def alike(self, j: int) -> IntArray:
         """Return the numbers of the observations that would show the same residuals as j.
 
-        Parameters
-        ----------
-        j : int, shape ()
-            Row of the observation in these arrays [1].
+        `j`: row of the observation in these arrays [1].
         """
         same = np.flatnonzero(self.correlation[j] > ALIKE)
         return np.asarray(self.blocks[same[same != j]])
@@ -84,14 +64,8 @@ class Snooping:
 def snoop(at: Linearised, state_cov: FloatArray, rows: int = 3) -> Snooping:
     """Test every observation of a problem at its solution.
 
-    Parameters
-    ----------
-    at : Linearised
-        The problem linearised at the solution.
-    state_cov : ndarray, shape (n, n)
-        Covariance of everything estimated there.
-    rows : int, shape ()
-        Rows of each observation, one after the other [1].
+    `state_cov` (n, n): covariance of everything estimated there; `rows`: rows of each
+    observation, one after the other [1].
     """
     used = at.blocks >= 0
     J, r = at.jacobian[used], at.residuals[used].reshape(-1, rows)

@@ -8,16 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-import numpy.typing as npt
-
+from foucault.arrays import FloatArray
 from foucault.escape import c_comment, commented
 from foucault.export.numbers import inverse, number, row, rows, tensor
 from foucault.export.request import FAMILIES, Counts, Request
 from foucault.models.imu import ImuModel
 from foucault.models.size_effect import SizeEffect
-
-FloatArray = npt.NDArray[np.float64]
 
 CAN = FAMILIES
 

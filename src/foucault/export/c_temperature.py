@@ -62,15 +62,7 @@ def text(wanted: Request) -> str:
 
 
 def with_argument(code: str, names: list[str]) -> str:
-    """Turn constants into members of the coefficients, which functions get as first argument.
-
-    Parameters
-    ----------
-    code : str
-        Functions of a header with constants.
-    names : list of str
-        The constants, without the prefix.
-    """
+    """Turn constants into members of the coefficients, which functions get as first argument."""
     code = re.sub(rf"\bfoucault_({'|'.join(names)})\b", r"at->\1", code)
     lines = []
     for line in code.splitlines():

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.escape import json_remark
 from foucault.logs import own, streaming
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
     from foucault.logs.raw import Progress
 
-FloatArray = npt.NDArray[np.float64]
-
 SHARE = 0.01
 """A range of validity leaves out the rarest samples of its own session; more are told [1]."""
 
@@ -40,20 +38,11 @@ FAR = 0.5
 
 @dataclass(frozen=True)
 class Applied:
-    """What was written.
-
-    Attributes
-    ----------
-    path : Path
-        The calibrated log.
-    samples : int, shape ()
-        Number of samples [1].
-    findings : tuple of Finding
-        What was noticed in the log, and how much of it is outside the validity.
-    """
+    """What was written."""
 
     path: Path
-    samples: int
+    samples: int  # number of samples [1]
+    # what was noticed in the log, and how much of it is outside the validity
     findings: tuple[Finding, ...]
 
 
@@ -71,33 +60,13 @@ def calibrate_log(
 ) -> Applied:
     """Write a calibrated log; memory does not grow with its length where the format allows.
 
-    Parameters
-    ----------
-    result : Result
-        The calibration.
-    description : LogDescription
-        The log.
-    folder : str or Path
-        Folder that relative file names start from.
-    path : str or Path
-        File to write: ``.csv``, ``.csv.gz``, ``.parquet`` or ``.npz``.
-    instrument : mapping or None
-        Name and serial number of the instrument that made the log, where known.
-    sha256 : str
-        Fingerprint of the result file, to be kept in the log.
-    force : bool
-        Go on where the result is unusable or of another instrument, or where a file is replaced
-        that is no calibrated log.
-    hold : bool
-        Where coefficients change with temperature and the log is outside their range, take those
-        at the end of the range, instead of an error.
-    progress : callable or None
-        Called with the fraction done, from 0 to 1.
-
-    Returns
-    -------
-    Applied
-        What was written and what was noticed.
+    `path`: file to write: ``.csv``, ``.csv.gz``, ``.parquet`` or ``.npz``; `instrument` or None:
+    name and serial number of the instrument that made the log, where known; `sha256`: fingerprint
+    of the result file, to be kept in the log; `force`: go on where the result is unusable or of
+    another instrument, or where a file is replaced that is no calibrated log; `hold`: where
+    coefficients change with temperature and the log is outside their range, take those at the end
+    of the range, instead of an error; `progress` or None: called with the fraction done, from 0
+    to 1.
     """
     if not force:
         _fits(result, description, instrument or {})

@@ -11,16 +11,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.escape import commented
 from foucault.export.c_header import NEWTON_STEPS
 from foucault.export.numbers import inverse, nested
 from foucault.export.request import about
 from foucault.models.cluster import EQUATION, INVERSE, ClusterModel
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 AXES = "Axes: those of the cluster, p"
 

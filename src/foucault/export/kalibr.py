@@ -15,14 +15,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.escape import commented
 from foucault.export.numbers import number, row
 from foucault.export.request import Request
 from foucault.models.imu import Gauge
-
-FloatArray = npt.NDArray[np.float64]
 
 CAN = (
     "accel.scale",

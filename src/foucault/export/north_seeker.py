@@ -10,9 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from foucault.arrays import FloatArray
 from foucault.escape import commented
 from foucault.export.numbers import nested, number
 from foucault.export.request import OWN_AXES, about
@@ -20,8 +18,6 @@ from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import ImuModel
 from foucault.models.north_seeker import EQUATION
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 AXES = f"Axes: those of the case, {OWN_AXES}"
 

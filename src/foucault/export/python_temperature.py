@@ -66,13 +66,7 @@ def text(wanted: Request) -> str:
 
 
 def with_argument(code: str) -> str:
-    """Turn constants into entries of the coefficients, which functions get as first argument.
-
-    Parameters
-    ----------
-    code : str
-        Functions of a module with constants.
-    """
+    """Turn constants into entries of the coefficients, which functions get as first argument."""
     code = _CONSTANT.sub(lambda found: f'at["{found[1].lower()}"]', code)
     return _ARGUMENT.sub(r"\1(at, ", code)
 

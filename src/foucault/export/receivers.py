@@ -49,29 +49,10 @@ def write(
 ) -> Path:
     """Write a result in the form of another program, whole or not at all.
 
-    Parameters
-    ----------
-    result : Result
-        What to export.
-    receiver : str
-        Key of `RECEIVERS`.
-    path : str or Path
-        File to write.
-    axes : str or None
-        Axes of the receiver's readings; None takes those usual with it.
-    drop : iterable of str
-        Coefficients or groups that may be left out.
-    noise : ImuNoise or None
-        Noise of the instrument, for receivers that want it [SI].
-    log : LogDescription or None
-        How the calibrated log was read, for receivers of raw counts.
-    force : bool
-        Export a result that is not usable, and replace a file that is no earlier export.
-
-    Returns
-    -------
-    Path
-        The file written.
+    `axes`: axes of the receiver's readings, None takes those usual with it; `drop`: coefficients
+    or groups that may be left out; `noise` or None: noise of the instrument, for receivers that
+    want it [SI]; `log` or None: how the calibrated log was read, for receivers of raw counts;
+    `force`: export a result that is not usable, and replace a file that is no earlier export.
     """
     if not force:
         keep_others(path, [EXPORTED])

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
 from foucault.export.temperature_terms import TemperatureTerms
@@ -22,8 +22,6 @@ from foucault.run_folder import RESULT_FILE
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription, Triad
-
-FloatArray = npt.NDArray[np.float64]
 
 ALL = Layout((*LAYOUT.coefficients, *SIZE_EFFECT.coefficients))
 """Every coefficient that can be exported."""
@@ -54,55 +52,26 @@ AXES: dict[str, FloatArray] = {
 
 @dataclass(frozen=True)
 class Counts:
-    """Raw counts of one triad: SI = (count - zero) * factor, in the axes of the export.
+    """Raw counts of one triad: SI = (count - zero) * factor, in the axes of the export."""
 
-    Attributes
-    ----------
-    columns : tuple of str
-        The columns of the log, in the order the counts are to be given.
-    zero : ndarray, shape (3,)
-        Count that means zero [count].
-    factor : ndarray, shape (3,)
-        SI value of one count, with the sign of the axis [SI/count].
-    """
-
-    columns: tuple[str, ...]
-    zero: FloatArray
-    factor: FloatArray
+    columns: tuple[str, ...]  # the columns of the log, in the order the counts are to be given
+    zero: FloatArray  # (3,) count that means zero [count]
+    factor: FloatArray  # (3,) SI value of one count, with the sign of the axis [SI/count]
 
 
 @dataclass(frozen=True)
 class Request:
-    """One export.
+    """One export."""
 
-    Attributes
-    ----------
-    result : Result
-        Where the coefficients come from.
-    model : ImuModel
-        Their matrices without what is dropped, input and output in `axes` [SI].
-    size : SizeEffect
-        Lever arms and delay, in `axes` [SI].
-    axes : str
-        Key of `AXES`.
-    dropped : CoefficientVector
-        What is left out, as it was [SI].
-    noise : ImuNoise or None
-        Noise of the instrument, where known [SI].
-    counts : dict of str to Counts
-        How raw counts become SI, for the triads whose log was in counts.
-    temperature : TemperatureTerms or None
-        The matrices as functions of temperature, where they are; `model` is then that at the
-        reference temperature.
-    """
-
-    result: Result
-    model: ImuModel
-    size: SizeEffect
+    result: Result  # where the coefficients come from
+    model: ImuModel  # their matrices without what is dropped, input and output in `axes` [SI]
+    size: SizeEffect  # lever arms and delay, in `axes` [SI]
     axes: str
-    dropped: CoefficientVector
-    noise: ImuNoise | None
-    counts: Mapping[str, Counts]
+    dropped: CoefficientVector  # what is left out, as it was [SI]
+    noise: ImuNoise | None  # noise of the instrument, where known [SI]
+    counts: Mapping[str, Counts]  # how raw counts become SI, for the triads whose log was in counts
+    # the matrices as functions of temperature, where they are; `model` is then that at the
+    # reference temperature
     temperature: TemperatureTerms | None = None
 
     def statement(self) -> list[str]:
@@ -125,12 +94,7 @@ class Request:
 def about(result: Result, axes: str, signs: str = "") -> list[str]:
     """Return what every exported file says of its result, line by line.
 
-    Parameters
-    ----------
-    result : Result
-        The result.
-    axes, signs : str
-        In which axes its numbers are, and in which signs.
+    `axes`, `signs`: in which axes its numbers are, and in which signs.
     """
     made = result.provenance
     given = {key: result.instrument.get(key) for key in ("name", "serial")}
@@ -179,29 +143,9 @@ def request(
 ) -> Request:
     """Check that a result can be exported, and bring it into the axes of the receiver.
 
-    Parameters
-    ----------
-    result : Result
-        What to export.
-    receiver : str
-        Name of the receiver, for the texts.
-    can : sequence of str
-        Families of coefficients that it can express.
-    axes : str
-        Key of `AXES`: the axes of its readings.
-    drop : iterable of str
-        Coefficients or groups that may be left out.
-    noise : ImuNoise or None
-        Noise of the instrument [SI].
-    log : LogDescription or None
-        How the calibrated log was read, for raw counts.
-    force : bool
-        Export a result that is not usable.
-
-    Returns
-    -------
-    Request
-        What the receiver's file is written from.
+    `axes`: key of `AXES`: the axes of its readings; `drop`: coefficients or groups that may be
+    left out; `noise` or None: noise of the instrument [SI]; `log` or None: how the calibrated log
+    was read, for raw counts.
     """
     vector = of_sensors(result.coefficients)
     usable(result, force)
@@ -248,15 +192,9 @@ def usable(result: Result, force: bool) -> None:
 def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
     """Express readings and true values in other axes, each along one of the old.
 
-    Parameters
-    ----------
-    model : ImuModel
-        The model in axes b [SI].
-    C_sb : ndarray, shape (3, 3)
-        Rotation to the other axes, x_s = C_sb @ x_b, one of `AXES` [1].
+    `model`: the model in axes b [SI]; `C_sb` (3, 3): rotation to the other axes, x_s = C_sb @
+    x_b, one of `AXES` [1].
 
-    Notes
-    -----
     Asymmetry and the cubic term of a gyro are those of one output, so that only axes along the old
     ones can have them; where the sense of an axis changes, so does that of its asymmetry.
     """

@@ -6,29 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import of_one_sample
 from foucault.models.temperature import TemperatureModel, without
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class TemperatureTerms:
-    """Matrices as sums over functions of temperature, ``A(T) = sum of A_k phi_k(T)``.
+    """Matrices as sums over functions of temperature, ``A(T) = sum of A_k phi_k(T)``."""
 
-    Attributes
-    ----------
-    functions : TemperatureModel
-        phi_k, and where they hold [K].
-    terms : tuple of ImuModel
-        A_k: the matrices that phi_k multiplies, in the axes of the export [SI per unit of phi_k].
-    """
-
-    functions: TemperatureModel
+    functions: TemperatureModel  # phi_k, and where they hold [K]
+    # A_k: the matrices that phi_k multiplies, in the axes of the export [SI per unit of phi_k]
     terms: tuple[ImuModel, ...]
 
     @classmethod
@@ -40,14 +31,8 @@ class TemperatureTerms:
     ) -> TemperatureTerms:
         """Return the terms without the coefficients `dropped`, turned into other axes.
 
-        Parameters
-        ----------
-        functions : TemperatureModel
-            Coefficients as functions of temperature [SI].
-        dropped : tuple of str
-            Those to leave out.
-        turned : callable
-            What brings a model into the axes of the export; it is linear in all matrices.
+        `functions`: coefficients as functions of temperature [SI]; `turned`: what brings a model
+        into the axes of the export, it is linear in all matrices.
         """
         functions = without(functions, tuple(n for n in dropped if n in functions.layout))
         out = []
@@ -63,13 +48,7 @@ class TemperatureTerms:
         return cls(functions, tuple(out))
 
     def block(self, name: str) -> FloatArray:
-        """Return the terms of one matrix, shape (p, ...) [SI per unit of phi_k].
-
-        Parameters
-        ----------
-        name : str
-            A field of `ImuModel`.
-        """
+        """Return the terms of one matrix, shape (p, ...) [SI per unit of phi_k]."""
         return np.array([getattr(term, name) for term in self.terms])
 
     @property

@@ -6,13 +6,15 @@ which are neither; the tests below keep them apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, finding
 from foucault.logs.checks import moment
-from foucault.tables import AXES, FloatArray, IntArray
+from foucault.tables import AXES, Log
 
 CLIPPED_RUN = 4
 """Shortest run at the extreme value that can be saturation [samples]."""
@@ -26,6 +28,12 @@ LONGER = 4.0
 ALTERNATES = 0.25
 """Of the steps of noise two in three turn back, of those of smooth motion hardly any: a signal has
 noise where more than this do [1]."""
+
+FEW_MOVES = 20
+"""Fewer samples while a signal moves do not tell noise from motion [1]."""
+
+SAME_MEAN = 4.0
+"""Two halves of a rest have means that differ by no more of their noise than this [1]."""
 
 FULL_FLIGHT = 4.5
 """A clipped signal reaches its limit by a step of more than this many counts [1]."""
@@ -54,23 +62,10 @@ def check(
 ) -> tuple[Finding, ...]:
     """Look for saturated and stuck axes of one triad.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Time of each sample [s].
-    values : ndarray, shape (n, 3)
-        The samples as recorded, before increments are divided by the interval [SI].
-    triad : str
-        "gyro" or "accel", for the texts.
-    limits : ndarray, shape (3, 2), or None
-        Declared range of each axis, lowest and highest [SI].
-    zero : float or None
-        Time that texts count from; None is that of the first sample given [s].
-
-    Returns
-    -------
-    tuple of Finding
-        One for each saturated and each stuck axis.
+    `time` (n,): time of each sample [s]; `values` (n, 3): the samples as recorded, before
+    increments are divided by the interval [SI]; `limits` (3, 2) or None: declared range of each
+    axis, lowest and highest [SI]; `zero`: time that texts count from, None is that of the first
+    sample given [s]. Returns one for each saturated and each stuck axis.
     """
     if len(time) < 10:
         return ()
@@ -79,6 +74,8 @@ def check(
     found = []
     for i, axis in enumerate(AXES):
         x = np.ascontiguousarray(values[:, i])
+        if np.isnan(x).all():  # not logged
+            continue
         runs = _runs(x)
         words = {"triad": triad, "axis": axis}
         told = _clipped(x, runs) if limits is None else _at_limit(x, runs, limits[i])
@@ -98,10 +95,7 @@ def check(
 def long_enough(interval: float) -> int:
     """Return the number of samples that do not repeat one reading by chance [1].
 
-    Parameters
-    ----------
-    interval : float
-        Sample interval [s].
+    `interval`: sample interval [s].
     """
     return max(10, int(np.ceil(STUCK_TIME / interval)))
 
@@ -165,12 +159,19 @@ def _stuck(
     usual = float(np.quantile(step[step > 0], 0.25))
     others = [j for j in range(3) if j != i and np.ptp(values[:, j]) > 0]
     for first, length in constant:
-        moved = np.ptp(values[first : first + length, others], axis=0)
+        if length < LONGER * usual_run:
+            continue
+        # What stopped with it may happen to read the same a few rows earlier or later.
+        inside = slice(first + usual_run, first + length - usual_run)
+        moved = np.ptp(values[inside, others], axis=0)
         still = moved == 0
         # Neighbours that are as still: a log without noise, or they were lost together.
-        if still.any() and (len(constant) > 1 or still.all() or not noisy(x)):
+        if still.any() and (len(constant) > 1 or not noisy(x)):
             return None
-        if length >= LONGER * usual_run and (moved[~still] >= 3 * usual).all():
+        # All three: a sensor too coarse to show noise at rest, unless it does in another rest.
+        if still.all() and not _shows_noise_at_rest(values, needed):
+            return None
+        if (moved[~still] >= 3 * usual).all():
             return int(first), int(first + length)
     return None
 
@@ -178,12 +179,8 @@ def _stuck(
 def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
     """Return the first and the last row of a time in which a noisy signal repeats one reading.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Readings of one sensor that others do not tell anything of [unit].
-    needed : int, shape ()
-        So many rows do not read the same by chance [1].
+    `x` (n,): readings of one sensor that others do not tell anything of [unit]; `needed`: so many
+    rows do not read the same by chance [1].
     """
     runs = _runs(np.ascontiguousarray(x))
     chosen = runs.length >= needed
@@ -191,20 +188,76 @@ def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
     if not chosen.any() or rest < needed or runs.count - int(chosen.sum()) < 0.5 * rest:
         return None
     k = int(np.argmax(runs.length))
-    usual = int(runs.length[~chosen].max(initial=CLIPPED_RUN - 1))
+    # Shorter runs are not listed; where each row reads otherwise, there is none.
+    unlisted = CLIPPED_RUN - 1 if runs.count - len(runs.length) < len(x) - runs.length.sum() else 1
+    usual = int(runs.length[~chosen].max(initial=unlisted))
     if runs.length[k] < LONGER * usual or not noisy(x):
         return None
     return int(runs.first[k]), int(runs.first[k] + runs.length[k] - 1)
 
 
+def _shows_noise_at_rest(values: FloatArray, needed: int) -> bool:
+    """Tell whether all axes stay where they are for `needed` samples and change with each."""
+    n = len(values) // needed
+    x = values[: n * needed].reshape(n, needed, 3)
+    step = np.diff(x, axis=1)
+    half = needed // 2
+    moved = np.abs(x[:, half:].mean(axis=1) - x[:, :half].mean(axis=1))
+    # Of white noise the difference of two means scatters by twice its sd over the root of the
+    # number, and the step of two samples by 1.4 times its sd.
+    noise = np.sqrt(2.0 * (step**2).mean(axis=1) / needed)
+    changes = (step != 0).mean(axis=1) > 0.5
+    return bool(np.any(np.all(changes & (moved < SAME_MEAN * noise), axis=1)))
+
+
 def noisy(x: FloatArray) -> bool:
     """Tell whether a signal goes up and down from sample to sample, as noise does.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Readings of one sensor [unit].
+    Where motion is larger than noise, fourth differences have next to nothing of the motion left.
+
+    `x` (n,): readings of one sensor [unit].
     """
     step = np.diff(x)
-    step = step[step != 0]
-    return len(step) > 2 and float(np.mean(step[1:] * step[:-1] < 0)) > ALTERNATES
+    changes = step[step != 0]
+    if len(changes) > 2 and float(np.mean(changes[1:] * changes[:-1] < 0)) > ALTERNATES:
+        return True
+    fourth = np.diff(step, 3)
+    # Where it moves throughout, so that ends of ramps are none, and by more than digits round.
+    moves = np.convolve(step != 0, np.ones(4), "valid") == 4
+    if moves.sum() < FEW_MOVES:
+        return False
+    count = float(np.diff(np.unique(x)).min())
+    least = max(count, 1e-12 * float(np.abs(x).max()))
+    large = moves & (np.abs(fourth) > 4.0 * least)
+    turns = large[1:] & large[:-1] & (fourth[1:] * fourth[:-1] < 0)
+    return bool(turns.sum() > 0.5 * moves.sum())
+
+
+def spared(
+    findings: tuple[Finding, ...],
+    log: Log,
+    gyro: Sequence[tuple[FloatArray, FloatArray]] | None,
+    accel: Sequence[tuple[FloatArray, FloatArray]] | None,
+) -> tuple[Finding, ...]:
+    """Tell saturation as a note where no reading that was used is at the limit.
+
+    `log`: readings [SI]; `gyro`, `accel`: start and duration, each (k,), of the readings that were
+    used [s]; None where all were. Returns the findings, others as they were.
+    """
+    out = []
+    for told in findings:
+        triad, axis = (*told.message.split(), "", "")[:2]
+        parts = {"gyro": gyro, "accel": accel}.get(triad)
+        if told.code == "log.saturated" and parts is not None and log.sampled != "increment":
+            x = getattr(log, triad)[:, AXES.index(axis)]
+            top = (x == np.nanmax(x)) | (x == np.nanmin(x))
+            pairs = top[1:] & top[:-1] & (np.diff(x) == 0)  # one reading alone is noise
+            at = log.time[1:][pairs]
+            inside = [
+                np.searchsorted(at, start) < np.searchsorted(at, start + time)
+                for start, time in parts
+            ]
+            if not any(part.any() for part in inside):
+                told = replace(told, severity="note")
+        out.append(told)
+    return tuple(out)

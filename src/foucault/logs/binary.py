@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.logs.encoding import open_bytes, position
 from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout

@@ -15,11 +15,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models.earth import EARTH_RATE
 from foucault.models.temperature import KELVIN_IN_CELSIUS
 from foucault.symptoms import SYMPTOMS
-from foucault.tables import FloatArray
 from foucault.units import STANDARD_GRAVITY, ZERO_CELSIUS, factor, plain, span
 
 GAP = 1.5
@@ -59,24 +59,10 @@ def finite(
 ) -> tuple[npt.NDArray[np.bool_] | None, tuple[Finding, ...]]:
     """Look for missing (NaN) and infinite values, or such as no sum of squares would hold.
 
-    Parameters
-    ----------
-    columns : dict of str to ndarray, each shape (n,) or (n, 3)
-        The blocks of the log by name [SI].
-    missing : {"error", "drop", "mask"}
-        Whether such rows are an error, are left out, or are kept where only the accelerometers are
-        missing.
-    file : str
-        Name of the file, for the texts.
-    start : int, shape ()
-        Number of the first row, where these are not the first of the log [1].
-
-    Returns
-    -------
-    keep : ndarray of bool, shape (n,), or None
-        Rows to keep; None where all are good.
-    findings : tuple of Finding
-        What was left out.
+    `columns` (n,) or (n, 3): the blocks of the log by name [SI]; `missing`: whether such rows are
+    an error, are left out, or are kept where only the accelerometers are missing; `start`: number
+    of the first row, where these are not the first of the log [1]. Returns `keep` (n,): rows to
+    keep; None where all are good.
     """
     bad: dict[str, npt.NDArray[np.int64]] = {}
     for name, values in columns.items():
@@ -108,19 +94,9 @@ def doubled(
 ) -> tuple[npt.NDArray[np.bool_] | None, tuple[Finding, ...]]:
     """Look for rows that repeat the row before them in every column, time included.
 
-    Parameters
-    ----------
-    columns : dict of str to ndarray, each shape (n,) or (n, 3)
-        The blocks of the log by name, ``time`` among them [SI].
-    last : dict of str to ndarray, or None
-        Rows before these, where these are not the first of the log [SI].
-
-    Returns
-    -------
-    keep : ndarray of bool, shape (n,), or None
-        Rows to keep; None where none repeats.
-    findings : tuple of Finding
-        What was left out.
+    `columns` (n,) or (n, 3): the blocks of the log by name, ``time`` among them [SI]; `last` or
+    None: rows before these, where these are not the first of the log [SI]. Returns `keep` (n,):
+    rows to keep; None where none repeats.
     """
     time = columns["time"]
     rows = np.flatnonzero(time[1:] == time[:-1]) + 1
@@ -147,10 +123,7 @@ def even_rate(time: FloatArray) -> float | None:
     where samples come in bursts. Count over time does, if no sample is lost; then the earliest
     stamps of every part of the log lie on one straight line.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Time of each sample; None is returned where samples are lost [s].
+    `time` (n,): time of each sample, None is returned where samples are lost [s].
     """
     count = len(time) - 1
     if count < 1 or not time[-1] > time[0]:
@@ -173,12 +146,8 @@ def even_rate(time: FloatArray) -> float | None:
 def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
     """Say whether a rate may take the place of a log's time, and which.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Time of each sample [s].
-    shared : bool
-        Whether something else is stamped by the same clock: a master, a second log, a table.
+    `time` (n,): time of each sample [s]; `shared`: whether something else is stamped by the same
+    clock: a master, a second log, a table.
     """
     if shared:
         return SHARED
@@ -217,21 +186,10 @@ def timing(
 ) -> tuple[Finding, ...]:
     """Check that time runs forward, and look for gaps and an irregular rate.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Time of each sample [s].
-    start : int, shape ()
-        Number of the first row, where these are not the first of the log [1].
-    zero : float or None
-        Time that texts count from; None is that of the first sample given [s].
-    shared : bool
-        Whether something else is stamped by the same clock.
-
-    Returns
-    -------
-    tuple of Finding
-        Gaps and irregularity; time that repeats or runs backward is raised as an error.
+    `time` (n,): time of each sample [s]; `start`: number of the first row, where these are not
+    the first of the log [1]; `zero`: time that texts count from, None is that of the first sample
+    given [s]; `shared`: whether something else is stamped by the same clock. Returns gaps and
+    irregularity; time that repeats or runs backward is raised as an error.
     """
     if len(time) < 3:
         return ()
@@ -272,19 +230,8 @@ def timing(
 def time_scale(interval: float, unit: str, one: float) -> tuple[Finding, ...]:
     """Find a rate that no inertial log has, and name the unit of time that would explain it.
 
-    Parameters
-    ----------
-    interval : float
-        Nominal sample interval as read [s].
-    unit : str
-        Unit of time as declared.
-    one : float
-        Value of one such unit [s].
-
-    Returns
-    -------
-    tuple of Finding
-        One where the rate is far off and another unit would mend it.
+    `interval`: nominal sample interval as read [s]; `one`: value of one such unit [s]. Returns
+    one where the rate is far off and another unit would mend it.
     """
     low, high = RATE_BAND
     if not interval > 0 or low <= 1 / interval <= high:
@@ -314,25 +261,9 @@ def accel_scale(
 ) -> tuple[Finding, ...]:
     """Compare the median specific force with gravity, and name the unit that would fit.
 
-    Parameters
-    ----------
-    accel : ndarray, shape (n, 3)
-        Specific force as read [m/s^2].
-    interval : float
-        Nominal sample interval [s].
-    unit : str
-        Unit as declared in the campaign.
-    one : float or None
-        SI value of one such unit; None for counts with a scale [m/s^2 or m/s].
-    kind : {"rate", "increment"}
-        Kind as declared in the campaign.
-    gravity : float
-        Local gravity [m/s^2].
-
-    Returns
-    -------
-    tuple of Finding
-        One where the median is not gravity.
+    `accel` (n, 3): specific force as read [m/s^2]; `interval`: nominal sample interval [s];
+    `one`: SI value of one such unit, None for counts with a scale [m/s^2 or m/s]; `gravity`:
+    local gravity [m/s^2].
     """
     norm = float(np.nanmedian(np.linalg.norm(_thinned(accel), axis=1)))
     if _near(norm, gravity, GRAVITY_BAND):
@@ -361,22 +292,8 @@ def gyro_scale(
 ) -> tuple[Finding, ...]:
     """Find rates that no gyro can measure: deg/s read as rad/s, rates read as increments.
 
-    Parameters
-    ----------
-    gyro : ndarray, shape (n, 3)
-        Angular rate as read [rad/s].
-    unit : str
-        Unit as declared in the campaign.
-    kind : {"rate", "increment"}
-        Kind as declared in the campaign.
+    `gyro` (n, 3): angular rate as read [rad/s].
 
-    Returns
-    -------
-    tuple of Finding
-        One where the rates are impossible.
-
-    Notes
-    -----
     Rates that are too small cannot be told from a quiet instrument by the log alone; the
     turns between rests show them.
     """
@@ -402,10 +319,7 @@ def gyro_scale(
 def standard_gravity(scale: str | tuple[str, ...] | None) -> tuple[Finding, ...]:
     """Say which g a count scale per g is of: local gravity is up to 0.3 % off.
 
-    Parameters
-    ----------
-    scale : str, tuple of str or None
-        Count scale as declared.
+    `scale` or None: count scale as declared.
     """
     texts = (scale,) if isinstance(scale, str) else scale or ()
     per_g = [text for text in texts if re.search(r"\b[mun]?g\b", text)]
@@ -421,21 +335,9 @@ def earth_scale(
 ) -> tuple[Finding, ...]:
     """Find a log whose rests turn 3600 times as fast as the Earth: arcsec read as deg.
 
-    Parameters
-    ----------
-    gyro : ndarray, shape (n, 3)
-        Angular rate as read [rad/s].
-    interval : float
-        Nominal sample interval [s].
-    unit : str
-        Unit as declared in the campaign.
-    one : float
-        SI value of one such unit [rad/s or rad].
-    kind : {"rate", "increment"}
-        Kind as declared in the campaign.
+    `gyro` (n, 3): angular rate as read [rad/s]; `interval`: nominal sample interval [s]; `one`:
+    SI value of one such unit [rad/s or rad].
 
-    Notes
-    -----
     The norm of the Earth's rate is the same in every attitude; the tenth of the seconds that turns
     slowest is at rest in most logs. A bias of as many degrees per second has no gyro that sees it.
     """
@@ -476,10 +378,7 @@ def _row_list(rows: npt.NDArray[np.int64]) -> str:
 def temperature_scale(temperature: FloatArray) -> tuple[Finding, ...]:
     """Tell temperatures that no instrument has: kelvin said to be degC, or the other way round.
 
-    Parameters
-    ----------
-    temperature : ndarray, shape (n,)
-        As the log has it [K].
+    `temperature` (n,): as the log has it [K].
     """
     middle = float(np.nanmedian(temperature)) - ZERO_CELSIUS
     if not abs(middle) > KELVIN_IN_CELSIUS:

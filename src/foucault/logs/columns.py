@@ -22,31 +22,22 @@ TRIAD_PREFIXES = {
 }
 """Usual beginnings of column names; ``gx``, ``gyr_x``, ``gyro.x`` and ``Gyro X`` all count."""
 
+SINGLE_NAMES = {
+    "gyro": ("rate", "angularrate", "rotationrate"),
+    "accel": ("acceleration", "specificforce"),
+}
+"""Usual names of the only column of a triad, without spaces."""
+
 
 def find(
     raw: RawTable, wanted: ColumnName, path: Path, block: str, table: str = "log"
 ) -> tuple[int, float]:
     """Find one column.
 
-    Parameters
-    ----------
-    raw : RawTable
-        The file.
-    wanted : str or int
-        Name, or number from 0; text may start with "-".
-    path : Path
-        The file, for the error text.
-    block : str
-        Block of the campaign that names the column, for the error text.
-    table : str
-        Table of the campaign that the block is in, for the error text.
-
-    Returns
-    -------
-    number : int
-        Number of the column.
-    sign : float
-        -1.0 where the sign is to be turned, else 1.0.
+    `wanted`: name, or number from 0, text may start with "-"; `block`: block of the campaign that
+    names the column, for the error text; `table`: table of the campaign that the block is in, for
+    the error text. Returns `number`: number of the column; `sign`: -1.0 where the sign is to be
+    turned, else 1.0.
     """
     if isinstance(wanted, str) and wanted in raw.names:
         return raw.names.index(wanted), 1.0
@@ -78,19 +69,7 @@ def find(
 def guess(raw: RawTable, block: str, path: Path) -> list[int]:
     """Find the columns of a block by the names people usually give them.
 
-    Parameters
-    ----------
-    raw : RawTable
-        The file.
-    block : {"time", "gyro", "accel", "temperature"}
-        What is looked for.
-    path : Path
-        The file, for the error text.
-
-    Returns
-    -------
-    list of int
-        Column numbers: one, or three for a triad.
+    Returns column numbers: one, or three for a triad.
     """
     plain = [_plain(name) for name in raw.names] if raw.named else []
     singles = {"time": TIME_NAMES, "temperature": TEMPERATURE_NAMES}.get(block)
@@ -106,6 +85,31 @@ def guess(raw: RawTable, block: str, path: Path) -> list[int]:
     example = "columns = [1, 2, 3]" if singles is None else "column = 0"
     have = f"columns {', '.join(raw.names)}" if raw.named else f"{len(raw.names)} unnamed columns"
     raise error("log.cannot_guess", file=path.name, block=block, have=have, example=example)
+
+
+def guess_some(raw: RawTable, block: str) -> list[int | None]:
+    """Find the columns of a triad that lacks some, by the names people usually give them.
+
+    Returns column numbers of x, y, z; a single column without an axis in its name is x; empty
+    where there is none.
+    """
+    plain = [_plain(name) for name in raw.names] if raw.named else []
+    known = [re.sub(r"[^a-z0-9]", "", p) for p in TRIAD_PREFIXES[block]]
+    for prefix in known:
+        found = [plain.index(prefix + a) if prefix + a in plain else None for a in AXES]
+        if found != [None] * 3:
+            return found
+    alone = [i for i, name in enumerate(plain) if name in (*known, *SINGLE_NAMES[block])]
+    return [alone[0], None, None] if len(alone) == 1 else []
+
+
+def titled_axis(title: str) -> int:
+    """Return the number of the axis that a title names, as "gyro_z (deg/s)" does; else 0, for x."""
+    word = _plain(title)
+    named = [p for known in TRIAD_PREFIXES.values() for p in known]
+    prefixes = {re.sub(r"[^a-z0-9]", "", p) for p in named} | {""}
+    ends = bool(re.search(r"[_. -][xyzXYZ]$", re.sub(r"\s*[(\[].*", "", title.strip())))
+    return AXES.index(word[-1]) if word[-1:] in AXES and (ends or word[:-1] in prefixes) else 0
 
 
 def _bare(name: str) -> str:

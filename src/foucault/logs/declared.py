@@ -29,16 +29,7 @@ def complete(
 ) -> tuple[LogDescription, tuple[str, ...]]:
     """Fill in what a file or its format says about itself; others must be described.
 
-    Parameters
-    ----------
-    description : LogDescription
-        As given.
-    wanted : tuple of str
-        Blocks that the description takes from this file.
-    raw : RawTable
-        The file.
-    path : Path
-        Its name, for error texts.
+    `wanted`: blocks that the description takes from this file.
     """
     given = description.gyro is not None or description.accel is not None
     if given and (raw.declared is None or raw.marker):

@@ -16,6 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error
 from foucault.files import decoded
 from foucault.logs.dialect import (
@@ -31,7 +32,6 @@ from foucault.logs.dialect import (
 )
 from foucault.logs.encoding import LONGEST, endless, lines, open_text, position
 from foucault.logs.raw import Progress, RawTable, unreadable
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
@@ -89,20 +89,9 @@ def parse(
 ) -> Iterator[FloatArray]:
     """Yield the rows of a text; pyarrow raises ArrowInvalid where it cannot read on.
 
-    Parameters
-    ----------
-    stream : file
-        The text, from its first line.
-    dialect : Dialect
-        How its lines are to be read.
-    columns : sequence of int
-        Numbers of the columns wanted [1].
-    size : int, shape ()
-        Length of the text [bytes].
-    progress : callable or None
-        Called with the fraction read, from 0 to 1.
-    good : list of int or None
-        Its first is raised by the number of lines that could be read [1].
+    `columns`: numbers of the columns wanted [1]; `size`: length of the text [bytes]; `progress`
+    or None: called with the fraction read, from 0 to 1; `good` or None: its first is raised by
+    the number of lines that could be read [1].
     """
     types = {c: _arrow_type(dialect, c) for c in columns}
     for batch in _batches(stream, dialect, types, size, progress, good or [0]):
@@ -229,18 +218,8 @@ def fault(
 ) -> FoucaultError | None:
     """Say what is wrong with one line of data, or return None.
 
-    Parameters
-    ----------
-    name : str
-        Name of the file, for the text.
-    dialect : Dialect
-        How its lines are to be read.
-    columns : sequence of int
-        Numbers of the columns that must hold a number [1].
-    number : int, shape ()
-        Number of the line, from 1 [1].
-    line : str
-        The line.
+    `columns`: numbers of the columns that must hold a number [1]; `number`: number of the line,
+    from 1 [1].
     """
     if "\0" in line:
         return error("log.zero_bytes", file=name, line=number, before=number - 1)

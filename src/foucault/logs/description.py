@@ -6,12 +6,14 @@ files written by this package need no description, because they say it themselve
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error
+from foucault.logs.columns import titled_axis
 from foucault.logs.layout import (
     COUNTS,
     Averaged,
@@ -25,22 +27,30 @@ from foucault.logs.layout import (
     no_count_scale,
     scaled_unit,
 )
-from foucault.tables import FloatArray
+from foucault.tables import AXES
 
 Direction = Literal["x up", "x down", "y up", "y down", "z up", "z down"]
 
 
+def _or_one_column(schema: dict[str, Any]) -> None:
+    """Let a schema take one column too, by itself or in a list."""
+    one = {"anyOf": [{"type": "string"}, {"type": "integer"}]}
+    schema["anyOf"] += [*one["anyOf"], {"type": "array", "items": one, "maxItems": 1}]
+
+
 class Triad(Block):
-    """Three columns of one instrument, x y z in right-forward-up body axes."""
+    """Columns of one instrument, x y z in right-forward-up body axes; fewer for its noise alone."""
 
     name: ClassVar[str]
     kinds: ClassVar[dict[str, str]]
 
     file: str | None = Field(None, description="file of these columns, if not the log's")
-    columns: tuple[ColumnName, ColumnName, ColumnName] | None = Field(
+    columns: tuple[ColumnName | None, ColumnName | None, ColumnName | None] | None = Field(
         None,
         description='names or numbers from 0 for x, y, z; a leading "-" flips the sign ("-gy"); '
-        "guessed from the header if left out",
+        'guessed from the header if left out. For allan and inspect also one column, or "" for an '
+        "axis that is not logged",
+        json_schema_extra=_or_one_column,
     )
     unit: str | tuple[str, str, str] = Field(
         description='unit of one, such as "deg/s", "0.1 arcsec", or "count"; a list of three where '
@@ -62,14 +72,27 @@ class Triad(Block):
     @field_validator("columns", mode="before")
     @classmethod
     def _three(cls, value: object) -> object:
-        if value is not None and (not isinstance(value, list | tuple) or len(value) != 3):
+        if value is None:
+            return None
+        given = list(value) if isinstance(value, list | tuple) else [value]
+        named = [c for c in given if c not in ("", None)]
+        if not named or len(given) not in (1, 3):
             raise error("log.three_columns", block=cls.name, given=value)
-        return value
+        if len(given) == 3:
+            return tuple(None if name == "" else name for name in given)
+        out: list[object] = [None, None, None]
+        out[titled_axis(str(given[0]))] = given[0]
+        return tuple(out)
 
     @model_validator(mode="after")
     def _convertible(self) -> Triad:
         self.conversion()
         return self
+
+    @property
+    def logged(self) -> tuple[int, ...]:
+        """Numbers of the axes that have a column."""
+        return tuple(i for i in range(3) if self.columns is None or self.columns[i] is not None)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -245,6 +268,14 @@ class LogDescription(FileLayout):
             return 0.0
         at = {"start": 0.0, "middle": 0.5, "end": 1.0}
         return at[self.stamped] - at[self.table.stamped]
+
+    def whole(self) -> LogDescription:
+        """Return the description; refused where an axis of a triad has no column."""
+        for block in (self.gyro, self.accel):
+            if block is not None and len(block.logged) < len(AXES):
+                axes = " and ".join(AXES[i] for i in block.logged)
+                raise error("log.one_axis", block=block.name, axes=axes)
+        return self
 
     @property
     def shared_clock(self) -> bool:

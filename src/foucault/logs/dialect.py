@@ -59,17 +59,7 @@ class Dialect:
 
 
 def dialect_of(stream: IO[bytes], description: FileLayout, name: str) -> Dialect:
-    """Tell from the first lines of a text how to read it.
-
-    Parameters
-    ----------
-    stream : file
-        The text, from its first line.
-    description : FileLayout
-        What is known of it.
-    name : str
-        Name of the file, for the texts.
-    """
+    """Tell from the first lines of a text how to read it."""
     comment = description.comment
     marker, remark, heads, skip = "", "", list[str](), 0
     seen: list[str] = []

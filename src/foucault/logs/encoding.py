@@ -27,13 +27,7 @@ _PIECE = 1 << 16
 
 
 def decoder(start: bytes) -> IncrementalNewlineDecoder | None:
-    """Return what decodes a text, None where its bytes can be read as they are.
-
-    Parameters
-    ----------
-    start : bytes
-        How it begins, two bytes at least.
-    """
+    """Return what decodes a text, None where its bytes can be read as they are."""
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         inner = codecs.getincrementaldecoder("utf-16")("replace")
     elif b"\r" in start and b"\n" not in start:  # lines as spreadsheets end them for old Macs
@@ -44,17 +38,7 @@ def decoder(start: bytes) -> IncrementalNewlineDecoder | None:
 
 
 def encoded(decoding: IncrementalNewlineDecoder, chunk: bytes, final: bool = False) -> bytes:
-    """Return the next bytes of a text as UTF-8.
-
-    Parameters
-    ----------
-    decoding : IncrementalNewlineDecoder
-        What has read the text so far.
-    chunk : bytes
-        What comes next.
-    final : bool
-        Whether nothing comes after it.
-    """
+    """Return the next bytes of a text as UTF-8."""
     return decoding.decode(chunk, final).encode("utf-8", "surrogateescape")
 
 
@@ -75,26 +59,14 @@ def open_bytes(path: Path) -> IO[bytes]:
 
 
 def lines(stream: IO[bytes]) -> Iterator[bytes]:
-    """Yield the lines of a text, in pieces where one with zero bytes in it never ends.
-
-    Parameters
-    ----------
-    stream : file
-        The text, from its first line.
-    """
+    """Yield the lines of a text, in pieces where one with zero bytes in it never ends."""
     while line := stream.readline(LONGEST):
         endless(line)
         yield line
 
 
 def endless(line: bytes) -> None:
-    """Refuse a line that is longer than any is, but for one of zero bytes, told elsewhere.
-
-    Parameters
-    ----------
-    line : bytes
-        No more than `LONGEST` of it.
-    """
+    """Refuse a line that is longer than any is, but for one of zero bytes, told elsewhere."""
     if len(line) >= LONGEST and not line.endswith(b"\n") and b"\0" not in line:
         raise ValueError(f"one of its lines is longer than {LONGEST >> 20} MB")
 
@@ -102,12 +74,7 @@ def endless(line: bytes) -> None:
 def not_a_bomb(unpacked: float, packed: float) -> None:
     """Refuse what unpacks to far more than any readings do.
 
-    Parameters
-    ----------
-    unpacked : float
-        Its length as it is used [bytes].
-    packed : float
-        Its length in the file [bytes].
+    `unpacked`: its length as it is used [bytes]; `packed`: its length in the file [bytes].
     """
     if unpacked > max(SMALL, PACKED * packed):
         raise ValueError(

@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import decoded
 from foucault.logs import checks, delimited
@@ -26,7 +27,7 @@ from foucault.logs.dialect import dialect_of
 from foucault.logs.encoding import decoder, encoded, is_text
 from foucault.logs.raw import RawTable, of_own, unreadable
 from foucault.logs.reading import converted
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -353,15 +354,7 @@ class Follower:
 
 
 def open_tail(path: Path, description: LogDescription) -> FileTail:
-    """Follow a file, if it is of a kind that can be followed.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which need not exist yet.
-    description : LogDescription
-        How it is laid out.
-    """
+    """Follow a file, if it is of a kind that can be followed."""
     named: Any = {".gz": "gzip", ".parquet": "Parquet", ".pq": "Parquet", ".npy": "NumPy",
                   ".npz": "NumPy", ".mat": "MATLAB", ".bin": "binary"}  # fmt: skip
     known = named.get(path.suffix.lower()) if description.format == "auto" else None

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks, columns
 from foucault.logs.indexed_checks import implausible
 from foucault.logs.raw import Progress, RawTable, kept, open_raw
 from foucault.models.rotation import turned
-from foucault.tables import FloatArray, IndexedLog, IntArray
+from foucault.tables import IndexedLog
 
 if TYPE_CHECKING:
     from foucault.logs.indexed_description import IndexedDescription
@@ -41,19 +42,9 @@ def read(
 ) -> IndexedLog:
     """Read the log of a north seeker.
 
-    Parameters
-    ----------
-    description : IndexedDescription
-        File, columns and units.
-    folder : str or Path
-        Folder that a relative file name starts from.
-    progress : callable or None
-        Called with the fraction done, from 0 to 1.
-
-    Returns
-    -------
-    IndexedLog
-        Rows by set-up; `findings` tells what looks wrong, `source` where they came from [SI].
+    `folder`: folder that a relative file name starts from; `progress` or None: called with the
+    fraction done, from 0 to 1. Returns rows by set-up; `findings` tells what looks wrong,
+    `source` where they came from [SI].
     """
     assert description.file is not None
     path = Path(folder) / description.file

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.logs.layout import COUNTS
 from foucault.models.earth import EARTH_RATE
-from foucault.tables import FloatArray, IndexedLog
+from foucault.tables import IndexedLog
 from foucault.units import STANDARD_GRAVITY, factor, plain
 
 if TYPE_CHECKING:

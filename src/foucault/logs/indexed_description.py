@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.logs.layout import (
     Block,
@@ -19,7 +20,6 @@ from foucault.logs.layout import (
     limits,
     scaled_unit,
 )
-from foucault.tables import FloatArray
 from foucault.units import Quantity
 
 

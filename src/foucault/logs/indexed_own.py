@@ -62,19 +62,7 @@ def description_of(
 ) -> tuple[IndexedDescription, tuple[Finding, ...]]:
     """Describe the readings of a north seeker by the titles of the columns.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    reads : {"specific force", "gravity"} or None
-        What the accelerometers read, where no title says it.
-
-    Returns
-    -------
-    description : IndexedDescription
-        File, columns and units.
-    findings : tuple of Finding
-        What was taken from the titles.
+    `reads` or None: what the accelerometers read, where no title says it.
     """
     from foucault.logs.indexed_description import IndexedDescription
 
@@ -194,12 +182,7 @@ def _columns(log: IndexedLog) -> dict[str, Any]:
 def write(log: IndexedLog, path: str | Path) -> None:
     """Write the log of a north seeker as CSV or Parquet, with titles that describe it.
 
-    Parameters
-    ----------
-    log : IndexedLog
-        The log [SI].
-    path : str or Path
-        ``.csv`` or ``.parquet``.
+    `log`: the log [SI].
     """
     import pyarrow as pa
     from pyarrow import csv, parquet
@@ -227,10 +210,7 @@ def write(log: IndexedLog, path: str | Path) -> None:
 def log_table(log: IndexedLog | None = None) -> str:
     """Write the table [log] of a campaign for a file that `write` makes.
 
-    Parameters
-    ----------
-    log : IndexedLog or None
-        The log in that file; None for the template, which loads and explains [SI].
+    `log`: the log in that file, None for the template, which loads and explains [SI].
     """
     pair = log is not None and log.accel is not None and log.accel.shape[1] == 2
     which = 'columns = ["specific force x", "specific force y"]'

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error
-from foucault.tables import Clock, FloatArray
+from foucault.tables import Clock
 from foucault.units import CELSIUS, KINDS, ZERO_CELSIUS, Quantity, Ratio, factor, parse
 
 ColumnName = int | str
@@ -19,17 +20,8 @@ ColumnName = int | str
 def scaled_unit(text: str, kind: str) -> float:
     """Give the SI value of a unit that may carry a number, such as ``"0.1 arcsec"``.
 
-    Parameters
-    ----------
-    text : str
-        Unit, or number and unit.
-    kind : str
-        What it must measure, a key of `foucault.units.KINDS`.
-
-    Returns
-    -------
-    float
-        SI value of one [SI unit of the kind].
+    `kind`: what it must measure, a key of `foucault.units.KINDS`. Returns SI value of one [SI
+    unit of the kind].
     """
     one = parse(text, kind, "unit") if re.match(r"\s*[-+.\d]", text) else factor(text, kind)
     if not 1 / MOST < abs(one) < MOST:
@@ -73,20 +65,9 @@ def conversion(
 ) -> tuple[FloatArray, FloatArray]:
     """Return zero and factor of readings, shape (axes,) each: SI value = (raw - zero) * factor.
 
-    Parameters
-    ----------
-    block : {"gyro", "accel"}
-        What reads, for the texts too.
-    unit : str
-        Unit of one, or "count".
-    kind : str
-        What it must measure, a key of `foucault.units.KINDS`.
-    scale : str, tuple of str, length axes, or None
-        Count scale; only with counts.
-    zero : float, or tuple of float, length axes
-        Count that means zero; only with counts [count].
-    axes : int, shape ()
-        Number of columns [1].
+    `kind`: what it must measure, a key of `foucault.units.KINDS`; `scale` or None: count scale,
+    only with counts; `zero`: count that means zero, only with counts [count]; `axes`: number of
+    columns [1].
     """
     if unit not in COUNTS:
         if scale is not None or np.any(zero):
@@ -105,10 +86,7 @@ def conversion(
 def limits(saturation: float | tuple[float, float] | None) -> FloatArray | None:
     """Return a range as declared, lowest and highest, shape (2,) [as declared].
 
-    Parameters
-    ----------
-    saturation : float, (float, float) or None
-        Largest value, or both ends [as declared].
+    `saturation` or None: largest value, or both ends [as declared].
     """
     if saturation is None:
         return None

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.files import atomic
 from foucault.logs import columns, master_checks, reference
@@ -24,7 +24,6 @@ from foucault.models.attitude import matrix_of
 from foucault.models.master import MasterTable
 from foucault.models.rotation import turned
 
-FloatArray = npt.NDArray[np.float64]
 Data = dict[str, FloatArray]
 
 _VELOCITY = {
@@ -39,17 +38,8 @@ _ROUNDING = 1e-6  # of angles at the end of their range [rad]
 def read(description: MasterDescription, folder: str | Path = ".") -> MasterTable:
     """Read the table of a master.
 
-    Parameters
-    ----------
-    description : MasterDescription
-        File, columns and units.
-    folder : str or Path
-        Folder that a relative file name starts from.
-
-    Raises
-    ------
-    FoucaultError
-        ``master.*``, ``log.*``, ``reference.*``: what is missing, or cannot be.
+    `folder`: folder that a relative file name starts from. Raises ``master.*``, ``log.*``,
+    ``reference.*``: what is missing, or cannot be.
     """
     assert description.file is not None
     path = Path(folder) / description.file
@@ -57,17 +47,7 @@ def read(description: MasterDescription, folder: str | Path = ".") -> MasterTabl
 
 
 def master_table(raw: RawTable, description: MasterDescription, path: Path) -> MasterTable:
-    """Return the messages of a file in order, each once, East-North-Up and in SI.
-
-    Parameters
-    ----------
-    raw : RawTable
-        The file.
-    description : MasterDescription
-        What its columns mean.
-    path : Path
-        Where it is, for the texts.
-    """
+    """Return the messages of a file in order, each once, East-North-Up and in SI."""
     data = _columns(raw, description, path)
     missing = [n for n in ("time", *_VELOCITY["ENU"], *_ANGLES) if n not in data]
     if missing:
@@ -164,14 +144,8 @@ def _possible(data: Data, used: MasterDescription, path: Path) -> None:
 def write(table: MasterTable, path: str | Path, *, wrap: Literal[180, 360] = 360) -> None:
     """Write a table as CSV whose titles say what it holds, readable as master and as reference.
 
-    Parameters
-    ----------
-    table : MasterTable
-        The messages.
-    path : str or Path
-        The file, replaced whole or not at all.
-    wrap : {180, 360}
-        Headings from 0 to 360 deg, or from -180 to 180 deg.
+    `path`: the file, replaced whole or not at all; `wrap`: headings from 0 to 360 deg, or from
+    -180 to 180 deg.
     """
     angles = table.angles.copy()
     if wrap == 180:

@@ -10,15 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.errors import Finding, error, finding
 from foucault.logs.master_description import MasterDescription
 from foucault.logs.places import misses
 from foucault.models.master import MasterTable
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 MOVING = 1.0
 """Below this speed a course says nothing [m/s]."""
@@ -39,19 +36,7 @@ ASTRAY = np.radians(45.0)
 def checked(table: MasterTable, description: MasterDescription, name: str) -> MasterTable:
     """Return the table with what looks wrong added to its findings.
 
-    Parameters
-    ----------
-    table : MasterTable
-        Messages in order.
-    description : MasterDescription
-        How they were read.
-    name : str
-        What texts call the table.
-
-    Raises
-    ------
-    FoucaultError
-        ``master.frame``: its velocities are in another frame.
+    Raises ``master.frame``: its velocities are in another frame.
     """
     _one_frame(table, description.velocity.frame, name)
     return replace(
@@ -77,17 +62,7 @@ def _one_frame(table: MasterTable, frame: str, name: str) -> None:
 
 
 def heading(table: MasterTable, sense: str, name: str) -> tuple[Finding, ...]:
-    """Return a warning where headings do not go with the courses.
-
-    Parameters
-    ----------
-    table : MasterTable
-        Messages.
-    sense : {"clockwise", "counter-clockwise"}
-        How the heading was taken to count.
-    name : str
-        What texts call the table.
-    """
+    """Return a warning where headings do not go with the courses."""
     v = table.velocity_n[:, :2]
     moving = np.hypot(*v.T) > MOVING
     if np.sum(moving) < 2:

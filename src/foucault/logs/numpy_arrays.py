@@ -11,11 +11,11 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
 from foucault.logs.encoding import not_a_bomb
 from foucault.logs.own import ARRAY_KEY
 from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
@@ -68,23 +68,11 @@ def from_arrays(
 ) -> RawTable:
     """Make columns of the arrays of a file.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for error texts.
-    arrays : mapping of str to ndarray
-        Arrays by name, each shape (n,), (n, k) or (k, n): samples run along the longer side.
-    variable : str or None
-        The one array to use; if None all arrays with as many samples as the longest.
-    progress : callable or None
-        Called with the fraction read, from 0 to 1.
-    marker : str
-        What the file says about itself if this package wrote it.
-
-    Returns
-    -------
-    RawTable
-        Columns by number for one matrix, ``name``, ``name.0``, ``name.1`` ... for several.
+    `arrays`: arrays by name, each shape (n,), (n, k) or (k, n): samples run along the longer side
+    [1]; `variable`: the one array to use, if None all arrays with as many samples as the longest;
+    `progress` or None: called with the fraction read, from 0 to 1; `marker`: what the file says
+    about itself if this package wrote it. Returns columns by number for one matrix, ``name``,
+    ``name.0``, ``name.1`` ... for several.
     """
     tables = {n: t for n, a in arrays.items() if (t := _samples_first(a)) is not None}
     if variable is not None:

@@ -81,10 +81,7 @@ def _describe_table(names: tuple[str, ...]) -> dict[str, Any]:
 def columns_of(log: Log) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of `IMU_LOG` and `TABLE_LOG` that a log has, each shape (n,) [SI].
 
-    Parameters
-    ----------
-    log : Log
-        The log [SI].
+    `log`: the log [SI].
     """
     out: dict[str, npt.NDArray[Any]] = dict(log.columns())
     if log.table is not None:
@@ -120,19 +117,9 @@ def write_blocks(
 ) -> int:
     """Write a log that comes in blocks; no more than one of them is held (.npz: all).
 
-    Parameters
-    ----------
-    blocks : iterable of Log
-        The log, piece by piece, at least one; all with the same columns [SI].
-    path : str or Path
-        ``.csv``, ``.csv.gz``, ``.parquet`` or ``.npz``.
-    remarks : mapping of str to str, or None
-        What else the file is to say: lines of a comment, or keys of the Parquet metadata.
-
-    Returns
-    -------
-    int
-        Number of samples written.
+    `blocks`: the log, piece by piece, at least one, all with the same columns [SI]; `remarks` or
+    None: what else the file is to say: lines of a comment, or keys of the Parquet metadata.
+    Returns number of samples written.
     """
     path = Path(path)
     for suffix, writer in _WRITERS.items():

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.logs.encoding import not_a_bomb
 from foucault.logs.own import METADATA_KEY
 from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout

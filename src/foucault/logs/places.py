@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.geodesy import displacement
-
-FloatArray = npt.NDArray[np.float64]
 
 LEG = 20.0
 """Velocities are added up over so long, where noise of positions counts little [s]."""
@@ -20,24 +18,12 @@ BETTER = 3.0
 
 @dataclass(frozen=True)
 class Misses:
-    """By how much velocities miss the positions, over legs of a table.
+    """By how much velocities miss the positions, over legs of a table."""
 
-    Attributes
-    ----------
-    miss : float
-        As the table is read, root mean square over the legs [m].
-    other_frame : float
-        With velocities north, east, down [m].
-    exchanged : float
-        With latitude and longitude exchanged, infinite where they cannot be [m].
-    time : float
-        Length of a leg [s].
-    """
-
-    miss: float
-    other_frame: float
-    exchanged: float
-    time: float
+    miss: float  # as the table is read, root mean square over the legs [m]
+    other_frame: float  # with velocities north, east, down [m]
+    exchanged: float  # with latitude and longitude exchanged, infinite where they cannot be [m]
+    time: float  # length of a leg [s]
 
     @property
     def place_swapped(self) -> bool:
@@ -55,21 +41,9 @@ def misses(
 ) -> Misses | None:
     """Compare velocities with positions.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        When each row holds, rising [s].
-    position : ndarray, shape (n, 3)
-        Latitude, longitude [rad] and height [m].
-    velocity_n : ndarray, shape (n, 3)
-        East, north, up [m/s].
-    heights : bool
-        Whether the heights mean something; else level ways are compared.
-
-    Returns
-    -------
-    Misses or None
-        None where the table is shorter than a leg.
+    `time` (n,): when each row holds, rising [s]; `position` (n, 3): latitude, longitude [rad] and
+    height [m]; `velocity_n` (n, 3): East, north, up [m/s]; `heights`: whether the heights mean
+    something, else level ways are compared. Returns None where the table is shorter than a leg.
     """
     if len(time) < 2:
         return None

@@ -16,11 +16,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import free_memory
 from foucault.logs.encoding import is_text, open_text
 from foucault.logs.own import describe, sampled_of
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
@@ -45,44 +45,26 @@ def _not_told() -> float:
 
 @dataclass(frozen=True)
 class RawTable:
-    """Columns of a file, not yet read.
+    """Columns of a file, not yet read."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Name of each column; its number from 0 where the file has no names.
-    named : bool
-        Whether the names come from the file.
-    blocks : callable
-        ``columns -> iterator`` of ndarray, shape (m, len(columns)): the rows of these columns,
-        in the order of the file [as in the file].
-    marker : str
-        What the file says about itself if this package wrote it, else empty.
-    stamps : tuple of int
-        Numbers of the columns that hold dates, handed out in seconds since 1970 [1].
-    findings : tuple of Finding
-        What was noticed of the file before its rows.
-    words : callable or None
-        ``column -> iterator`` of lists of str: the cells of one column as text, in the order of
-        the file; None where the format holds numbers only.
-    declared : mapping or None
-        Blocks of a description, as [log] has them, that the file or its format says itself; a
-        unit may be open.
-    sampled : {"rate", "increment"} or None
-        What the readings are, where the file or its format says it.
-    done : callable
-        Fraction of the file that the blocks handed out so far come from [1].
-    """
-
-    names: tuple[str, ...]
-    named: bool
+    names: tuple[str, ...]  # name of each column; its number from 0 where the file has no names
+    named: bool  # whether the names come from the file
+    # ``columns -> iterator`` of ndarray, shape (m, len(columns)): the rows of these columns, in the
+    # order of the file [as in the file]
     blocks: Callable[[Sequence[int]], Iterator[FloatArray]]
-    marker: str = ""
+    marker: str = ""  # what the file says about itself if this package wrote it, else empty
+    # numbers of the columns that hold dates, handed out in seconds since 1970 [1]
     stamps: tuple[int, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was noticed of the file before its rows
+    # ``column -> iterator`` of lists of str: the cells of one column as text, in the order of the
+    # file; None where the format holds numbers only
     words: Callable[[int], Iterator[list[str]]] | None = None
+    # blocks of a description, as [log] has them, that the file or its format says itself; a unit
+    # may be open
     declared: Mapping[str, Any] | None = None
+    # what the readings are, where the file or its format says it
     sampled: Literal["rate", "increment"] | None = None
+    # fraction of the file that the blocks handed out so far come from [1]
     done: Callable[[], float] = _not_told
 
     @property
@@ -136,19 +118,7 @@ ROS_FOLDER = "metadata.yaml"
 def open_raw(path: Path, description: FileLayout, progress: Progress | None = None) -> RawTable:
     """Open a log file of any format.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    description : FileLayout
-        How it is laid out.
-    progress : callable or None
-        Called with the fraction read, from 0 to 1.
-
-    Returns
-    -------
-    RawTable
-        Its columns, not yet read.
+    `progress` or None: called with the fraction read, from 0 to 1.
     """
     _must_exist(path)
     name, done = "gzip", [0.0]
@@ -174,14 +144,8 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
 def library(name: str, extra: str, path: Path) -> Any:
     """Load the library that reads a format; what brings it stands in the error where it is missing.
 
-    Parameters
-    ----------
-    name : str
-        The module.
-    extra : str
-        The extra of this package that installs it.
-    path : Path
-        The file that wants it, for the text.
+    `extra`: the extra of this package that installs it; `path`: the file that wants it, for the
+    text.
     """
     try:
         return import_module(name)
@@ -215,15 +179,7 @@ def _guarded(
 
 
 def kept(raw: RawTable, path: Path) -> RawTable:
-    """Return a table whose rows will all be kept, refused as soon as they cannot be.
-
-    Parameters
-    ----------
-    raw : RawTable
-        Columns of a file.
-    path : Path
-        The file, for the text.
-    """
+    """Return a table whose rows will all be kept, refused as soon as they cannot be."""
 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         held = 0
@@ -238,14 +194,7 @@ def kept(raw: RawTable, path: Path) -> RawTable:
 def must_fit(path: Path, size: float, held: float = 0.0) -> None:
     """Refuse a log that memory cannot hold.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for the text.
-    size : float
-        All its numbers [bytes].
-    held : float
-        Those that are in memory already [bytes].
+    `size`: all its numbers [bytes]; `held`: those that are in memory already [bytes].
     """
     free = free_memory() + held
     if COPIES * size > free:
@@ -255,14 +204,7 @@ def must_fit(path: Path, size: float, held: float = 0.0) -> None:
 def too_large(path: Path, need: float, free: float) -> FoucaultError:
     """Build the error for a log that memory cannot hold.
 
-    Parameters
-    ----------
-    path : Path
-        The log.
-    need : float
-        What it needs [bytes].
-    free : float
-        What is free [bytes].
+    `need`: what it needs [bytes]; `free`: what is free [bytes].
     """
     return error(
         "log.too_large", file=path.name, need=f"{need / 1e9:.3g}", free=f"{free / 1e9:.3g}"

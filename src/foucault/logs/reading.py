@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
 from foucault.logs import axes, checks, columns
@@ -22,7 +23,7 @@ from foucault.logs.table_rows import (
     table_of,
     whole_numbers,
 )
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription, Triad
@@ -92,6 +93,9 @@ def read(
     return finished(data, used, sampled, told, source)
 
 
+TRIADS = ("gyro", "accel")
+"""Blocks of a log that have an axis for each column."""
+
 BETWEEN = 10.0
 """Between two files whose times do not say what was between them [s]."""
 
@@ -130,6 +134,7 @@ def _one_after_the_other(
         logs[0],
         findings=tuple(dict.fromkeys(f for log in logs for f in log.findings)),
         source=source,
+        begins=tuple(np.cumsum([len(log) for log in logs[:-1]]).tolist()),
         table=joined_tables(tables) if tables else None,
         **{
             name: joined([getattr(log, name) for log in logs])
@@ -166,14 +171,7 @@ def usable(
 ) -> tuple[dict[str, FloatArray], tuple[Finding, ...]]:
     """Drop or refuse rows that are not numbers, and drop rows written twice.
 
-    Parameters
-    ----------
-    data : dict of str to ndarray
-        Blocks by name, each shape (n,) or (n, 3) [SI].
-    used : LogDescription
-        The complete description.
-    name : str
-        Name of the file, for the texts.
+    `data`: blocks by name, each shape (n,) or (n, 3) [SI].
     """
     keep, found = checks.finite(data, used.missing, name)
     if keep is not None:
@@ -226,19 +224,7 @@ def _columns(
 def converted(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> Iterator[dict[str, FloatArray]]:
-    """Yield the rows of one file piece by piece, in SI: time, gyro, accel, temperature.
-
-    Parameters
-    ----------
-    used : LogDescription
-        A complete description.
-    blocks : tuple of str
-        Blocks to read from this file.
-    raw : RawTable
-        The file.
-    path : Path
-        Its name, for error texts.
-    """
+    """Yield the rows of one file piece by piece, in SI: time, gyro, accel, temperature."""
     picks = list(_picks(used, blocks, raw, path))
     numbers = [number for pick in picks for number in pick.numbers]
     for rows in raw.blocks(numbers):
@@ -247,7 +233,8 @@ def converted(
             end = start + len(pick.numbers)
             with np.errstate(invalid="ignore", over="ignore"):  # found by `checks.finite`
                 values = (rows[:, start:end] - pick.zero) * pick.factor
-            part[pick.block] = values if values.shape[1] > 1 else values[:, 0]
+            flat = pick.block not in TRIADS
+            part[pick.block] = values[:, 0] if flat else values
             start = end
         if "position" in part:
             part["position"] = whole_numbers(part["position"], path)
@@ -286,13 +273,19 @@ def _picks(
                 numbers, sign = _numbers(raw, [column], name, path)
                 yield _Pick(what, numbers, np.zeros(1), unit * sign)
             continue
-        wanted = [block.column] if name == "temperature" else list(block.columns or [None])
+        if name == "temperature":
+            wanted = [block.column]
+        else:
+            named = block.columns
+            wanted = [None] if named is None else [c for c in named if c is not None]
         numbers, sign = _numbers(raw, wanted, name, path)
         dates = [raw.names[n] for n in numbers if n in raw.stamps]
         if dates:
             raise error("log.not_numeric", file=path.name, line="every line", column=dates[0],
                         cell="a date", hint="")  # fmt: skip
         zero, factor = block.conversion()
+        if name in TRIADS:
+            zero, factor = zero[list(block.logged)], factor[list(block.logged)]
         yield _Pick(name, numbers, zero, factor * sign)
 
 
@@ -333,12 +326,7 @@ def _joined(
 def timed(data: dict[str, FloatArray], used: LogDescription) -> dict[str, FloatArray]:
     """Give rows without a time column their time.
 
-    Parameters
-    ----------
-    data : dict of str to ndarray
-        Blocks by name, each shape (n,) or (n, 3) [SI].
-    used : LogDescription
-        The complete description.
+    `data`: blocks by name, each shape (n,) or (n, 3) [SI].
     """
     if used.rate is not None:
         return {"time": np.arange(len(next(iter(data.values())))) / used.rate, **data}
@@ -356,22 +344,17 @@ def finished(
 ) -> Log:
     """Check the samples, turn increments into means, and make the log of them.
 
-    Parameters
-    ----------
-    data : dict of str to ndarray
-        Blocks by name, each shape (n,) or (n, 3) [SI].
-    used : LogDescription
-        The complete description.
-    sampled : {"rate", "increment"} or None
-        What one of our own files says of itself.
-    findings : tuple of Finding
-        What was noticed before.
-    source : dict
-        Where the log came from.
+    `data`: blocks by name, each shape (n,) or (n, 3) [SI]; `sampled` or None: what one of our own
+    files says of itself.
     """
     time = data["time"]
     triads = {"gyro": used.gyro, "accel": used.accel}
     kind = next(block.kind for block in triads.values() if block is not None)
+    data = data | {
+        name: _spread(data[name], block.logged)
+        for name, block in triads.items()
+        if block is not None and len(block.logged) < 3
+    }
     if used.averaged is not None:
         log = means_log(data, kind, findings, source)
         return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
@@ -392,6 +375,13 @@ def finished(
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
               findings, source, table_of(data))  # fmt: skip
     return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
+
+
+def _spread(x: FloatArray, axes: tuple[int, ...]) -> FloatArray:
+    """Return columns of some axes as those of x, y, z; an axis that is not logged is NaN."""
+    out = np.full((len(x), 3), np.nan)
+    out[:, list(axes)] = x
+    return out
 
 
 def _at_ends(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
@@ -432,7 +422,8 @@ def _intervals(time: FloatArray) -> FloatArray:
 def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
     """Return what the sizes of the numbers in `log` say about the units declared in `used`."""
     found: tuple[Finding, ...] = ()
-    if log.accel is not None and used.accel is not None:
+    log = log.filled()
+    if log.accel is not None and used.accel is not None and len(used.accel.logged) == 3:
         block = used.accel
         counts = block.scale is not None
         one = None if counts else abs(float(block.conversion()[1][0]))

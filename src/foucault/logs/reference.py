@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error
 from foucault.files import sha256
 from foucault.logs.layout import FileLayout
@@ -26,8 +27,6 @@ from foucault.logs.titles import unit_in
 from foucault.models.geodesy import displacement
 from foucault.models.rotation import turned
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 _TITLES = {
     "time": ("time", "t", "timestamp"),
@@ -63,33 +62,18 @@ _ANGLES = ("heading", "pitch", "roll")
 
 @dataclass(frozen=True)
 class Reference:
-    """What is known of a trajectory from elsewhere; None where it says nothing of it.
+    """What is known of a trajectory from elsewhere; None where it says nothing of it."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Time, of the same clock as the log, rising [s].
-    position : ndarray, shape (n, 3), or None
-        Latitude, longitude [rad] and height [m]; NaN where a row does not say it.
-    velocity_n : ndarray, shape (n, 3), or None
-        East, north, up; NaN where a component is not given [m/s].
-    angles : ndarray, shape (n, 3), or None
-        Heading, pitch, roll; NaN where an angle is not given [rad].
-    has_height : bool
-        Whether the heights mean something.
-    still : bool
-        It stood still at a known site all the time.
-    source : dict
-        File, sha256 and rows.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (n,) time, of the same clock as the log, rising [s]
+    # (n, 3) latitude, longitude [rad] and height [m]; NaN where a row does not say it
     position: FloatArray | None = None
+    # (n, 3) East, north, up; NaN where a component is not given [m/s]
     velocity_n: FloatArray | None = None
+    # (n, 3) heading, pitch, roll; NaN where an angle is not given [rad]
     angles: FloatArray | None = None
-    has_height: bool = True
-    still: bool = False
-    source: dict[str, Any] = field(default_factory=dict)
+    has_height: bool = True  # whether the heights mean something
+    still: bool = False  # it stood still at a known site all the time
+    source: dict[str, Any] = field(default_factory=dict)  # file, sha256 and rows
 
     @property
     def says(self) -> npt.NDArray[np.bool_]:
@@ -106,14 +90,8 @@ class Reference:
     def site(cls, time: FloatArray, latitude: float, longitude: float, height: float) -> Reference:
         """Return the reference of something that never moved.
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Epochs to compare at [s].
-        latitude, longitude : float
-            Of the site [rad].
-        height : float
-            Of the site [m].
+        `time` (n,): epochs to compare at [s]; `latitude`, `longitude`: of the site [rad];
+        `height`: of the site [m].
         """
         position = np.tile([latitude, longitude, height], (len(time), 1))
         return cls(np.asarray(time, float), position, np.zeros((len(time), 3)), still=True)
@@ -121,15 +99,8 @@ class Reference:
     def place(self, start: float, end: float) -> FloatArray | None:
         """Return latitude, longitude [rad] and height [m] at the end of a rest, shape (3,).
 
-        Parameters
-        ----------
-        start, end : float
-            The rest; the same where it moves [s].
-
-        Returns
-        -------
-        ndarray or None
-            None where the reference says nothing of that time.
+        `start`, `end`: the rest, the same where it moves [s]. Returns None where the reference
+        says nothing of that time.
         """
         if self.position is None:
             return None
@@ -151,16 +122,8 @@ class Reference:
     def velocity(self, time: float) -> FloatArray | None:
         """Return the velocity E N U at a time, shape (3,) [m/s].
 
-        Parameters
-        ----------
-        time : float, shape ()
-            When [s].
-
-        Returns
-        -------
-        ndarray or None
-            As given, zero where a component is not; else by the positions around it, where they
-            are close enough; else None.
+        `time`: when [s]. Returns as given, zero where a component is not; else by the positions
+        around it, where they are close enough; else None.
         """
         if self.velocity_n is not None:
             return np.array([_between(time, self.time, v) for v in self.velocity_n.T])
@@ -179,15 +142,7 @@ def _between(at: float, time: FloatArray, value: FloatArray) -> float:
 def read(path: str | Path) -> Reference:
     """Read a reference; the titles of its columns carry the units.
 
-    Parameters
-    ----------
-    path : str or Path
-        CSV, spaced text or Parquet.
-
-    Raises
-    ------
-    FoucaultError
-        ``reference.titles``, ``reference.time``: what is missing or wrong.
+    Raises ``reference.titles``, ``reference.time``: what is missing or wrong.
     """
     path = Path(path)
     raw = open_raw(path, FileLayout.model_validate({"file": path.name}))
@@ -226,17 +181,7 @@ def _not_swapped(found: Reference, path: Path) -> None:
 def titled_columns(raw: RawTable, path: Path) -> dict[str, tuple[int, float]]:
     """Return the number of every column that is known, and the SI value of its unit.
 
-    Parameters
-    ----------
-    raw : RawTable
-        The file.
-    path : Path
-        Where it is, for the texts.
-
-    Raises
-    ------
-    FoucaultError
-        ``reference.titles``: what is missing or not said.
+    Raises ``reference.titles``: what is missing or not said.
     """
     have = "the columns " + ", ".join(raw.names) if raw.named else f"{len(raw.names)} columns"
 

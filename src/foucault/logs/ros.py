@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding
 from foucault.logs.raw import Progress, RawTable, library
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout

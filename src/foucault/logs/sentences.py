@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import error, finding
 from foucault.logs.encoding import lines, open_text, position
 from foucault.logs.raw import Progress, RawTable
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout

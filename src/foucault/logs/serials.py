@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import FoucaultError, error
 from foucault.logs import columns
 from foucault.logs.raw import Progress, RawTable, open_raw
-from foucault.tables import FloatArray, IntArray, Log
+from foucault.tables import Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -42,20 +43,10 @@ def by_serial(
 ) -> Iterator[tuple[str, Log | FoucaultError]]:
     """Read the log of each instrument of a file with a column of serial numbers.
 
-    Parameters
-    ----------
-    description : LogDescription
-        File, columns and units; `serial` names the column.
-    folder : str or Path
-        Folder that a relative file name starts from.
-    progress : callable or None
-        Called with the fraction done, from 0 to 1.
-
-    Yields
-    ------
-    (str, Log or FoucaultError)
-        Serial number and log, in the order in which the instruments end [SI]; where the rows of
-        one cannot be a log, the reason, and the others go on.
+    `description`: file, columns and units, `serial` names the column; `folder`: folder that a
+    relative file name starts from; `progress` or None: called with the fraction done, from 0 to
+    1. Returns serial number and log, in the order in which the instruments end [SI]; where the
+    rows of one cannot be a log, the reason, and the others go on.
     """
     from foucault.logs.declared import complete
     from foucault.logs.reading import converted
@@ -80,12 +71,8 @@ def by_serial(
 def serials(description: LogDescription, folder: str | Path = ".") -> list[str]:
     """Return the serial numbers in a file, in the order in which they first appear.
 
-    Parameters
-    ----------
-    description : LogDescription
-        File, columns and units; `serial` names the column.
-    folder : str or Path
-        Folder that a relative file name starts from.
+    `description`: file, columns and units, `serial` names the column; `folder`: folder that a
+    relative file name starts from.
     """
     return _opened(description, folder, None)[2].names
 

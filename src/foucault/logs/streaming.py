@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, error
 from foucault.files import sha256
 from foucault.logs import axes, checks
@@ -29,7 +30,7 @@ from foucault.logs.reading import (
     read,
 )
 from foucault.logs.table_rows import table_of
-from foucault.tables import Clock, FloatArray, Log
+from foucault.tables import Clock, Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -43,21 +44,11 @@ Checked = tuple[Part, tuple[Finding, ...]]
 
 @dataclass(frozen=True)
 class OnDisk:
-    """A log that stays where it is: what a procedure that needs no more than blocks is given.
+    """A log that stays where it is: what a procedure that needs no more than blocks is given."""
 
-    Attributes
-    ----------
-    description : LogDescription
-        File, columns and units.
-    folder : Path
-        Folder that relative file names start from.
-    findings : tuple of Finding
-        What was noticed before it is read.
-    """
-
-    description: LogDescription
-    folder: Path
-    findings: tuple[Finding, ...] = ()
+    description: LogDescription  # file, columns and units
+    folder: Path  # folder that relative file names start from
+    findings: tuple[Finding, ...] = ()  # what was noticed before it is read
 
     @property
     def size(self) -> int:
@@ -90,21 +81,10 @@ def blocks(
 
     A log in several files is joined first and handed out in blocks from memory.
 
-    Parameters
-    ----------
-    description : LogDescription
-        File, columns and units.
-    folder : str or Path
-        Folder that relative file names start from.
-    progress : callable or None
-        Called with the fraction done, from 0 to 1.
-
-    Yields
-    ------
-    Log
-        The next rows; `findings` tells what looks wrong in them [SI].
+    `progress` or None: called with the fraction done, from 0 to 1. Returns the next rows;
+    `findings` tells what looks wrong in them [SI].
     """
-    files = description.files()  # more of them are read as a whole
+    files = description.whole().files()  # more of them are read as a whole
     whole = description.averaged is not None or description.serial is not None
     if len(files) != 1 or whole or description.stamped == "start" or description.apart:
         yield from _slices(read(description, folder, progress))
@@ -134,10 +114,7 @@ def blocks(
 def merged(blocks_findings: Iterable[tuple[Finding, ...]]) -> tuple[Finding, ...]:
     """Join the findings of the blocks of a log: the first of each code, and how often it recurs.
 
-    Parameters
-    ----------
-    blocks_findings : iterable of tuple of Finding
-        What was found in each block, in order.
+    `blocks_findings`: what was found in each block, in order.
     """
     first: dict[str, list[Finding]] = {}
     again: dict[str, int] = {}

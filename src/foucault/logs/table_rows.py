@@ -7,21 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, error
 from foucault.logs.checks import GAP
 from foucault.logs.own import ANGLES
-from foucault.tables import FloatArray, Log, TableColumns
+from foucault.tables import Log, TableColumns
 
 
 def whole_numbers(position: FloatArray, path: Path) -> FloatArray:
     """Refuse positions that are no whole numbers; an empty cell is -1.
 
-    Parameters
-    ----------
-    position : ndarray, shape (n,)
-        Numbers as in the file [1].
-    path : Path
-        The file, for the error text.
+    `position` (n,): numbers as in the file [1].
     """
     position = np.where(np.isnan(position), -1.0, position)
     wrong = position != np.rint(position)
@@ -33,10 +29,7 @@ def whole_numbers(position: FloatArray, path: Path) -> FloatArray:
 def table_of(data: dict[str, FloatArray]) -> TableColumns | None:
     """Return what the blocks of a log say about the table, None where nothing.
 
-    Parameters
-    ----------
-    data : dict of str to ndarray
-        Blocks by name, each shape (n,) [SI].
+    `data`: blocks by name, each shape (n,) [SI].
     """
     if not data.keys() & {*ANGLES, "table_rate", "position"}:
         return None
@@ -55,12 +48,8 @@ def angles_at_times(data: dict[str, FloatArray], apart: float) -> dict[str, Floa
     Between two rows an angle moves on evenly, by less than half a turn or, where the rate of the
     table is logged, by nearly what that says. Beside a gap it goes on as before.
 
-    Parameters
-    ----------
-    data : dict of str to ndarray
-        Time and angles by name, each shape (n,) [SI].
-    apart : float
-        How many intervals the time of a row is after the instant of its angles [1].
+    `data`: time and angles by name, each shape (n,) [SI]; `apart`: how many intervals the time of
+    a row is after the instant of its angles [1].
     """
     time, turn = data["time"], 2 * np.pi
     step = np.diff(time)
@@ -81,13 +70,7 @@ def angles_at_times(data: dict[str, FloatArray], apart: float) -> dict[str, Floa
 
 
 def joined_tables(tables: list[TableColumns]) -> TableColumns:
-    """Put what logs say about the table one after the other; they tell the same columns.
-
-    Parameters
-    ----------
-    tables : list of TableColumns
-        One of each log.
-    """
+    """Put what logs say about the table one after the other; they tell the same columns."""
 
     def one(name: str) -> Any:
         parts = [getattr(table, name) for table in tables]
@@ -104,16 +87,8 @@ def means_log(
 ) -> Log:
     """Make a log of rows that are means: nothing is known of what happened between them.
 
-    Parameters
-    ----------
-    data : dict of str to ndarray
-        Blocks by name, each shape (n,) or (n, 3) [SI].
-    kind : {"rate", "increment"}
-        Means, or sums over the time of each row.
-    findings : tuple of Finding
-        What was noticed before.
-    source : dict
-        Where the log came from.
+    `data`: blocks by name, each shape (n,) or (n, 3) [SI]; `kind`: means, or sums over the time
+    of each row.
     """
     length = data["averaged"]
     wrong = np.flatnonzero(~(length > 0))

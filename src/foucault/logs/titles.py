@@ -28,25 +28,13 @@ _ENDINGS = {
 }
 """How names end that carry their unit without brackets: ``time_ms``, ``gyro_x_dps``."""
 
+_RATES = {"gyro": "angular rate", "accel": "specific force"}
 _INCREMENTS = {"gyro": "angle increment", "accel": "velocity increment"}
-"""What triads measure whose rows are integrals over the interval before."""
+"""What triads measure, and those whose rows are integrals over the interval before."""
 
 
 def description_of(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
-    """Describe a log by the titles of its columns, or not at all where it describes itself.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-
-    Returns
-    -------
-    description : LogDescription
-        File, columns and units.
-    findings : tuple of Finding
-        What was taken from the titles.
-    """
+    """Describe a log by the titles of its columns, or not at all where it describes itself."""
     from foucault.logs.description import LogDescription
 
     alone = LogDescription.model_validate({"file": path.name})
@@ -88,14 +76,31 @@ def _blocks(raw: RawTable, path: Path) -> dict[str, dict[str, Any]]:
             raise ValueError(f"the titles of {block} do not give one unit: {', '.join(names)}")
         key = {"column": numbers[0]} if len(numbers) == 1 else {"columns": numbers}
         found[block] = {**key, "unit": given.pop()}
+    if not found.keys() & {"gyro", "accel"}:
+        found |= _some_axes(raw)
     if "time" not in found:
         raise ValueError("no column has a usual name of time")
     if not found.keys() & {"gyro", "accel"}:
-        raise ValueError("no three columns have usual names of gyro or accelerometer")
+        raise ValueError(
+            "no three columns have usual names of gyro or accelerometer, nor has one with a unit"
+        )
     triads = {name: said for name, said in found.items() if name in _INCREMENTS}
     if all(_measures(said["unit"], _INCREMENTS[name]) for name, said in triads.items()):
         for said in triads.values():
             said["kind"] = "increment"
+    return found
+
+
+def _some_axes(raw: RawTable) -> dict[str, dict[str, Any]]:
+    """Describe triads that lack columns, such as a single gyro, where the titles give the unit."""
+    found: dict[str, dict[str, Any]] = {}
+    for block, kind in _RATES.items():
+        bare = tuple(_without(name, _ENDINGS[block]) for name in raw.names)
+        numbers = columns.guess_some(RawTable(bare, True, raw.blocks), block)
+        units = {unit_in(raw.names[n], _ENDINGS[block]) for n in numbers if n is not None}
+        unit = units.pop() if len(units) == 1 else None
+        if unit is not None and (_measures(unit, kind) or _measures(unit, _INCREMENTS[block])):
+            found[block] = {"columns": numbers, "unit": unit}
     return found
 
 
@@ -110,12 +115,7 @@ def _measures(unit: str, kind: str) -> bool:
 def unit_in(title: str, endings: dict[str, str]) -> str | None:
     """Return the unit in a column's `title`, None where it has none.
 
-    Parameters
-    ----------
-    title : str
-        Title of the column.
-    endings : dict of str to str
-        How names may end that carry their unit, and that unit.
+    `endings`: how names may end that carry their unit, and that unit.
     """
     inside = _BRACKETS.fullmatch(title.strip())
     if inside:

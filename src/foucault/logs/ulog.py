@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding
 from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, library, must_fit
-from foucault.tables import FloatArray
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout

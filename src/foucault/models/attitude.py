@@ -16,9 +16,8 @@ heading clockwise from its second axis.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 
 def matrix_of(
@@ -26,10 +25,7 @@ def matrix_of(
 ) -> FloatArray:
     """Return C_nb, shape (..., 3, 3).
 
-    Parameters
-    ----------
-    heading, pitch, roll : float or ndarray, shape (...)
-        Angles of the body, of shapes that broadcast [rad].
+    `heading`, `pitch`, `roll` (...): angles of the body, of shapes that broadcast [rad].
     """
     H, P, R = np.broadcast_arrays(heading, pitch, roll)
     sH, cH, sP, cP, sR, cR = np.sin(H), np.cos(H), np.sin(P), np.cos(P), np.sin(R), np.cos(R)
@@ -44,13 +40,8 @@ def matrix_of(
 def angles_of(C_nb: FloatArray) -> FloatArray:
     """Return heading in [0, 2 pi), pitch and roll, shape (..., 3) [rad].
 
-    Parameters
-    ----------
-    C_nb : ndarray, shape (..., 3, 3)
-        Attitude, body to East-North-Up [1].
+    `C_nb` (..., 3, 3): attitude, body to East-North-Up [1].
 
-    Notes
-    -----
     With the nose straight up or down only heading minus or plus roll is defined; roll is then 0.
     """
     level = np.hypot(C_nb[..., 2, 0], C_nb[..., 2, 2])
@@ -69,12 +60,7 @@ def body_rate(angles: FloatArray, rates: FloatArray) -> FloatArray:
 
     ``w_nb_b = R_y(-roll) (R_x(-pitch) (0, 0, -heading') + (pitch', 0, 0)) + (0, roll', 0)``
 
-    Parameters
-    ----------
-    angles : ndarray, shape (..., 3)
-        Heading, pitch and roll [rad].
-    rates : ndarray, shape (..., 3)
-        Their derivatives [rad/s].
+    `angles` (..., 3): heading, pitch and roll [rad]; `rates` (..., 3): their derivatives [rad/s].
     """
     dH, dP, dR = rates[..., 0], rates[..., 1], rates[..., 2]
     sP, cP = np.sin(angles[..., 1]), np.cos(angles[..., 1])

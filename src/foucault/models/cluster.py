@@ -38,8 +38,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.models.cluster_layout import (
@@ -59,8 +59,6 @@ __all__ = [
     "ATTITUDE", "CONSTANTS", "EQUATION", "INVERSE", "LAYOUT", "POWERS", "SOURCE_SYMBOLS",
     "ClusterModel", "angle_rates", "angles_of", "attitude_of", "normalised",
 ]  # fmt: skip
-
-FloatArray = npt.NDArray[np.float64]
 
 EQUATION = (
     "w = T^-1 ((I + K) w_c + e);  "
@@ -305,10 +303,7 @@ _NUE_FROM_ENU = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 def attitude_of(angles: FloatArray) -> FloatArray:
     """Return C_pn, shape (..., 3, 3): maps East-North-Up to the cluster.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (..., 3)
-        Outer, middle and inner angle [rad].
+    `angles` (..., 3): outer, middle and inner angle [rad].
     """
     (so, sm, si), (co, cm, ci) = (np.moveaxis(f(angles), -1, 0) for f in (np.sin, np.cos))
     rows = (  # C_1(outer) C_2(middle) C_3(inner), eq. (9)
@@ -323,10 +318,7 @@ def attitude_of(angles: FloatArray) -> FloatArray:
 def angles_of(C_pn: FloatArray) -> FloatArray:
     """Return outer, middle and inner angle, shape (..., 3) [rad].
 
-    Parameters
-    ----------
-    C_pn : ndarray, shape (..., 3, 3)
-        Maps East-North-Up to the cluster [1].
+    `C_pn` (..., 3, 3): maps East-North-Up to the cluster [1].
     """
     C = _NUE_FROM_ENU @ np.swapaxes(C_pn, -1, -2)
     middle = np.arctan2(-C[..., 0, 2], np.hypot(C[..., 0, 0], C[..., 0, 1]))
@@ -338,10 +330,7 @@ def angles_of(C_pn: FloatArray) -> FloatArray:
 def angle_rates(angles: FloatArray) -> FloatArray:
     """Return T, shape (3, 3): ``d(outer, middle, inner)/dt = T w_np_p``, eq. (14).
 
-    Parameters
-    ----------
-    angles : ndarray, shape (3,)
-        Outer, middle and inner angle; singular where middle is 90 deg [rad].
+    `angles` (3,): outer, middle and inner angle, singular where middle is 90 deg [rad].
     """
     _, middle, inner = angles
     cm, tm, si, ci = np.cos(middle), np.tan(middle), np.sin(inner), np.cos(inner)

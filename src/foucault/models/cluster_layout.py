@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.models.imu_layout import LAYOUT as IMU_LAYOUT
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 _DRIFT = (
     ("drift", "d", "angular rate", "acceleration-insensitive drift rate"),
@@ -107,9 +105,6 @@ def normalised(gravity: float) -> FloatArray:
 
     The kernels and ref. [1] work with a specific force of size 1 at rest.
 
-    Parameters
-    ----------
-    gravity : float
-        Local gravity [m/s^2].
+    `gravity`: local gravity [m/s^2].
     """
     return np.asarray(gravity**POWERS)

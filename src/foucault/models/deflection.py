@@ -50,14 +50,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.errors import error, suggestion
 from foucault.models.imu_layout import BENDINGS, LAYOUT
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 GENERAL = tuple(f"gyro.deflection.{''.join(bending)}" for bending in BENDINGS)
 """Names of the 18 coefficients of T."""
@@ -96,12 +94,8 @@ _SINGULAR = 1e-9
 def bending(T: FloatArray, f_b: FloatArray) -> FloatArray:
     """Return D(f), shape (..., 3, 3) [rad].
 
-    Parameters
-    ----------
-    T : ndarray, shape (3, 3, 3) or (..., 3, 3, 3)
-        Gyro, direction, axis of the specific force [rad/(m/s^2)].
-    f_b : ndarray, shape (..., 3)
-        Specific force [m/s^2].
+    `T` (3, 3, 3) or (..., 3, 3, 3): gyro, direction, axis of the specific force [rad/(m/s^2)];
+    `f_b` (..., 3): specific force [m/s^2].
     """
     if T.ndim > 3:  # one for every specific force
         return np.asarray(np.einsum("...ijk,...k->...ij", T, f_b))
@@ -111,14 +105,8 @@ def bending(T: FloatArray, f_b: FloatArray) -> FloatArray:
 def felt(T: FloatArray, f_b: FloatArray, w_ib_b: FloatArray) -> FloatArray:
     """Return D(f) w, what the gyros feel because they bend, shape (..., 3) [rad/s].
 
-    Parameters
-    ----------
-    T : ndarray, shape (..., 3, 3, 3)
-        Gyro, direction, axis of the specific force [rad/(m/s^2)].
-    f_b : ndarray, shape (..., 3)
-        Specific force [m/s^2].
-    w_ib_b : ndarray, shape (..., 3)
-        Rate [rad/s].
+    `T` (..., 3, 3, 3): gyro, direction, axis of the specific force [rad/(m/s^2)]; `f_b` (..., 3):
+    specific force [m/s^2]; `w_ib_b` (..., 3): rate [rad/s].
     """
     products = w_ib_b[..., :, None] * f_b[..., None, :]
     flat = T.reshape(*T.shape[:-2], 9)
@@ -127,24 +115,12 @@ def felt(T: FloatArray, f_b: FloatArray, w_ib_b: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class DeflectionModel:
-    """How a few parameters make the 18 coefficients of deflection.
-
-    Attributes
-    ----------
-    name : str
-        One of `MODELS`.
-    chirality : int
-        -1 or 1: the sense of the spokes [1].
-    layout : Layout
-        The parameters.
-    basis : ndarray, shape (p, 3, 3, 3)
-        B: what one unit of each parameter adds to T [1].
-    """
+    """How a few parameters make the 18 coefficients of deflection."""
 
     name: str
-    chirality: int
+    chirality: int  # -1 or 1: the sense of the spokes [1]
     layout: Layout
-    basis: FloatArray
+    basis: FloatArray  # (p, 3, 3, 3) B: what one unit of each parameter adds to T [1]
 
     def __len__(self) -> int:
         return len(self.layout)
@@ -152,10 +128,7 @@ class DeflectionModel:
     def tensor(self, theta: FloatArray) -> FloatArray:
         """Return T, shape (3, 3, 3) [rad/(m/s^2)].
 
-        Parameters
-        ----------
-        theta : ndarray, shape (p,)
-            The parameters [rad/(m/s^2)].
+        `theta` (p,): the parameters [rad/(m/s^2)].
         """
         return np.asarray(np.tensordot(theta, self.basis, 1))
 
@@ -180,10 +153,7 @@ class DeflectionModel:
         What comes out needs no model to be applied: `models.imu` knows every name. Its
         covariance is singular where the model has fewer parameters than coefficients.
 
-        Parameters
-        ----------
-        vector : CoefficientVector
-            Parameters of this model and whatever else was estimated with them [SI].
+        `vector`: parameters of this model and whatever else was estimated with them [SI].
         """
         mine = np.array([vector.layout.index(name) for name in self.layout.names])
         rest = np.setdiff1d(np.arange(len(vector)), mine)
@@ -215,10 +185,7 @@ class DeflectionModel:
     def tilt_design(self, u: FloatArray) -> FloatArray:
         """Return ``u' S u`` of one unit of each parameter, shape (n, p) [1].
 
-        Parameters
-        ----------
-        u : ndarray, shape (n, 3)
-            Axis of the spin in body axes [1].
+        `u` (n, 3): axis of the spin in body axes [1].
         """
         return np.asarray(np.einsum("nj,pjm,nm->np", u, tilt_form(self.basis), u))
 
@@ -234,12 +201,8 @@ class DeflectionModel:
 def deflection_model(name: str, chirality: int = -1) -> DeflectionModel:
     """Return a model.
 
-    Parameters
-    ----------
-    name : str
-        One of `MODELS`.
-    chirality : int, shape ()
-        -1 as in the source, or 1: the sense of the spokes. It is a matter of the hardware [1].
+    `chirality`: -1 as in the source, or 1: the sense of the spokes. It is a matter of the
+    hardware [1].
     """
     if name not in _MODELS:
         raise error(
@@ -277,10 +240,7 @@ def _parameter(label: str, role: dict[str, int]) -> Coefficient:
 def tilt_form(T: FloatArray) -> FloatArray:
     """Return S of the text above, shape (..., 3, 3) [unit of T].
 
-    Parameters
-    ----------
-    T : ndarray, shape (..., 3, 3, 3)
-        Gyro, direction, axis of the specific force [rad/(m/s^2)].
+    `T` (..., 3, 3, 3): gyro, direction, axis of the specific force [rad/(m/s^2)].
     """
     e = np.zeros((3, 3, 3))
     for i in range(3):
@@ -293,23 +253,10 @@ def whole_turns(
 ) -> FloatArray:
     """Return the attitude error that whole turns about a level axis leave, shape (..., 3) [rad].
 
-    Parameters
-    ----------
-    T : ndarray, shape (3, 3, 3)
-        Gyro, direction, axis of the specific force [rad/(m/s^2)].
-    u : ndarray, shape (..., 3)
-        Axis of the turns in body axes [1].
-    angle : float, shape ()
-        Angle turned through, a multiple of 2 pi; its sign is the sense [rad].
-    gravity : float, shape ()
-        Gravity [m/s^2].
-    about : str
-        "north" or "east": the direction of the axis.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        phi about east, north, up [rad].
+    `T` (3, 3, 3): gyro, direction, axis of the specific force [rad/(m/s^2)]; `u` (..., 3): axis
+    of the turns in body axes [1]; `angle`: angle turned through, a multiple of 2 pi, its sign is
+    the sense [rad]; `gravity`: gravity [m/s^2]; `about`: "north" or "east": the direction of the
+    axis. Returns (..., 3): phi about east, north, up [rad].
     """
     half = 0.5 * angle * gravity
     level = half * np.einsum("...j,jm,...m->...", u, tilt_form(T), u)

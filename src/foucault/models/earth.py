@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import overload
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
+
 Number = float | FloatArray
 
 EARTH_RATE = 7.292115e-5
@@ -54,20 +54,9 @@ def gravity(latitude: Number, height: Number = 0.0) -> Number:
     ``g = g_e (1 + k sin^2 L) / sqrt(1 - e^2 sin^2 L)``, then the second-order height term of
     ref. [1] eq. (4-3).
 
-    Parameters
-    ----------
-    latitude : float or ndarray, shape (...)
-        Geodetic latitude, positive north [rad].
-    height : float or ndarray, shape (...)
-        Height above the ellipsoid [m].
+    `latitude` (...): geodetic latitude, positive north [rad]; `height` (...): height above the
+    ellipsoid [m]. Returns (...): magnitude of normal gravity [m/s^2].
 
-    Returns
-    -------
-    float or ndarray, shape (...)
-        Magnitude of normal gravity [m/s^2].
-
-    Notes
-    -----
     Real gravity differs from normal gravity by up to about 1e-3 m/s^2 (100 ppm of scale) in
     mountains; give a measured value where one is to be had.
     """
@@ -84,22 +73,10 @@ def gravity(latitude: Number, height: Number = 0.0) -> Number:
 def gravity_n(latitude: Number, height: Number = 0.0, offset: float = 0.0) -> FloatArray:
     """Return the gravity vector, ``g_n = (0, 0, -(g + offset))``.
 
-    Parameters
-    ----------
-    latitude : float or ndarray, shape (...)
-        Geodetic latitude, positive north [rad].
-    height : float or ndarray, shape (...)
-        Height above the ellipsoid [m].
-    offset : float, shape ()
-        Measured local gravity minus normal gravity [m/s^2].
+    `latitude` (...): geodetic latitude, positive north [rad]; `height` (...): height above the
+    ellipsoid [m]; `offset`: measured local gravity minus normal gravity [m/s^2]. Returns (...,
+    3): g_n, frame n [m/s^2].
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        g_n, frame n [m/s^2].
-
-    Notes
-    -----
     Along the normal of the ellipsoid at every height. Above it normal gravity leans towards the
     equator by 8e-9 h sin 2L m/s^2, ref. [2] eq. (2.140): at 10 km as much as a deflection of the
     vertical of 1.7 arcsec. It is left out, as that is.
@@ -113,15 +90,8 @@ def earth_rate_n(latitude: Number) -> FloatArray:
 
     ``w_ie_n = w_ie (0, cos L, sin L)`` in East-North-Up.
 
-    Parameters
-    ----------
-    latitude : float or ndarray, shape (...)
-        Geodetic latitude, positive north [rad].
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        w_ie_n, frame n [rad/s].
+    `latitude` (...): geodetic latitude, positive north [rad]. Returns (..., 3): w_ie_n, frame n
+    [rad/s].
     """
     s, c = np.sin(latitude), np.cos(latitude)
     return EARTH_RATE * np.stack([np.zeros_like(s), c, s], axis=-1)
@@ -133,15 +103,8 @@ def radii(latitude: Number) -> tuple[FloatArray, FloatArray]:
     ``RN = a / sqrt(1 - e^2 sin^2 L)``, ``RM = RN (1 - e^2) / (1 - e^2 sin^2 L)``; ref. [2]
     eqs. (2.105), (2.106).
 
-    Parameters
-    ----------
-    latitude : float or ndarray, shape (...)
-        Geodetic latitude, positive north [rad].
-
-    Returns
-    -------
-    RM, RN : ndarray, shape (...)
-        Along the meridian, and across it [m].
+    `latitude` (...): geodetic latitude, positive north [rad]. Returns `RM`, `RN` (...): along the
+    meridian, and across it [m].
     """
     d = 1.0 - ECCENTRICITY_SQUARED * np.sin(np.asarray(latitude, dtype=float)) ** 2
     RN = np.asarray(SEMI_MAJOR_AXIS / np.sqrt(d))
@@ -153,22 +116,10 @@ def transport_rate(latitude: Number, height: Number, velocity_n: FloatArray) -> 
 
     ``w_en_n = (-v_N / (RM + h), v_E / (RN + h), v_E tan L / (RN + h))``, ref. [2] eq. (5.44).
 
-    Parameters
-    ----------
-    latitude : float or ndarray, shape (...)
-        Geodetic latitude, positive north [rad].
-    height : float or ndarray, shape (...)
-        Height above the ellipsoid [m].
-    velocity_n : ndarray, shape (..., 3)
-        Velocity relative to the Earth, frame n [m/s].
+    `latitude` (...): geodetic latitude, positive north [rad]; `height` (...): height above the
+    ellipsoid [m]; `velocity_n` (..., 3): velocity relative to the Earth, frame n [m/s]. Returns
+    (..., 3): w_en_n, frame n [rad/s].
 
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        w_en_n, frame n [rad/s].
-
-    Notes
-    -----
     The up component grows without limit towards the poles, where east and north turn with the
     meridians.
     """
@@ -193,15 +144,16 @@ class Site:
     gravity_source : str
         "given" or "normal gravity".
     gravity_sd : float
-        Standard uncertainty of gravity [m/s^2]; a wrong g is a wrong scale of all
-        accelerometers.
+        Standard uncertainty of gravity; a wrong g is a wrong scale of all accelerometers. Left
+        out, as in a campaign: that of a gravity model of the place, 40 mGal, for gravity that is
+        given too, since a number alone may be from a map or another town [m/s^2].
     """
 
     gravity: float
     latitude: float | None = None
     height: float = 0.0
     gravity_source: str = "given"
-    gravity_sd: float = 0.0
+    gravity_sd: float = NORMAL_GRAVITY_SD
 
     @classmethod
     def at(cls, latitude: float, height: float = 0.0) -> Site:

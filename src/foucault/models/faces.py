@@ -9,12 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 SIX = tuple((axis, sign) for axis in range(3) for sign in (1, -1))
 """The six faces: the case axis that is vertical, and +1 where it points up."""
@@ -22,27 +19,15 @@ SIX = tuple((axis, sign) for axis in range(3) for sign in (1, -1))
 
 @dataclass(frozen=True)
 class FaceReadings:
-    """Means over rests on faces.
+    """Means over rests on faces."""
 
-    Attributes
-    ----------
-    up_k : ndarray, shape (n, 3)
-        Nominal direction of up, a case axis or its opposite [1].
-    accel : ndarray, shape (n, 3)
-        Mean specific force as measured [m/s^2].
-    gyro : ndarray, shape (n, 3), or None
-        Mean rate as measured [rad/s].
-    start, time : ndarray, shape (n,)
-        Beginning and length of each rest [s].
-    group : ndarray of int, shape (n,)
-        Rests with the same number are one placement: nothing but whole turns between them.
-    """
-
-    up_k: FloatArray
-    accel: FloatArray
-    gyro: FloatArray | None
+    up_k: FloatArray  # (n, 3) nominal direction of up, a case axis or its opposite [1]
+    accel: FloatArray  # (n, 3) mean specific force as measured [m/s^2]
+    gyro: FloatArray | None  # (n, 3) mean rate as measured [rad/s]
+    # start, time: (n,) beginning and length of each rest [s]
     start: FloatArray
     time: FloatArray
+    # (n,) rests with the same number are one placement: nothing but whole turns between them
     group: IntArray
 
     def __len__(self) -> int:
@@ -61,36 +46,18 @@ class FaceReadings:
 
 @dataclass(frozen=True)
 class TurnReadings:
-    """Integrals over turns about case axes.
+    """Integrals over turns about case axes."""
 
-    Attributes
-    ----------
-    axis_k : ndarray, shape (m, 3)
-        The case axis turned about, positive [1].
-    angle : ndarray, shape (m,)
-        Angle turned about it, positive by the right hand [rad].
-    up_k : ndarray, shape (m, 3)
-        Nominal direction of up when the turn starts [1].
-    gyro : ndarray, shape (m, 3)
-        Integral of the rate as measured [rad].
-    accel : ndarray, shape (m, 3)
-        Integral of the specific force as measured [m/s].
-    start, time : ndarray, shape (m,)
-        Beginning and length of each integral [s].
-    group : ndarray of int, shape (m,)
-        The placement, as in `FaceReadings`.
-    first, last : ndarray of int, shape (m,)
-        First sample of each integral and the sample after its last.
-    """
-
-    axis_k: FloatArray
-    angle: FloatArray
-    up_k: FloatArray
-    gyro: FloatArray
-    accel: FloatArray
+    axis_k: FloatArray  # (m, 3) the case axis turned about, positive [1]
+    angle: FloatArray  # (m,) angle turned about it, positive by the right hand [rad]
+    up_k: FloatArray  # (m, 3) nominal direction of up when the turn starts [1]
+    gyro: FloatArray  # (m, 3) integral of the rate as measured [rad]
+    accel: FloatArray  # (m, 3) integral of the specific force as measured [m/s]
+    # start, time: (m,) beginning and length of each integral [s]
     start: FloatArray
     time: FloatArray
-    group: IntArray
+    group: IntArray  # (m,) the placement, as in `FaceReadings`
+    # first, last: (m,) first sample of each integral and the sample after its last
     first: IntArray
     last: IntArray
 
@@ -111,12 +78,7 @@ class TurnReadings:
 def face_name(axis: int, sign: float) -> str:
     """Return a face in words, such as "x up".
 
-    Parameters
-    ----------
-    axis : int, shape ()
-        0, 1 or 2 for x, y or z [1].
-    sign : float
-        +1 where it points up [1].
+    `axis`: 0, 1 or 2 for x, y or z [1]; `sign`: +1 where it points up [1].
     """
     return f"{AXES[axis]} {'up' if sign > 0 else 'down'}"
 
@@ -124,14 +86,8 @@ def face_name(axis: int, sign: float) -> str:
 def turn_name(axis: int, angle: float, about_up: float) -> str:
     """Return a turn in words, such as "about x, x up, clockwise seen from above".
 
-    Parameters
-    ----------
-    axis : int, shape ()
-        0, 1 or 2 for x, y or z [1].
-    angle : float
-        Angle about that axis [rad].
-    about_up : float
-        +1 where the axis points up, -1 where down, 0 where it is level [1].
+    `axis`: 0, 1 or 2 for x, y or z [1]; `angle`: angle about that axis [rad]; `about_up`: +1
+    where the axis points up, -1 where down, 0 where it is level [1].
     """
     name = AXES[axis]
     if about_up == 0:

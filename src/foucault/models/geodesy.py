@@ -16,11 +16,10 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.earth import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS
 
-FloatArray = npt.NDArray[np.float64]
 Number = float | FloatArray
 
 _ROUNDS = 3  # of Bowring's step; each gains some six digits up to 1000 km of height
@@ -29,12 +28,8 @@ _ROUNDS = 3  # of Bowring's step; each gains some six digits up to 1000 km of he
 def ecef(latitude: Number, longitude: Number, height: Number) -> FloatArray:
     """Return the Earth-fixed coordinates of points, frame e, shape (..., 3) [m].
 
-    Parameters
-    ----------
-    latitude, longitude : float or ndarray, shape (...)
-        Geodetic latitude and longitude [rad].
-    height : float or ndarray, shape (...)
-        Height above the ellipsoid [m].
+    `latitude`, `longitude` (...): geodetic latitude and longitude [rad]; `height` (...): height
+    above the ellipsoid [m].
     """
     s, c = np.sin(latitude), np.cos(latitude)
     N = SEMI_MAJOR_AXIS / np.sqrt(1.0 - ECCENTRICITY_SQUARED * s**2)
@@ -47,13 +42,8 @@ def ecef(latitude: Number, longitude: Number, height: Number) -> FloatArray:
 def geodetic(xyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return geodetic latitude [rad], longitude in (-pi, pi] [rad] and height [m], shape (...).
 
-    Parameters
-    ----------
-    xyz : ndarray, shape (..., 3)
-        Points, frame e [m].
+    `xyz` (..., 3): points, frame e [m].
 
-    Notes
-    -----
     Better than a micrometre at every latitude for heights from -10 km to 1000 km. On the axis
     the longitude is 0.
     """
@@ -74,10 +64,8 @@ def geodetic(xyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def east_north_up(latitude: Number, longitude: Number) -> FloatArray:
     """Return C_en, shape (..., 3, 3), whose columns are east, north and up in frame e.
 
-    Parameters
-    ----------
-    latitude, longitude : float or ndarray, shape (...)
-        Geodetic latitude and longitude [rad]. At a pole north is along the meridian given.
+    `latitude`, `longitude` (...): geodetic latitude and longitude [rad]. At a pole north is along
+    the meridian given.
     """
     L, lon = np.broadcast_arrays(latitude, longitude)
     sL, cL, s, c = np.sin(L), np.cos(L), np.sin(lon), np.cos(lon)
@@ -122,14 +110,9 @@ def displaced(
 
     The inverse of `displacement`, exact at any distance.
 
-    Parameters
-    ----------
-    latitude, longitude : float or ndarray, shape (...)
-        Where it begins: geodetic latitude and longitude [rad].
-    height : float or ndarray, shape (...)
-        Height there [m].
-    d_n : ndarray, shape (..., 3)
-        Displacement, frame n of the point where it begins [m].
+    `latitude`, `longitude` (...): where it begins: geodetic latitude and longitude [rad];
+    `height` (...): height there [m]; `d_n` (..., 3): displacement, frame n of the point where it
+    begins [m].
     """
     d_e = np.einsum("...ij,...j->...i", east_north_up(latitude, longitude), d_n)
     return geodetic(ecef(latitude, longitude, height) + d_e)

@@ -24,9 +24,8 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 NEWTON_STEPS = 30
 """More than are ever needed where the readout has an inverse: 4 to 6 are usual [1]."""
@@ -35,14 +34,8 @@ NEWTON_STEPS = 30
 def readout(r: FloatArray, asymmetry: FloatArray, cubic: FloatArray) -> FloatArray:
     """Return ``r + a |r| + c r^3``, shape (..., 3) [rad/s].
 
-    Parameters
-    ----------
-    r : ndarray, shape (..., 3)
-        Rate sensed [rad/s].
-    asymmetry : ndarray, shape (3,)
-        a, each axis [1].
-    cubic : ndarray, shape (3,)
-        c, each axis [1/(rad/s)^2].
+    `r` (..., 3): rate sensed [rad/s]; `asymmetry` (3,): a, each axis [1]; `cubic` (3,): c, each
+    axis [1/(rad/s)^2].
     """
     return np.asarray(r + asymmetry * np.abs(r) + cubic * r**3)
 
@@ -50,14 +43,8 @@ def readout(r: FloatArray, asymmetry: FloatArray, cubic: FloatArray) -> FloatArr
 def readout_slope(r: FloatArray, asymmetry: FloatArray, cubic: FloatArray) -> FloatArray:
     """Return the derivative of `readout`, ``1 + a sign(r) + 3 c r^2``, shape (..., 3) [1].
 
-    Parameters
-    ----------
-    r : ndarray, shape (..., 3)
-        Rate sensed [rad/s].
-    asymmetry : ndarray, shape (3,)
-        a, each axis [1].
-    cubic : ndarray, shape (3,)
-        c, each axis [1/(rad/s)^2].
+    `r` (..., 3): rate sensed [rad/s]; `asymmetry` (3,): a, each axis [1]; `cubic` (3,): c, each
+    axis [1/(rad/s)^2].
     """
     return np.asarray(1.0 + asymmetry * np.sign(r) + 3.0 * cubic * r**2)
 
@@ -68,17 +55,9 @@ def sensed(y: FloatArray, asymmetry: FloatArray, cubic: FloatArray) -> FloatArra
     Newton's method on one side of zero, where the answer is ``k r + c r^3`` with
     ``k = 1 + a sign(y)``: from ``y / k`` it goes to the root without passing it.
 
-    Parameters
-    ----------
-    y : ndarray, shape (..., 3)
-        Readings without bias and g-sensitivity [rad/s].
-    asymmetry : ndarray, shape (3,)
-        a, each axis; less than 1 in size [1].
-    cubic : ndarray, shape (3,)
-        c, each axis [1/(rad/s)^2].
+    `y` (..., 3): readings without bias and g-sensitivity [rad/s]; `asymmetry` (3,): a, each axis,
+    less than 1 in size [1]; `cubic` (3,): c, each axis [1/(rad/s)^2].
 
-    Notes
-    -----
     With c < 0 the readout turns back at ``r^2 = -k / (3 c)``; no reading beyond has an inverse.
     """
     k = 1.0 + asymmetry * np.sign(y)

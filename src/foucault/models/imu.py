@@ -33,13 +33,14 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.models import deflection, gyro_scale
 from foucault.models.imu_equations import (
@@ -58,6 +59,7 @@ from foucault.models.imu_layout import (
     LINEAR_LOWER,
     PRODUCTS,
     blocks_of,
+    by_block,
     coefficient_slot,
     flat,
     places,
@@ -68,11 +70,9 @@ from foucault.tables import AXES, Log
 __all__ = [
     "EQUATION", "FRAME", "FULL_EQUATION", "FULL_INVERSE", "INVERSE", "INVERSES", "LAYOUT",
     "LINEAR_LOWER", "PRODUCTS", "SCALE_EQUATION", "SCALE_INVERSE", "SIZE_EQUATION",
-    "SIZE_INVERSE", "Gauge", "ImuModel", "coefficient_slot", "products", "products_slope",
+    "SIZE_INVERSE", "Gauge", "ImuModel", "Slopes", "coefficient_slot", "products",
+    "products_slope",
 ]  # fmt: skip
-
-FloatArray = npt.NDArray[np.float64]
-
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
 """The axes of coefficients, in words, as stored in results."""
@@ -83,6 +83,18 @@ class Gauge(StrEnum):
 
     LOWER = "x accelerometer input axis, y in the x-y accelerometer plane"
     UPPER = "z accelerometer input axis, y in the y-z accelerometer plane"
+
+
+class Slopes(NamedTuple):
+    """How the readings of an IMU change with its coefficients and with what is true."""
+
+    # accel, gyro: (..., 3, p) derivative of the readings by p coefficients [SI]
+    accel: FloatArray
+    gyro: FloatArray
+    # (..., 3, 3) derivative of the accelerometers by the true specific force [1]
+    accel_by_force: FloatArray
+    gyro_by_force: FloatArray  # (..., 3, 3) derivative of the gyros by it [rad/s/(m/s^2)]
+    gyro_by_rate: FloatArray  # (..., 3, 3) derivative of the gyros by the true angular rate [1]
 
 
 @dataclass(frozen=True)
@@ -161,6 +173,20 @@ class ImuModel:
         layout = LAYOUT if names is None else subset(tuple(names))
         return CoefficientVector(layout, (flat(self) - _IDENTITY)[places(layout.names)])
 
+    def moved(self, names: Iterable[str], step: FloatArray) -> ImuModel:
+        """Return the model with something added to the named coefficients.
+
+        Parameters
+        ----------
+        names : iterable of str, length p
+            Coefficients of `LAYOUT`.
+        step : ndarray, shape (p,)
+            What is added to each [SI].
+        """
+        entries = flat(self)
+        entries[places(tuple(names))] += step
+        return ImuModel(**blocks_of(entries))
+
     @property
     def straight(self) -> bool:
         """Whether the scale factors of the gyros are constants."""
@@ -207,6 +233,68 @@ class ImuModel:
         if self.g_sensitivity.any():
             gyro += _times(self.g_sensitivity, f_b)
         return accel, gyro
+
+    def slopes(self, f_b: FloatArray, w_ib_b: FloatArray, names: Sequence[str]) -> Slopes:
+        """Differentiate `measure` by coefficients, by the specific force and by the rate.
+
+        With ``p = (I + S_a + M_a) f``, ``r = (I + S_g + M_g + D(f)) w`` and the diagonal
+        ``B = I + A_g sign(r) + 3 C_g r^2``::
+
+            d accel / d f = (I + A_a sign(p)) (I + S_a + M_a) + K_a dq/df
+            d gyro / d f  = G + B dD/df w,    d gyro / d w = B (I + S_g + M_g + D(f))
+
+        Parameters
+        ----------
+        f_b : ndarray, shape (..., 3)
+            True specific force, frame b [m/s^2].
+        w_ib_b : ndarray, shape (..., 3)
+            True angular rate relative to inertial space, frame b [rad/s].
+        names : sequence of str, length p
+            Coefficients of `LAYOUT`.
+        """
+        f_b, w_ib_b = np.broadcast_arrays(f_b, w_ib_b)
+        shape, matrix, bend = (*f_b.shape, 3), self.gyro_matrix, None
+        if self.deflection.any():
+            matrix = matrix + deflection.bending(self.deflection, f_b)
+        p, r = _times(self.accel_matrix, f_b), _times(matrix, w_ib_b)
+        if not self.straight:
+            bend = gyro_scale.readout_slope(r, self.gyro_asymmetry, self.gyro_cubic)
+        # What multiplies the coefficients of each block, and the slope of what that goes through.
+        inputs: dict[str, Callable[[], FloatArray]] = {
+            "accel_bias": lambda: np.ones(3),
+            "accel_matrix": lambda: f_b,
+            "accel_quadratic": lambda: products(f_b),
+            "accel_asymmetry": lambda: np.abs(p),
+            "gyro_bias": lambda: np.ones(3),
+            "gyro_matrix": lambda: w_ib_b,
+            "g_sensitivity": lambda: f_b,
+            "gyro_asymmetry": lambda: np.abs(r),
+            "gyro_cubic": lambda: r**3,
+            "deflection": lambda: w_ib_b[..., :, None] * f_b[..., None, :],
+        }
+        through = {"gyro_matrix": bend, "deflection": bend}
+        if self.accel_asymmetry.any():
+            through["accel_matrix"] = 1.0 + self.accel_asymmetry * np.sign(p)
+        by_name = np.zeros((2, *f_b.shape, len(names)))
+        for block, (columns, axis, *inner) in by_block(tuple(names)).items():
+            at: tuple[Any, ...] = (..., *inner)
+            slope = inputs[block]()[at]
+            if (scale := through.get(block)) is not None:
+                slope = slope * scale[..., axis]
+            by_name[int(not block.startswith("accel"))][..., axis, columns] = slope
+        gyro_by_force, gyro_by_rate = self.g_sensitivity, matrix
+        if self.deflection.any():
+            turned = np.einsum("...ijk,...j->...ik", self.deflection, w_ib_b)
+            gyro_by_force = gyro_by_force + (turned if bend is None else bend[..., None] * turned)
+        if bend is not None:
+            gyro_by_rate = bend[..., None] * matrix
+        return Slopes(
+            by_name[0],
+            by_name[1],
+            np.broadcast_to(self._accel_slope(f_b), shape),
+            np.broadcast_to(gyro_by_force, shape),
+            np.broadcast_to(gyro_by_rate, shape),
+        )
 
     def compensate(
         self, accel: FloatArray | None, gyro: FloatArray | None
@@ -258,7 +346,9 @@ class ImuModel:
         return np.asarray(accel)
 
     def _accel_slope(self, f_b: FloatArray) -> FloatArray:
-        """Derivative of the readings by the specific force, shape (..., 3, 3) [1]."""
+        """Derivative of the readings by the specific force, shape (..., 3, 3) or (3, 3) [1]."""
+        if self.accel_linear:
+            return self.accel_matrix
         sense = np.sign(_times(self.accel_matrix, f_b))
         slope = (1.0 + self.accel_asymmetry * sense)[..., None] * self.accel_matrix
         slope += np.einsum("...ik,...kj->...ij", self.accel_quadratic, products_slope(f_b))

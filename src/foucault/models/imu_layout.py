@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 PRODUCTS = (("x", "x"), ("y", "y"), ("z", "z"), ("x", "y"), ("x", "z"), ("y", "z"))
 """The second-order inputs q(f), in the order of the columns of K_a."""
@@ -192,10 +191,7 @@ def flat(model: Any) -> FloatArray:
 def blocks_of(entries: FloatArray) -> dict[str, FloatArray]:
     """Return the matrices whose entries `flat` put side by side, by attribute.
 
-    Parameters
-    ----------
-    entries : ndarray, shape (87,)
-        All entries [SI].
+    `entries` (87,): all entries [SI].
     """
     return {
         block: entries[_ENDS[block] - prod(shape) : _ENDS[block]].reshape(shape)
@@ -220,3 +216,18 @@ def places(names: tuple[str, ...]) -> npt.NDArray[np.intp]:
 def subset(names: tuple[str, ...]) -> Layout:
     """Return the layout of the coefficients `names`, in the order given."""
     return LAYOUT.subset(names)
+
+
+@lru_cache(maxsize=256)
+def by_block(names: tuple[str, ...]) -> dict[str, tuple[npt.NDArray[np.intp], ...]]:
+    """Return the coefficients `names` by the attribute of `models.imu.ImuModel` they are in.
+
+    Of each: its number in `names`, its output axis, and which of the inputs it multiplies (two
+    indices for deflection; the axis itself where it has no other), shape (q,) each.
+    """
+    rows: dict[str, list[tuple[int, ...]]] = {}
+    for k, name in enumerate(names):
+        block, where = coefficient_slot(name)
+        at = where if isinstance(where, tuple) else (where, where)
+        rows.setdefault(block, []).append((k, *at))
+    return {block: tuple(np.array(at, np.intp).T) for block, at in rows.items()}

@@ -32,13 +32,14 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.errors import error
 from foucault.models.deflection import DeflectionModel
@@ -47,9 +48,6 @@ from foucault.models.imu import LAYOUT, coefficient_slot
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import cross_matrix
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 STATES = Layout(
     (
@@ -74,39 +72,25 @@ _OWN_AXIS = {
     "gyro_asymmetry": SIZE_OF_RATE, "gyro_cubic": RATE_CUBED, "accel_asymmetry": SIZE_OF_FORCE,
 }  # fmt: skip
 
+TURN_ON = "turn_on_"
+"""Groups of what biases differ by from one switch-on to the next begin so."""
+
 
 @dataclass(frozen=True)
 class Sensors:
-    """Coefficients of the error model of an IMU, as terms. Gyro coefficients come first.
-
-    Attributes
-    ----------
-    layout : Layout
-        The coefficients.
-    coefficient : ndarray of int, shape (t,)
-        Number of the coefficient of each term [1].
-    axis : ndarray of int, shape (t,)
-        Output: gyro x, y, z 0 to 2, accelerometer x, y, z 3 to 5; it rises [1].
-    entry : ndarray of int, shape (t,)
-        Input, numbered as in `kernels.ins_transition` [1].
-    weight : ndarray, shape (t,)
-        Factor [1].
-    """
+    """Coefficients of the error model of an IMU, as terms. Gyro coefficients come first."""
 
     layout: Layout
-    coefficient: IntArray
-    axis: IntArray
-    entry: IntArray
-    weight: FloatArray
+    coefficient: IntArray  # (t,) number of the coefficient of each term [1]
+    axis: IntArray  # (t,) output: gyro x, y, z 0 to 2, accelerometer x, y, z 3 to 5; it rises [1]
+    entry: IntArray  # (t,) input, numbered as in `kernels.ins_transition` [1]
+    weight: FloatArray  # (t,) factor [1]
 
     @classmethod
     def of(cls, names: Iterable[str]) -> Sensors:
         """Return the terms of coefficients of `models.imu.LAYOUT`.
 
-        Parameters
-        ----------
-        names : iterable of str
-            Names or groups of them ("gyro.bias"); unknown ones raise with a suggestion.
+        `names`: names or groups of them ("gyro.bias"), unknown ones raise with a suggestion.
         """
         rows = np.unique(np.concatenate([[], *(LAYOUT.group(name) for name in names)]).astype(int))
         wanted = [LAYOUT.names[i] for i in rows]
@@ -123,16 +107,10 @@ class Sensors:
     def with_deflection(self, model: DeflectionModel) -> Sensors:
         """Return these coefficients and the parameters of a model of deflection.
 
-        Parameters
-        ----------
-        model : DeflectionModel
-            Its parameters follow the other coefficients of the gyros; `DeflectionModel.general`
-            turns what is found of them into coefficients of `models.imu.LAYOUT`.
-
-        Raises
-        ------
-        FoucaultError
-            The coefficients bend the gyros already: a parameter would be one of them again.
+        `model`: its parameters follow the other coefficients of the gyros,
+        `DeflectionModel.general` turns what is found of them into coefficients of
+        `models.imu.LAYOUT`. Raises the coefficients bend the gyros already: a parameter would be
+        one of them again.
         """
         twice = [n for n in self.layout.names if n.startswith(("gyro.deflection.", "deflection."))]
         if twice:
@@ -159,19 +137,48 @@ class Sensors:
         ``gyro.wander`` and ``accel.wander`` are first-order Markov processes beside the constant
         biases, which are then what the readings have in the long term.
 
-        Parameters
-        ----------
-        noise : ImuNoise
-            Noise of the triads [SI].
+        `noise`: noise of the triads [SI].
         """
+        slow = {"gyro": noise.gyro, "accel": noise.accel}
+        triads = tuple(name for name, triad in slow.items() if triad.bias_instability > 0)
+        return self._with_biases("wander", "m", "what the bias of {} wanders by", triads)
+
+    def with_turn_on(self, count: int) -> Sensors:
+        """Return these coefficients and what the biases of each recording differ by from theirs.
+
+        ``gyro.turn_on_1`` and so on are constants beside the biases; see `during`.
+
+        `count`: number of recordings [1].
+        """
+        out = self
+        for k in range(1, count + 1):
+            words = f"what the bias of {{}} differs by in recording {k}"
+            out = out._with_biases(f"{TURN_ON}{k}", f"e{k}", words)
+        return out
+
+    def during(self, recording: int) -> Sensors:
+        """Return the terms as they are in one recording: the biases of others are not in it.
+
+        `recording`: its number, from 0 [1].
+        """
+        if not self.turned_on.any():
+            return self
+        mine = np.array([n.split(".")[1] == f"{TURN_ON}{recording + 1}" for n in self.layout.names])
+        out = (self.turned_on & ~mine)[self.coefficient]
+        return replace(self, weight=np.where(out, 0.0, self.weight))
+
+    def _with_biases(
+        self, group: str, symbol: str, words: str, triads: tuple[str, ...] = ("gyro", "accel")
+    ) -> Sensors:
+        """Return these coefficients and others that act as biases of some triads."""
         start, terms = self.gyros, int(np.sum(self.axis < 3))
         c, parts = self.layout.coefficients, []
-        g, a = (range(3 * (t.bias_instability > 0)) for t in (noise.gyro, noise.accel))
+        g, a = (range(3 * (triad in triads)) for triad in ("gyro", "accel"))
         for number, triad in ((g, "gyro"), (a, "accel")):
             kind = {"gyro": "angular rate", "accel": "specific force"}[triad]
             parts.append([
-                Coefficient(f"{triad}.wander.{AXES[i]}", f"m_{triad[0]}{AXES[i]}", kind,
-                            f"what the bias of {triad} {AXES[i]} wanders by")
+                Coefficient(f"{triad}.{group}.{AXES[i]}", f"{symbol}_{triad[0]}{AXES[i]}", kind,
+                            words.format(f"{triad} {AXES[i]}"))
                 for i in number
             ])  # fmt: skip
 
@@ -192,10 +199,7 @@ class Sensors:
     def without(self, which: npt.NDArray[np.bool_]) -> Sensors:
         """Return these coefficients without some.
 
-        Parameters
-        ----------
-        which : ndarray of bool, shape (p,)
-            Those left out.
+        `which` (p,): those left out.
         """
         kept = ~which[self.coefficient]
         number = np.cumsum(~which) - 1
@@ -207,6 +211,11 @@ class Sensors:
     def wanders(self) -> npt.NDArray[np.bool_]:
         """Which of the coefficients are the wandering part of a bias, shape (p,)."""
         return np.array([n.split(".")[1] == "wander" for n in self.layout.names], bool)
+
+    @cached_property
+    def turned_on(self) -> npt.NDArray[np.bool_]:
+        """Which of the coefficients are of one recording alone, shape (p,)."""
+        return np.array([n.split(".")[1].startswith(TURN_ON) for n in self.layout.names], bool)
 
     @cached_property
     def gyros(self) -> int:
@@ -226,12 +235,7 @@ class Sensors:
     def readings(self, w_ib_b: FloatArray, f_b: FloatArray) -> FloatArray:
         """Return what one unit of each coefficient adds to the readings, shape (6, p) [SI].
 
-        Parameters
-        ----------
-        w_ib_b : ndarray, shape (3,)
-            True rate [rad/s].
-        f_b : ndarray, shape (3,)
-            True specific force [m/s^2].
+        `w_ib_b` (3,): true rate [rad/s]; `f_b` (3,): true specific force [m/s^2].
         """
         from foucault.models.imu import products
 
@@ -269,27 +273,10 @@ def dynamics(
 ) -> FloatArray:
     """Return the matrix A of ``x' = A x`` for ``x = (psi, dv, dr, coefficients)``.
 
-    Parameters
-    ----------
-    sensors : Sensors
-        Coefficients beside the nine errors of navigation.
-    C_lb : ndarray, shape (3, 3)
-        Attitude [1].
-    w_ib_b : ndarray, shape (3,)
-        Rate of the body [rad/s].
-    f_b : ndarray, shape (3,)
-        Specific force [m/s^2].
-    w_ie_l : ndarray, shape (3,)
-        Rotation of the Earth, frame l [rad/s].
-    w_el_l : ndarray, shape (3,)
-        Transport rate, frame l [rad/s].
-    stiffness : float, shape ()
-        g / R, the square of the Schuler frequency [1/s^2].
-
-    Returns
-    -------
-    ndarray, shape (9 + p, 9 + p)
-        A, the text of this module written out [SI].
+    `C_lb` (3, 3): attitude [1]; `w_ib_b` (3,): rate of the body [rad/s]; `f_b` (3,): specific
+    force [m/s^2]; `w_ie_l` (3,): rotation of the Earth, frame l [rad/s]; `w_el_l` (3,): transport
+    rate, frame l [rad/s]; `stiffness`: g / R, the square of the Schuler frequency [1/s^2].
+    Returns (9 + p, 9 + p): a, the text of this module written out [SI].
     """
     A = np.zeros((9 + len(sensors),) * 2)
     A[0:3, 0:3] = -cross_matrix(w_ie_l + w_el_l)
@@ -307,17 +294,8 @@ def dynamics(
 def at_place(radius: float, velocity_n: FloatArray) -> FloatArray:
     """Return the matrix from (psi, dv, dr) to what is seen at a place: (phi, velocity error, dr).
 
-    Parameters
-    ----------
-    radius : float, shape ()
-        Mean radius of curvature plus height [m].
-    velocity_n : ndarray, shape (3,)
-        Velocity [m/s].
-
-    Returns
-    -------
-    ndarray, shape (9, 9)
-        The two equations of the module's text [SI].
+    `radius`: mean radius of curvature plus height [m]; `velocity_n` (3,): velocity [m/s]. Returns
+    (9, 9): the two equations of the module's text [SI].
     """
     tilt = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / radius
     out = np.eye(9)
@@ -329,11 +307,6 @@ def at_place(radius: float, velocity_n: FloatArray) -> FloatArray:
 def azimuth_from_gyro_bias(bias_sd: float, latitude: float) -> float:
     """Return the error of azimuth that a gyro bias along east makes, ``b / (w_ie cos L)`` [rad].
 
-    Parameters
-    ----------
-    bias_sd : float, shape ()
-        Standard deviation of the bias [rad/s].
-    latitude : float, shape ()
-        Where [rad].
+    `bias_sd`: standard deviation of the bias [rad/s]; `latitude`: where [rad].
     """
     return float(bias_sd / (EARTH_RATE * np.cos(latitude)))

@@ -13,14 +13,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import Finding, error, finding
 from foucault.models.attitude import angles_of
 from foucault.models.earth import transport_rate
 from foucault.models.transfer import Messages
 from foucault.units import plain, span
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 GAP = 1.5
 """Stamps farther apart than this many usual intervals miss a message between them [1]."""
@@ -33,34 +31,18 @@ _OPTIONAL = ("arrival", "latitude", "longitude", "height")
 
 @dataclass(frozen=True)
 class MasterTable:
-    """Messages of a master INS. Its body axes m are right, forward, up of the vehicle.
+    """Messages of a master INS. Its body axes m are right, forward, up of the vehicle."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        Stamp of each message [s].
-    velocity_n : ndarray, shape (k, 3)
-        Velocity of the master: east, north, up [m/s].
-    C_nb : ndarray, shape (k, 3, 3)
-        Attitude of the master, ``x_n = C_nb @ x_m`` [1].
-    arrival : ndarray, shape (k,), or None
-        When it arrived, on the slave's clock, where the log holds that beside its stamp [s].
-    latitude, longitude : ndarray, shape (k,), or None
-        Geodetic latitude and longitude [rad].
-    height : ndarray, shape (k,), or None
-        Height above the ellipsoid [m].
-    findings : tuple of Finding
-        What was noticed and repaired or left as it was.
-    """
-
-    time: FloatArray
-    velocity_n: FloatArray
-    C_nb: FloatArray
+    time: FloatArray  # (k,) stamp of each message [s]
+    velocity_n: FloatArray  # (k, 3) velocity of the master: east, north, up [m/s]
+    C_nb: FloatArray  # (k, 3, 3) attitude of the master, ``x_n = C_nb @ x_m`` [1]
+    # (k,) when it arrived, on the slave's clock, where the log holds that beside its stamp [s]
     arrival: FloatArray | None = None
+    # latitude, longitude: (k,) geodetic latitude and longitude [rad]
     latitude: FloatArray | None = None
     longitude: FloatArray | None = None
-    height: FloatArray | None = None
-    findings: tuple[Finding, ...] = ()
+    height: FloatArray | None = None  # (k,) height above the ellipsoid [m]
+    findings: tuple[Finding, ...] = ()  # what was noticed and repaired or left as it was
 
     def __len__(self) -> int:
         return len(self.time)
@@ -91,12 +73,8 @@ class MasterTable:
     def from_place(self, latitude: float, height: float) -> MasterTable:
         """Return the table with the positions that its velocities lead to, where it says none.
 
-        Parameters
-        ----------
-        latitude : float
-            Of the first message; its longitude is taken as 0 [rad].
-        height : float
-            Of the first message [m].
+        `latitude`: of the first message, its longitude is taken as 0 [rad]; `height`: of the
+        first message [m].
         """
         time, v = self.time, self.velocity_n
         up = self.height if self.height is not None else _along(time, v[:, 2], height)
@@ -116,20 +94,9 @@ class MasterTable:
     def cleaned(self, missing: str = "drop", name: str = "The master's table") -> MasterTable:
         """Return the messages in order, each once, and say what was left out.
 
-        Parameters
-        ----------
-        missing : {"drop", "error"}
-            What is done with messages that lack a number.
-        name : str
-            What texts call the table.
+        `missing`: what is done with messages that lack a number. Raises ``master.empty``,
+        ``master.missing``, ``master.time``.
 
-        Raises
-        ------
-        FoucaultError
-            ``master.empty``, ``master.missing``, ``master.time``.
-
-        Notes
-        -----
         A message has come twice if all it says is what the one before has said, and it has the same
         stamp or the vehicle moves.
         """

@@ -24,28 +24,16 @@ from foucault.errors import error, suggestion
 
 @dataclass(frozen=True)
 class TriadNoise:
-    """Noise of the three axes of one triad, equal on all axes.
+    """Noise of the three axes of one triad, equal on all axes."""
 
-    Attributes
-    ----------
-    white : float
-        Angle or velocity random walk [unit/sqrt(Hz)]: the sd of the mean over T is
-        white/sqrt(T), so white**2 is the two-sided power spectral density.
-    bias_instability : float
-        Standard deviation of the first-order Markov bias [unit].
-    correlation_time : float
-        Correlation time of the Markov bias [s].
-    random_walk : float
-        Rate or acceleration random walk [unit/sqrt(s)].
-    quantisation : float
-        Step of the output [unit]; 0 for none. Increments carry their rounding to the next: what
-        is rounded is their sum, to steps of quantisation times the sample interval.
-    """
-
+    # angle or velocity random walk [unit/sqrt(Hz)]: the sd of the mean over T is white/sqrt(T), so
+    # white**2 is the two-sided power spectral density
     white: float = 0.0
-    bias_instability: float = 0.0
-    correlation_time: float = 300.0
-    random_walk: float = 0.0
+    bias_instability: float = 0.0  # standard deviation of the first-order Markov bias [unit]
+    correlation_time: float = 300.0  # correlation time of the Markov bias [s]
+    random_walk: float = 0.0  # rate or acceleration random walk [unit/sqrt(s)]
+    # step of the output [unit]; 0 for none. Increments carry their rounding to the next: what is
+    # rounded is their sum, to steps of quantisation times the sample interval
     quantisation: float = 0.0
 
 
@@ -65,18 +53,11 @@ class ImuNoise:
 
 @dataclass(frozen=True)
 class Grade:
-    """A typical instrument class.
+    """A typical instrument class."""
 
-    Attributes
-    ----------
-    noise : ImuNoise
-        Its noise [SI].
-    spread : dict of str to float
-        For each coefficient group the standard deviation, over instruments of the class, of
-        what one has before calibration [SI].
-    """
-
-    noise: ImuNoise
+    noise: ImuNoise  # its noise [SI]
+    # for each coefficient group the standard deviation, over instruments of the class, of what one
+    # has before calibration [SI]
     spread: dict[str, float]
 
 
@@ -141,12 +122,8 @@ def rounding_bias(step: float, sd: float) -> float:
     does not help. ``step / sqrt(12) * exp(-2 pi^2 (sd / step)^2)``: all of the rounding error
     without noise, none of it to speak of once the noise is half a step.
 
-    Parameters
-    ----------
-    step : float
-        Step of the output [unit].
-    sd : float
-        Standard deviation of single samples before rounding [unit].
+    `step`: step of the output [unit]; `sd`: standard deviation of single samples before rounding
+    [unit].
 
     References
     ----------
@@ -161,12 +138,7 @@ def rounding_bias(step: float, sd: float) -> float:
 def carried_rounding(step: float, interval: float) -> float:
     """Return the variance of the sum of increments whose rounding is carried on [unit^2 s^2].
 
-    Parameters
-    ----------
-    step : float
-        Step of the output [unit].
-    interval : float
-        Sample interval [s].
+    `step`: step of the output [unit]; `interval`: sample interval [s].
     """
     return (step * interval) ** 2 / 12
 
@@ -174,10 +146,7 @@ def carried_rounding(step: float, interval: float) -> float:
 def noise_json(noise: ImuNoise) -> dict[str, Any]:
     """Return the noise of a calibration for result.json.
 
-    Parameters
-    ----------
-    noise : ImuNoise
-        Noise of gyro and accelerometers [SI].
+    `noise`: noise of gyro and accelerometers [SI].
     """
     out: dict[str, Any] = {}
     for name in ("gyro", "accel"):
@@ -190,10 +159,7 @@ def noise_json(noise: ImuNoise) -> dict[str, Any]:
 def noise_of(said: Mapping[str, Any]) -> ImuNoise | None:
     """Return the noise that `noise_json` wrote; None where there is none.
 
-    Parameters
-    ----------
-    said : mapping
-        From result.json [SI].
+    `said`: from result.json [SI].
     """
     if not said.get("gyro_white"):
         return None

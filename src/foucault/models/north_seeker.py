@@ -30,13 +30,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, ImuModel
-
-FloatArray = npt.NDArray[np.float64]
 
 EQUATION = (
     "gyro(a) = o + d t + e(a) . ((I + S_g + M_g) w + b_g);  "
@@ -66,14 +64,8 @@ SEEKER = Layout(tuple(c for c in LAYOUT.coefficients if c.name in (*RATE_TILTED,
 def attitude(heading: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
     """Return C_bn, shape (..., 3, 3): maps East-North-Up to the case.
 
-    Parameters
-    ----------
-    heading : ndarray, shape (...)
-        Of y_b, clockwise from north [rad].
-    pitch : ndarray, shape (...)
-        Nose up [rad].
-    roll : ndarray, shape (...)
-        Right side down [rad].
+    `heading` (...): of y_b, clockwise from north [rad]; `pitch` (...): nose up [rad]; `roll`
+    (...): right side down [rad].
     """
     sf, cf = np.sin(heading), np.cos(heading)
     st, ct = np.sin(pitch), np.cos(pitch)
@@ -91,16 +83,8 @@ def earth_rate_b(
 ) -> FloatArray:
     """Return the Earth's rate in the case, shape (..., 3) [rad/s].
 
-    Parameters
-    ----------
-    heading : ndarray, shape (...)
-        Of y_b, clockwise from north [rad].
-    pitch : ndarray, shape (...)
-        Nose up [rad].
-    roll : ndarray, shape (...)
-        Right side down [rad].
-    latitude : ndarray, shape (...)
-        Positive north [rad].
+    `heading` (...): of y_b, clockwise from north [rad]; `pitch` (...): nose up [rad]; `roll`
+    (...): right side down [rad]; `latitude` (...): positive north [rad].
     """
     C = attitude(heading, pitch, roll)
     cl, sl = np.cos(latitude)[..., None], np.sin(latitude)[..., None]
@@ -110,12 +94,7 @@ def earth_rate_b(
 def up_b(pitch: FloatArray, roll: FloatArray) -> FloatArray:
     """Return up in the case, shape (..., 3) [1]; specific force at rest is g times it.
 
-    Parameters
-    ----------
-    pitch : ndarray, shape (...)
-        Nose up [rad].
-    roll : ndarray, shape (...)
-        Right side down [rad].
+    `pitch` (...): nose up [rad]; `roll` (...): right side down [rad].
     """
     ct = np.cos(pitch)
     return np.stack(  # minus eqs. (9)-(11) of ref. [1], which are gravity
@@ -125,20 +104,13 @@ def up_b(pitch: FloatArray, roll: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Compensation:
-    """What is known of the instrument: its coefficients with covariance.
+    """What is known of the instrument: its coefficients with covariance."""
 
-    Attributes
-    ----------
-    coefficients : CoefficientVector
-        Some of `SEEKER`, with covariance where they were calibrated [SI].
-    serial : str
-        Of which instrument; empty where unknown.
-    """
-
+    # some of `SEEKER`, with covariance where they were calibrated [SI]
     coefficients: CoefficientVector = field(
         default_factory=lambda: CoefficientVector.zeros(SEEKER.subset(()))
     )
-    serial: str = ""
+    serial: str = ""  # of which instrument; empty where unknown
 
     @property
     def model(self) -> ImuModel:
@@ -148,12 +120,8 @@ class Compensation:
     def predict(self, w_b: FloatArray, f_b: FloatArray) -> FloatArray:
         """Return what the base resolves: gyro x, y and accelerometer x, y, shape (..., 4) [SI].
 
-        Parameters
-        ----------
-        w_b : ndarray, shape (..., 3)
-            True rate in the case [rad/s].
-        f_b : ndarray, shape (..., 3)
-            True specific force in the case [m/s^2].
+        `w_b` (..., 3): true rate in the case [rad/s]; `f_b` (..., 3): true specific force in the
+        case [m/s^2].
         """
         model = self.model
         rate = w_b @ model.gyro_matrix[:2].T + model.gyro_bias[:2]
@@ -163,27 +131,8 @@ class Compensation:
     def slopes(self, w_b: FloatArray, f_b: FloatArray) -> FloatArray:
         """Return d predict / d coefficients, shape (..., 4, n) [SI].
 
-        Parameters
-        ----------
-        w_b : ndarray, shape (..., 3)
-            True rate in the case [rad/s].
-        f_b : ndarray, shape (..., 3)
-            True specific force in the case [m/s^2].
+        `w_b` (..., 3): true rate in the case [rad/s]; `f_b` (..., 3): true specific force in the
+        case [m/s^2].
         """
-        names = self.coefficients.names
-        out = np.zeros((*np.broadcast_shapes(w_b.shape, f_b.shape)[:-1], 4, len(names)))
-        for k, name in enumerate(names):
-            row, column, triad = _place(name)
-            out[..., 2 * triad + row, k] = 1.0 if column < 0 else (w_b, f_b)[triad][..., column]
-        return out
-
-
-def _place(name: str) -> tuple[int, int, int]:
-    """Return output axis, input axis (-1 for a bias) and triad (0 gyro, 1 accelerometer)."""
-    from foucault.models.imu import coefficient_slot
-
-    block, where = coefficient_slot(name)
-    triad = 0 if block.startswith("gyro") else 1
-    if block.endswith("bias"):
-        return int(np.atleast_1d(where)[0]), -1, triad
-    return int(where[0]), int(where[1]), triad
+        slopes = self.model.slopes(f_b, w_b, self.coefficients.names)
+        return np.concatenate([slopes.gyro[..., :2, :], slopes.accel[..., :2, :]], axis=-2)

@@ -5,51 +5,32 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.models.earth import Site
 from foucault.models.noise import TriadNoise
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Steps:
-    """What the gyros said at constant rates of the table.
+    """What the gyros said at constant rates of the table."""
 
-    Attributes
-    ----------
-    up : ndarray, shape (n, 3)
-        Axis that is along the vertical, with its sense; fixture axes [1].
-    placement : ndarray of int, shape (n,)
-        Number of the placement; up is the same in all steps of one [1].
-    rate : ndarray, shape (n,)
-        Rate of the table, counter-clockwise seen from above [rad/s].
-    time : ndarray, shape (n,)
-        How long was averaged [s].
-    gyro : ndarray, shape (n, 3)
-        Mean rate as measured [rad/s].
-    cov : ndarray, shape (n, 3, 3)
-        Covariance of the noise of these means [(rad/s)^2].
-    force : ndarray, shape (n, 3)
-        True mean specific force, fixture axes, for the g-sensitivity [m/s^2].
-    start : ndarray, shape (n,), or None
-        When each step began; None: one right after the other [s].
-    slow : TriadNoise or None
-        Declared noise of the gyros whose bias wanders, which ties the steps together; it is not in
-        `cov` [SI].
-    """
-
-    up: FloatArray
-    placement: IntArray
-    rate: FloatArray
-    time: FloatArray
-    gyro: FloatArray
-    cov: FloatArray
+    up: FloatArray  # (n, 3) axis that is along the vertical, with its sense; fixture axes [1]
+    placement: IntArray  # (n,) number of the placement; up is the same in all steps of one [1]
+    rate: FloatArray  # (n,) rate of the table, counter-clockwise seen from above [rad/s]
+    time: FloatArray  # (n,) how long was averaged [s]
+    gyro: FloatArray  # (n, 3) mean rate as measured [rad/s]
+    cov: FloatArray  # (n, 3, 3) covariance of the noise of these means [(rad/s)^2]
+    # (n, 3) true mean specific force, fixture axes, for the g-sensitivity [m/s^2]
     force: FloatArray
+    # (n,) when each step began; None: one right after the other [s]
     start: FloatArray | None = None
+    # declared noise of the gyros whose bias wanders, which ties the steps together; it is not in
+    # `cov` [SI]
     slow: TriadNoise | None = None
+    # (n,) angle of the table when each step began, counter-clockwise from above; NaN where it did
+    # not tell it [rad]
+    azimuth: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.rate)
@@ -97,18 +78,9 @@ def mean_force_of_steps(
     Gravity along up, and what grows with the square of the rate across it: the accelerometers see
     the centripetal acceleration of their place, and the gyros are taken to be there too.
 
-    Parameters
-    ----------
-    up : ndarray, shape (n, 3)
-        Axis that is along the vertical, with its sense [1].
-    placement : ndarray of int, shape (n,)
-        Number of the placement [1].
-    rate : ndarray, shape (n,)
-        Rate of the table [rad/s].
-    accel : ndarray, shape (n, 3), or None
-        Mean specific force as measured [m/s^2].
-    site : Site
-        Gravity.
+    `up` (n, 3): axis that is along the vertical, with its sense [1]; `placement` (n,): number of
+    the placement [1]; `rate` (n,): rate of the table [rad/s]; `accel` (n, 3) or None: mean
+    specific force as measured [m/s^2].
     """
     force = site.gravity * up
     if accel is None:

@@ -7,61 +7,37 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import Finding
 from foucault.models.noise import ImuNoise, TriadNoise, carried_rounding, rounding_bias
 from foucault.models.session_noise import window_covariance
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True)
 class Readings:
-    """Means over the positions of a session on a table.
+    """Means over the positions of a session on a table."""
 
-    Attributes
-    ----------
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle at the start, as the table or the plan says; NaN where
-        unknown [rad].
-    rate : ndarray, shape (n,)
-        Rate of the outer axis, counter-clockwise seen from above; 0 at rest [rad/s].
-    turns : ndarray, shape (n,)
-        Turns that were averaged; whole for a spin, 0 at rest [1].
-    start, time : ndarray, shape (n,)
-        Beginning and length of each average [s].
-    accel : ndarray, shape (n, 3), or None
-        Mean specific force as measured, frame b [m/s^2].
-    gyro : ndarray, shape (n, 3), or None
-        Mean rate w_ib_b as measured [rad/s].
-    accel_cov, gyro_cov : ndarray, shape (n, 3, 3)
-        Covariance of the noise of these means [SI].
-    interval : float
-        Sample interval of the log, 0 where it held means [s].
-    increments : bool
-        Whether the rows of the log were means over their intervals, which carry rounding on.
-    declared : bool
-        Whether the noise was declared, not measured.
-    findings : tuple of Finding
-        What was noticed when they were made.
-    slow : ImuNoise or None
-        Bias instability and random walk that were declared: they are in the covariances, and tie
-        the readings together besides; None for none [SI].
-    """
-
+    # (n, 3) outer, middle and inner angle at the start, as the table or the plan says; NaN where
+    # unknown [rad]
     angles: FloatArray
+    # (n,) rate of the outer axis, counter-clockwise seen from above; 0 at rest [rad/s]
     rate: FloatArray
-    turns: FloatArray
+    turns: FloatArray  # (n,) turns that were averaged; whole for a spin, 0 at rest [1]
+    # start, time: (n,) beginning and length of each average [s]
     start: FloatArray
     time: FloatArray
-    accel: FloatArray | None
-    gyro: FloatArray | None
+    accel: FloatArray | None  # (n, 3) mean specific force as measured, frame b [m/s^2]
+    gyro: FloatArray | None  # (n, 3) mean rate w_ib_b as measured [rad/s]
+    # accel_cov, gyro_cov: (n, 3, 3) covariance of the noise of these means [SI]
     accel_cov: FloatArray
     gyro_cov: FloatArray
-    interval: float = 0.0
+    interval: float = 0.0  # sample interval of the log, 0 where it held means [s]
+    # whether the rows of the log were means over their intervals, which carry rounding on
     increments: bool = False
-    declared: bool = False
-    findings: tuple[Finding, ...] = field(default=())
+    declared: bool = False  # whether the noise was declared, not measured
+    findings: tuple[Finding, ...] = field(default=())  # what was noticed when they were made
+    # bias instability and random walk that were declared: they are in the covariances, and tie the
+    # readings together besides; None for none [SI]
     slow: ImuNoise | None = None
 
     def __len__(self) -> int:
@@ -130,10 +106,7 @@ class Readings:
 def slow_part(noise: ImuNoise) -> ImuNoise | None:
     """Return bias instability and random walk alone, None where there is neither.
 
-    Parameters
-    ----------
-    noise : ImuNoise
-        Noise of the instrument [SI].
+    `noise`: noise of the instrument [SI].
     """
     if not any(t.bias_instability or t.random_walk for t in (noise.accel, noise.gyro)):
         return None
@@ -149,14 +122,8 @@ def wander(noise: TriadNoise, middle: FloatArray, time: FloatArray) -> FloatArra
     Its part of the variance of each mean alone, which `Readings.accel_cov` or `gyro_cov` hold, is
     `wander_variance`.
 
-    Parameters
-    ----------
-    noise : TriadNoise
-        Noise of the triad [SI].
-    middle : ndarray, shape (n,)
-        Middle of each mean [s].
-    time : ndarray, shape (n,)
-        Length of each mean [s].
+    `noise`: noise of the triad [SI]; `middle` (n,): middle of each mean [s]; `time` (n,): length
+    of each mean [s].
     """
     start = middle - time / 2
     first = float(start.min())
@@ -166,12 +133,7 @@ def wander(noise: TriadNoise, middle: FloatArray, time: FloatArray) -> FloatArra
 def wander_variance(noise: TriadNoise, time: FloatArray) -> FloatArray:
     """Return the variance of a mean by wander of the bias, each for itself, shape (n,) [unit^2].
 
-    Parameters
-    ----------
-    noise : TriadNoise
-        Noise of the triad [SI].
-    time : ndarray, shape (n,)
-        Length of each mean [s].
+    `noise`: noise of the triad [SI]; `time` (n,): length of each mean [s].
     """
     x = np.maximum(time / noise.correlation_time, 1e-6)
     markov = 2 * (x + np.expm1(-x)) / x**2
@@ -187,16 +149,9 @@ def mean_variance(
     ``m(x) = 2 (x - 1 + exp(-x)) / x^2``, the variance of the mean of a Markov process. Of
     increments the sum is rounded, and q adds ``2 (q dt)^2 / (12 T^2)`` alone.
 
-    Parameters
-    ----------
-    noise : TriadNoise
-        Noise of the triad [SI].
-    time : ndarray, shape (n,)
-        Length of each mean [s].
-    interval : float
-        Sample interval, 0 where unknown [s].
-    increments : bool
-        Whether the samples are means over their intervals, which carry rounding on.
+    `noise`: noise of the triad [SI]; `time` (n,): length of each mean [s]; `interval`: sample
+    interval, 0 where unknown [s]; `increments`: whether the samples are means over their
+    intervals, which carry rounding on.
     """
     out = noise.white**2 / time + wander_variance(noise, time)
     if increments:

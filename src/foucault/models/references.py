@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
 from foucault.models.layouts import is_cluster
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def with_references(
@@ -26,14 +24,8 @@ def with_references(
 ) -> CoefficientVector:
     """Add the uncertainty of gravity and of a table's rate, each common to a whole triad.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The estimate, as if both were known [SI].
-    site : Site
-        Gravity and its uncertainty.
-    table_rate_sd : float
-        Relative sd of an error that all spin rates share [1].
+    `coefficients`: the estimate, as if both were known [SI]; `table_rate_sd`: relative sd of an
+    error that all spin rates share [1].
     """
     assert coefficients.cov is not None
     gravity = gravity_error(coefficients, site)
@@ -45,12 +37,7 @@ def with_references(
 def gravity_error(vector: CoefficientVector, site: Site) -> FloatArray:
     """Return what one standard deviation of local gravity makes of coefficients, shape (n,).
 
-    Parameters
-    ----------
-    vector : CoefficientVector
-        The coefficients [SI].
-    site : Site
-        Gravity and its uncertainty.
+    `vector`: the coefficients [SI].
     """
     return gravity_slope(vector) * (site.gravity_sd / site.gravity)
 
@@ -62,15 +49,8 @@ def gravity_slope(vector: CoefficientVector) -> FloatArray:
     accelerometer matrix, the g-sensitivity and the deflection smaller by e and the quadratic terms
     by 2 e; an asymmetry stays what it is.
 
-    Parameters
-    ----------
-    vector : CoefficientVector
-        The coefficients; those of other models do not change with it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Derivative with respect to ln(g) [SI unit of each coefficient].
+    `vector`: the coefficients, those of other models do not change with it. Returns (n,):
+    derivative with respect to ln(g) [SI unit of each coefficient].
     """
     known = [i for i, name in enumerate(vector.names) if name in LAYOUT]
     model = ImuModel.from_coefficients(vector.chosen(vector.names[i] for i in known))
@@ -86,10 +66,7 @@ def gravity_slope(vector: CoefficientVector) -> FloatArray:
 def rate_slope(vector: CoefficientVector) -> FloatArray:
     """Return how coefficients change with the logarithm of the rate that was assumed, (n,).
 
-    Parameters
-    ----------
-    vector : CoefficientVector
-        The coefficients; those of other models do not change with it [SI].
+    `vector`: the coefficients, those of other models do not change with it [SI].
     """
     known = [i for i, name in enumerate(vector.names) if name in LAYOUT]
     model = ImuModel.from_coefficients(vector.chosen(vector.names[i] for i in known))
@@ -112,19 +89,9 @@ def clock_slope(vector: CoefficientVector, *, turned: bool, summed: bool) -> Flo
     rates (those that a table was told, the Earth's) does not depend on the clock, nor does an
     accelerometer that says specific force.
 
-    Parameters
-    ----------
-    vector : CoefficientVector
-        The coefficients [SI].
-    turned : bool
-        Whether the reference of the gyros is an angle over the time of the log.
-    summed : bool
-        Whether the readings are increments.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Derivative with respect to the logarithm of the clock's rate [SI unit of each coefficient].
+    `vector`: the coefficients [SI]; `turned`: whether the reference of the gyros is an angle over
+    the time of the log. Returns (n,): derivative with respect to the logarithm of the clock's
+    rate [SI unit of each coefficient].
     """
     if is_cluster(vector):
         return _cluster_clock_slope(vector, summed=summed)

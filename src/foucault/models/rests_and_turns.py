@@ -29,55 +29,33 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.kernels.rotation import integrate_turns
 from foucault.models.earth import Site, earth_rate_n
-from foucault.models.imu import ImuModel, coefficient_slot, products, products_slope
+from foucault.models.imu import ImuModel, coefficient_slot
 from foucault.models.rotation import cross_matrix, exp, log, right_jacobian_inverse
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Session:
-    """The data of a session, reduced to what the model needs.
+    """The data of a session, reduced to what the model needs."""
 
-    Attributes
-    ----------
-    log : Log
-        The readings [SI].
-    first, last : ndarray of int, shape (n,)
-        First sample of each rest and the sample after its last.
-    site : Site
-        Gravity and, where known, latitude.
-    accel_mean : ndarray, shape (n, 3)
-        Mean specific force of each rest [m/s^2].
-    gyro_mean : ndarray, shape (n, 3), or None
-        Mean rate of each rest [rad/s].
-    """
-
-    log: Log
+    log: Log  # the readings [SI]
+    # first, last: (n,) first sample of each rest and the sample after its last
     first: IntArray
     last: IntArray
-    site: Site
-    accel_mean: FloatArray
-    gyro_mean: FloatArray | None
+    site: Site  # gravity and, where known, latitude
+    accel_mean: FloatArray  # (n, 3) mean specific force of each rest [m/s^2]
+    gyro_mean: FloatArray | None  # (n, 3) mean rate of each rest [rad/s]
 
     @classmethod
     def reduce(cls, log: Log, first: IntArray, last: IntArray, site: Site) -> Session:
         """Average the rests of a log.
 
-        Parameters
-        ----------
-        log : Log
-            The readings [SI]; accelerometers must be present.
-        first, last : ndarray of int, shape (n,)
-            First sample of each rest and the sample after its last.
-        site : Site
-            Where the session took place.
+        `log`: the readings [SI], accelerometers must be present; `first`, `last` (n,): first
+        sample of each rest and the sample after its last.
         """
         assert log.accel is not None
 
@@ -126,46 +104,27 @@ class Session:
 
 @dataclass(frozen=True)
 class Attitudes:
-    """Model and attitudes: the state of the estimation.
-
-    Attributes
-    ----------
-    model : ImuModel
-        The error model.
-    C_nb : ndarray, shape (n, 3, 3)
-        Attitude of each rest, body to East-North-Up [1].
-    """
+    """Model and attitudes: the state of the estimation."""
 
     model: ImuModel
-    C_nb: FloatArray
+    C_nb: FloatArray  # (n, 3, 3) attitude of each rest, body to East-North-Up [1]
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Residuals, observation minus prediction, and the Jacobian of the prediction.
+    """Residuals, observation minus prediction, and the Jacobian of the prediction."""
 
-    Attributes
-    ----------
-    residuals : ndarray, shape (k, 3)
-        One row per observation: rests (accelerometer), rests (gyro), turns [SI].
-    jacobian : ndarray, shape (k, 3, m)
-        Columns: the coefficients, then three attitude angles per rest [SI].
-    turn_noise : ndarray, shape (n - 1, 3, 3)
-        Covariance of each turn from unit white noise of the gyro, times the given psd [rad^2].
-    turn_bias : ndarray, shape (n - 1, 3, 3)
-        Rotation error per constant rate error of the gyro output, in s [s].
-    turn_path : ndarray, shape (n - 1,)
-        Angle travelled [rad].
-    C_se : ndarray, shape (n - 1, 3, 3)
-        Integrated rotation of each turn [1].
-    """
-
+    # (k, 3) one row per observation: rests (accelerometer), rests (gyro), turns [SI]
     residuals: FloatArray
+    # (k, 3, m) columns: the coefficients, then three attitude angles per rest [SI]
     jacobian: FloatArray
+    # (n - 1, 3, 3) covariance of each turn from unit white noise of the gyro, times the given psd
+    # [rad^2]
     turn_noise: FloatArray
+    # (n - 1, 3, 3) rotation error per constant rate error of the gyro output, in s [s]
     turn_bias: FloatArray
-    turn_path: FloatArray
-    C_se: FloatArray
+    turn_path: FloatArray  # (n - 1,) angle travelled [rad]
+    C_se: FloatArray  # (n - 1, 3, 3) integrated rotation of each turn [1]
 
 
 def predict(
@@ -173,16 +132,7 @@ def predict(
 ) -> Prediction:
     """Compare a session with the model at a state.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    names : sequence of str, length p
-        The coefficients that are estimated.
-    state : Attitudes
-        Where to linearise.
-    gyro_psd : ndarray, shape (3,)
-        White noise power of the gyro outputs [rad^2/s].
+    `gyro_psd` (3,): white noise power of the gyro outputs [rad^2/s].
     """
     model, C_nb = state.model, state.C_nb
     n, p = len(C_nb), len(names)
@@ -196,33 +146,22 @@ def predict(
     tilt = p + 3 * rest[:, None] + np.arange(3)  # attitude columns of each rest
 
     r[:n] = session.accel_mean - accel
-    slope = model.accel_matrix + np.einsum("ik,nkj->nij", model.accel_quadratic, products_slope(f))
-    J[rest[:, None, None], np.arange(3)[:, None], tilt[:, None, :]] = slope @ cross_matrix(f)
-    _fill(J[:n], names, {"accel_bias": None, "accel_matrix": f, "accel_quadratic": products(f)})
+    slopes = model.slopes(f, w, names)
+    J[:n, :, :p] = slopes.accel
+    J[rest[:, None, None], np.arange(3)[:, None], tilt[:, None, :]] = (
+        slopes.accel_by_force @ cross_matrix(f)
+    )
     if session.gyro_mean is None:
         empty = np.zeros((0, 3, 3))
         return Prediction(r, J, empty, empty, np.zeros(0), empty)
 
     r[n : 2 * n] = session.gyro_mean - gyro
+    J[n : 2 * n, :, :p] = slopes.gyro
     J[n + rest[:, None, None], np.arange(3)[:, None], tilt[:, None, :]] = (
-        model.gyro_matrix @ cross_matrix(w) + model.g_sensitivity @ cross_matrix(f)
+        slopes.gyro_by_rate @ cross_matrix(w) + slopes.gyro_by_force @ cross_matrix(f)
     )
-    _fill(J[n : 2 * n], names, {"gyro_bias": None, "gyro_matrix": w, "g_sensitivity": f})
     r[2 * n :], noise, bias, path, C_se = _turns(session, names, state, gyro_psd, J[2 * n :])
     return Prediction(r, J, noise, bias, path, C_se)
-
-
-def _fill(J: FloatArray, names: Sequence[str], inputs: dict[str, FloatArray | None]) -> None:
-    """Write the coefficient columns of a model that is linear in its coefficients."""
-    for column, name in enumerate(names):
-        block, where = coefficient_slot(name)
-        if block not in inputs:
-            continue
-        factor = inputs[block]
-        if factor is None:
-            J[:, where, column] = 1.0
-        else:
-            J[:, where[0], column] = factor[:, where[1]]
 
 
 def _turns(

@@ -9,9 +9,8 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 
 def turned(angle: FloatArray) -> FloatArray:
@@ -22,10 +21,7 @@ def turned(angle: FloatArray) -> FloatArray:
 def cross_matrix(v: FloatArray) -> FloatArray:
     """Return [v x], shape (..., 3, 3), so that ``[v x] u = v x u``.
 
-    Parameters
-    ----------
-    v : ndarray, shape (..., 3)
-        Vectors [any unit].
+    `v` (..., 3): vectors [any unit].
     """
     out = np.zeros((*v.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
@@ -36,10 +32,7 @@ def cross_matrix(v: FloatArray) -> FloatArray:
 def exp(phi: FloatArray) -> FloatArray:
     """Return the rotation matrix Exp(phi), shape (..., 3, 3), of a rotation vector.
 
-    Parameters
-    ----------
-    phi : ndarray, shape (..., 3)
-        Rotation vectors [rad].
+    `phi` (..., 3): rotation vectors [rad].
     """
     square = np.einsum("...i,...i->...", phi, phi)[..., None, None]
     half = np.maximum(0.5 * np.sqrt(square), 1e-30)  # of no rotation, whose limits are the same
@@ -52,13 +45,8 @@ def exp(phi: FloatArray) -> FloatArray:
 def log(C: FloatArray) -> FloatArray:
     """Return the rotation vector, shape (..., 3), of rotation matrices; angle below pi.
 
-    Parameters
-    ----------
-    C : ndarray, shape (..., 3, 3)
-        Rotation matrices [1].
+    `C` (..., 3, 3): rotation matrices [1].
 
-    Notes
-    -----
     Goes through the quaternion of largest pivot, so that it is accurate at all angles.
     """
     trace = np.trace(C, axis1=-2, axis2=-1)
@@ -100,10 +88,7 @@ def _by_pivot(C: FloatArray, trace: FloatArray, scalar: FloatArray) -> FloatArra
 def right_jacobian(phi: FloatArray) -> FloatArray:
     """Return J, shape (..., 3, 3), with ``Exp(phi + d) = Exp(phi) Exp(J d)`` to first order.
 
-    Parameters
-    ----------
-    phi : ndarray, shape (..., 3)
-        Rotation vectors [rad]. Its transpose is the left Jacobian.
+    `phi` (..., 3): rotation vectors [rad]. Its transpose is the left Jacobian.
     """
     angle = np.linalg.norm(phi, axis=-1)[..., None, None]
     K = cross_matrix(phi)
@@ -116,10 +101,8 @@ def right_jacobian(phi: FloatArray) -> FloatArray:
 def right_jacobian_inverse(phi: FloatArray) -> FloatArray:
     """Return J, shape (..., 3, 3), with ``Log(Exp(phi) Exp(d)) = phi + J d`` to first order.
 
-    Parameters
-    ----------
-    phi : ndarray, shape (..., 3)
-        Rotation vectors, angle below pi [rad]. Its transpose is the left inverse Jacobian.
+    `phi` (..., 3): rotation vectors, angle below pi [rad]. Its transpose is the left inverse
+    Jacobian.
     """
     angle = np.linalg.norm(phi, axis=-1)[..., None, None]
     K = cross_matrix(phi)
@@ -135,10 +118,7 @@ def right_jacobian_inverse(phi: FloatArray) -> FloatArray:
 def aligning(u: FloatArray, v: FloatArray) -> FloatArray:
     """Return the smallest rotation C with ``C @ u = v`` for unit vectors, shape (3, 3).
 
-    Parameters
-    ----------
-    u, v : ndarray, shape (3,)
-        Unit vectors [1].
+    `u`, `v` (3,): unit vectors [1].
     """
     axis = np.cross(u, v)
     sine, cosine = float(np.linalg.norm(axis)), float(u @ v)

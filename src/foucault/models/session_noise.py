@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise, carried_rounding, rounding_bias
 from foucault.models.rests_and_turns import Prediction, Session
-
-FloatArray = npt.NDArray[np.float64]
 
 QUIET_ENDS = 0.6
 """About how long a turn between two detected rests is still quiet, both ends together [s]."""
@@ -29,36 +27,27 @@ enough above rounding that the estimation of a noise-free log settles."""
 
 @dataclass(frozen=True)
 class SessionNoise:
-    """Everything that makes an observation differ from the model.
+    """Everything that makes an observation differ from the model."""
 
-    Attributes
-    ----------
-    accel_psd, gyro_psd : ndarray, shape (3,)
-        White noise power that acts on the mean of a rest [unit^2 s].
-    turn_psd : ndarray, shape (3,)
-        White noise power that the integration over a turn adds up [rad^2/s].
-    slow : ImuNoise
-        Bias instability and random walk; its white part is not used here.
-    accel_repeatability, gyro_repeatability, turn_repeatability : float
-        Standard deviation, per axis, of what the noise does not explain in a rest's specific
-        force [m/s^2], a rest's rate [rad/s] and the rotation of a turn [rad].
-    accel_rounding, gyro_rounding : ndarray, shape (3,)
-        Constant error of rounding in the mean of a rest [unit]: another one in every rest for
-        the accelerometers, the same in all rests for the gyros, which always read their bias.
-    accel_carried, gyro_carried : ndarray, shape (3,)
-        Variance of the sum of increments at an instant, whose rounding goes on to the next
-        reading: it counts at both ends of a rest or turn [unit^2 s^2].
-    """
-
+    # accel_psd, gyro_psd: (3,) white noise power that acts on the mean of a rest [unit^2 s]
     accel_psd: FloatArray
     gyro_psd: FloatArray
+    # (3,) white noise power that the integration over a turn adds up [rad^2/s]
     turn_psd: FloatArray
-    slow: ImuNoise
+    slow: ImuNoise  # bias instability and random walk; its white part is not used here
+    # accel_repeatability, gyro_repeatability, turn_repeatability: standard deviation, per axis, of
+    # what the noise does not explain in a rest's specific force [m/s^2], a rest's rate [rad/s] and
+    # the rotation of a turn [rad]
     accel_repeatability: float = 0.0
     gyro_repeatability: float = 0.0
     turn_repeatability: float = 0.0
+    # accel_rounding, gyro_rounding: (3,) constant error of rounding in the mean of a rest [unit]:
+    # another one in every rest for the accelerometers, the same in all rests for the gyros, which
+    # always read their bias
     accel_rounding: FloatArray = field(default_factory=lambda: np.zeros(3))
     gyro_rounding: FloatArray = field(default_factory=lambda: np.zeros(3))
+    # accel_carried, gyro_carried: (3,) variance of the sum of increments at an instant, whose
+    # rounding goes on to the next reading: it counts at both ends of a rest or turn [unit^2 s^2]
     accel_carried: FloatArray = field(default_factory=lambda: np.zeros(3))
     gyro_carried: FloatArray = field(default_factory=lambda: np.zeros(3))
 
@@ -70,14 +59,8 @@ class SessionNoise:
     def declared(cls, noise: ImuNoise, interval: float, increments: bool = False) -> SessionNoise:
         """Take the noise as declared; rounding to steps acts as white noise, but of increments.
 
-        Parameters
-        ----------
-        noise : ImuNoise
-            Declared noise [SI].
-        interval : float
-            Sample interval [s].
-        increments : bool
-            Whether the samples are means over their intervals, which carry rounding on.
+        `noise`: declared noise [SI]; `interval`: sample interval [s]; `increments`: whether the
+        samples are means over their intervals, which carry rounding on.
         """
 
         def carried(triad: TriadNoise) -> FloatArray:
@@ -106,19 +89,8 @@ class SessionNoise:
 def blocks(session: Session, noise: SessionNoise, at: Prediction) -> FloatArray:
     """Return the independent part of the covariance, one block per observation.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    noise : SessionNoise
-        Its noise [SI].
-    at : Prediction
-        The linearised model, for the noise of the turns.
-
-    Returns
-    -------
-    ndarray, shape (k, 3, 3)
-        Covariance blocks in the order of `Prediction.residuals` [SI].
+    `noise`: its noise [SI]; `at`: the linearised model, for the noise of the turns. Returns (k,
+    3, 3): covariance blocks in the order of `Prediction.residuals` [SI].
     """
     rest_time = session.rest_time[:, None, None]
     floor = np.diag(noise.accel_rounding**2) + noise.accel_repeatability**2 * np.eye(3)
@@ -144,17 +116,8 @@ def window_covariance(start: FloatArray, end: FloatArray, noise: TriadNoise) -> 
     of the two exponentials. Random walk: ``q^2 (t + T/3)`` on the diagonal, ``q^2`` times the
     middle of the earlier window off it (the bias of the model is the value at time zero).
 
-    Parameters
-    ----------
-    start, end : ndarray, shape (m,)
-        Ends of the windows, counted from the start of the log [s].
-    noise : TriadNoise
-        Bias instability, correlation time and random walk [SI].
-
-    Returns
-    -------
-    ndarray, shape (m, m)
-        Covariance [unit^2].
+    `start`, `end` (m,): ends of the windows, counted from the start of the log [s]; `noise`: bias
+    instability, correlation time and random walk [SI]. Returns (m, m): covariance [unit^2].
     """
     T = np.maximum(end - start, 1e-9)
     mid = (start + end) / 2
@@ -176,19 +139,8 @@ def window_covariance(start: FloatArray, end: FloatArray, noise: TriadNoise) -> 
 def correlated(session: Session, noise: SessionNoise, at: Prediction) -> FloatArray | None:
     """Return the part of the covariance that ties observations together, or None.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    noise : SessionNoise
-        Its noise [SI].
-    at : Prediction
-        The linearised model, for the effect of a bias on a turn.
-
-    Returns
-    -------
-    ndarray, shape (3 k, 3 k), or None
-        Covariance of all residuals [SI]; None where there is no slow noise.
+    `noise`: its noise [SI]; `at`: the linearised model, for the effect of a bias on a turn.
+    Returns (3 k, 3 k): covariance of all residuals [SI]; None where there is no slow noise.
     """
     slow = any(t.bias_instability or t.random_walk for t in (noise.slow.accel, noise.slow.gyro))
     coarse = session.gyro_mean is not None and noise.gyro_rounding.any()
@@ -223,12 +175,8 @@ def correlated(session: Session, noise: SessionNoise, at: Prediction) -> FloatAr
 def joined(independent: FloatArray, tied: FloatArray) -> FloatArray:
     """Return the whole covariance: blocks on the diagonal plus what ties them together.
 
-    Parameters
-    ----------
-    independent : ndarray, shape (k, 3, 3)
-        Covariance blocks [SI].
-    tied : ndarray, shape (3 k, 3 k)
-        Covariance between observations [SI].
+    `independent` (k, 3, 3): covariance blocks [SI]; `tied` (3 k, 3 k): covariance between
+    observations [SI].
     """
     full = tied.copy()
     at = 3 * np.arange(len(independent))[:, None, None] + np.arange(3)[:, None]
@@ -244,23 +192,10 @@ def whiten(
 ) -> tuple[FloatArray, FloatArray]:
     """Make residuals white with unit variance: multiply by the inverse Cholesky factor.
 
-    Parameters
-    ----------
-    residuals : ndarray, shape (k, 3)
-        Residuals [SI].
-    jacobian : ndarray, shape (k, 3, m)
-        Their Jacobian [SI].
-    independent : ndarray, shape (k, 3, 3)
-        Covariance blocks [SI].
-    tied : ndarray, shape (3 k, 3 k), or None
-        Covariance between observations, added to the blocks [SI].
-
-    Returns
-    -------
-    residuals : ndarray, shape (3 k,)
-        White residuals [1].
-    jacobian : ndarray, shape (3 k, m)
-        Their Jacobian [1 per unit of the state].
+    `residuals` (k, 3): residuals [SI]; `jacobian` (k, 3, m): their Jacobian [SI]; `independent`
+    (k, 3, 3): covariance blocks [SI]; `tied` (3 k, 3 k) or None: covariance between observations,
+    added to the blocks [SI]. Returns `residuals` (3 k,): white residuals [1]; `jacobian` (3 k,
+    m): their Jacobian [1 per unit of the state].
     """
     k, _, m = jacobian.shape
     both = np.concatenate([jacobian, residuals[:, :, None]], axis=2)

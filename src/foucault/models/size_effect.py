@@ -26,16 +26,14 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.models.imu import ImuModel
 from foucault.tables import AXES, Log
 
 if TYPE_CHECKING:
     from foucault.models.ins_errors import Sensors
-
-FloatArray = npt.NDArray[np.float64]
 
 LEVER = Layout(
     tuple(
@@ -70,19 +68,12 @@ _RATE_CHANGE, _FORCE_CHANGE = 37, 40
 
 @dataclass(frozen=True)
 class SizeEffect:
-    """Lever arms and delay of the accelerometers of one IMU.
+    """Lever arms and delay of the accelerometers of one IMU."""
 
-    Attributes
-    ----------
-    arms : ndarray, shape (3, 3)
-        Places of the x, y and z accelerometer in its rows, from the point that is navigated,
-        frame b [m].
-    delay : float
-        How much later accelerometers read than gyros [s].
-    """
-
+    # (3, 3) places of the x, y and z accelerometer in its rows, from the point that is navigated,
+    # frame b [m]
     arms: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    delay: float = 0.0
+    delay: float = 0.0  # how much later accelerometers read than gyros [s]
 
     @classmethod
     def of(cls, vector: CoefficientVector) -> SizeEffect:
@@ -103,24 +94,15 @@ class SizeEffect:
     def rotated(self, C_cb: FloatArray) -> SizeEffect:
         """Express the places in axes c, ``x_c = C_cb @ x_b``; accelerometers stay who they are.
 
-        Parameters
-        ----------
-        C_cb : ndarray, shape (3, 3)
-            Rotation from the present body axes to the new ones [1].
+        `C_cb` (3, 3): rotation from the present body axes to the new ones [1].
         """
         return replace(self, arms=self.arms @ C_cb.T)
 
     def felt(self, w_ib_b: FloatArray, dw_b: FloatArray, df_b: FloatArray) -> FloatArray:
         """Return what the accelerometers read besides the specific force, shape (..., 3) [m/s^2].
 
-        Parameters
-        ----------
-        w_ib_b : ndarray, shape (..., 3)
-            Angular rate [rad/s].
-        dw_b : ndarray, shape (..., 3)
-            Its derivative [rad/s^2].
-        df_b : ndarray, shape (..., 3)
-            Derivative of the specific force [m/s^3].
+        `w_ib_b` (..., 3): angular rate [rad/s]; `dw_b` (..., 3): its derivative [rad/s^2]; `df_b`
+        (..., 3): derivative of the specific force [m/s^3].
         """
         out = -self.delay * df_b
         if self.arms.any():
@@ -142,19 +124,9 @@ class SizeEffect:
         with it the readings of the accelerometers, and then both again: what is left is the
         product of a size effect and a g-sensitivity.
 
-        Parameters
-        ----------
-        model : ImuModel
-            The other errors.
-        accel, gyro : ndarray, shape (..., 3)
-            Readings [m/s^2], [rad/s].
-        dgyro, daccel : ndarray, shape (..., 3)
-            Their derivatives [rad/s^2], [m/s^3].
-
-        Returns
-        -------
-        f_b, w_ib_b : ndarray, shape (..., 3)
-            Specific force [m/s^2] and angular rate [rad/s], frame b.
+        `accel`, `gyro` (..., 3): readings [m/s^2], [rad/s]; `dgyro`, `daccel` (..., 3): their
+        derivatives [rad/s^2], [m/s^3]. Returns `f_b`, `w_ib_b` (..., 3): specific force [m/s^2]
+        and angular rate [rad/s], frame b.
         """
         _, w_ib_b = model.compensate(accel, gyro)
         assert w_ib_b is not None
@@ -165,12 +137,7 @@ class SizeEffect:
     def apply(self, model: ImuModel, log: Log) -> Log:
         """Return the log without these errors and those of `model`.
 
-        Parameters
-        ----------
-        model : ImuModel
-            The other errors.
-        log : Log
-            Readings; those of accelerometers need those of gyros beside them [SI].
+        `log`: readings, those of accelerometers need those of gyros beside them [SI].
         """
         if not self or log.accel is None:
             return model.apply(log)
@@ -186,10 +153,7 @@ def changes(log: Log) -> tuple[FloatArray, FloatArray]:
     Central differences; beside a gap and at the ends of the log those to the one neighbour there
     is, and zero where there is none. Means over intervals are taken to be those at their middles.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of both triads [SI]. Of rows that are means over positions all are zero.
+    `log`: readings of both triads [SI]. Of rows that are means over positions all are zero.
     """
     assert log.gyro is not None and log.accel is not None
     both = np.concatenate([log.gyro, log.accel], axis=1)
@@ -212,15 +176,7 @@ def changes(log: Log) -> tuple[FloatArray, FloatArray]:
 
 
 def with_size_effect(sensors: Sensors, *, lever: bool = True, delay: bool = True) -> Sensors:
-    """Return the coefficients with lever arms and delay of the accelerometers after them.
-
-    Parameters
-    ----------
-    sensors : Sensors
-        The others.
-    lever, delay : bool
-        Which of the two are added.
-    """
+    """Return the coefficients with lever arms and delay of the accelerometers after them."""
     rows: list[tuple[int, int, int, float]] = []
     more: list[Coefficient] = []
     if lever:

@@ -13,28 +13,18 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models import turntable
 from foucault.models.rotation import cross_matrix, exp
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Axis:
-    """The outer axis: the Earth's rate along it, its cosine with up, and their derivatives.
+    """The outer axis: the Earth's rate along it, its cosine with up, and their derivatives."""
 
-    Attributes
-    ----------
-    earth : float
-        Earth's rate along the outer axis [rad/s].
-    level : float
-        Cosine of the angle between the outer axis and up [1].
-    earth_slope, level_slope : ndarray, shape (u,)
-        Derivatives by the unknowns of the geometry.
-    """
-
-    earth: float
-    level: float
+    earth: float  # Earth's rate along the outer axis [rad/s]
+    level: float  # cosine of the angle between the outer axis and up [1]
+    # earth_slope, level_slope: (u,) derivatives by the unknowns of the geometry
     earth_slope: FloatArray
     level_slope: FloatArray
 
@@ -75,18 +65,10 @@ class Geometry(Protocol):
 
 @dataclass(frozen=True)
 class Free:
-    """Nothing is believed of the table: every reading has its own direction.
+    """Nothing is believed of the table: every reading has its own direction."""
 
-    Attributes
-    ----------
-    o : ndarray, shape (n, 3)
-        Directions, body axes [1].
-    vertical : float
-        Vertical part of the Earth's rate, 0 where unknown [rad/s].
-    """
-
-    o: FloatArray
-    vertical: float = 0.0
+    o: FloatArray  # (n, 3) directions, body axes [1]
+    vertical: float = 0.0  # vertical part of the Earth's rate, 0 where unknown [rad/s]
 
     def directions(self) -> FloatArray:
         """Return `o`."""
@@ -124,10 +106,7 @@ class Free:
 def tangents(o: FloatArray) -> FloatArray:
     """Return two unit vectors across each direction, shape (n, 3, 2) [1].
 
-    Parameters
-    ----------
-    o : ndarray, shape (n, 3)
-        Unit vectors [1].
+    `o` (n, 3): unit vectors [1].
     """
     least = np.eye(3)[np.argmin(np.abs(o), axis=1)]
     first = np.cross(o, least)
@@ -137,22 +116,14 @@ def tangents(o: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Trust:
-    """How far the angles of a table are believed.
+    """How far the angles of a table are believed."""
 
-    Attributes
-    ----------
-    common_sd : ndarray, shape (6,)
-        Sd of the errors that all positions share, in the order of `turntable.COMMON`; 0 where an
-        error is excluded [rad].
-    position_sd : float
-        Sd of the errors that differ from one position to the next; 0 excludes them [rad].
-    latitude : float or None
-        Latitude, for the Earth's rate at rest [rad].
-    """
-
+    # (6,) sd of the errors that all positions share, in the order of `turntable.COMMON`; 0 where an
+    # error is excluded [rad]
     common_sd: FloatArray
+    # sd of the errors that differ from one position to the next; 0 excludes them [rad]
     position_sd: float
-    latitude: float | None
+    latitude: float | None  # latitude, for the Earth's rate at rest [rad]
 
 
 DOUBTED = np.radians(30.0)
@@ -165,36 +136,16 @@ STRAIGHT = 1e-6
 
 @dataclass(frozen=True)
 class Angles:
-    """The angles of the table are believed, with errors of known size.
+    """The angles of the table are believed, with errors of known size."""
 
-    Attributes
-    ----------
-    readings_angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle as the table says [rad].
-    spin : ndarray of bool, shape (n,)
-        Which readings are spins.
-    trust : Trust
-        Sizes of the errors.
-    C_bk : ndarray, shape (3, 3)
-        Mounting [1].
-    common : ndarray, shape (6,)
-        Errors that all positions share [rad].
-    position : ndarray, shape (n, 2)
-        Errors of the middle and inner angle in each position [rad].
-    heading : float or None
-        Azimuth of table y [rad]; None where no rest says anything of it.
-    doubted : tuple of int, shape (k,)
-        Readings whose middle and inner angle are not believed [1].
-    """
-
-    readings_angles: FloatArray
-    spin: npt.NDArray[np.bool_]
-    trust: Trust
-    C_bk: FloatArray
-    common: FloatArray
-    position: FloatArray
-    heading: float | None
-    doubted: tuple[int, ...] = ()
+    readings_angles: FloatArray  # (n, 3) outer, middle and inner angle as the table says [rad]
+    spin: npt.NDArray[np.bool_]  # (n,) which readings are spins
+    trust: Trust  # sizes of the errors
+    C_bk: FloatArray  # (3, 3) mounting [1]
+    common: FloatArray  # (6,) errors that all positions share [rad]
+    position: FloatArray  # (n, 2) errors of the middle and inner angle in each position [rad]
+    heading: float | None  # azimuth of table y [rad]; None where no rest says anything of it
+    doubted: tuple[int, ...] = ()  # (k,) readings whose middle and inner angle are not believed [1]
 
     @property
     def used(self) -> npt.NDArray[np.intp]:
@@ -293,10 +244,7 @@ class Angles:
     def pointed(self, o: FloatArray) -> Angles:
         """Change the angles of every position until they give directions.
 
-        Parameters
-        ----------
-        o : ndarray, shape (n, 3)
-            Directions wanted, body axes [1].
+        `o` (n, 3): directions wanted, body axes [1].
         """
         new = self
         for _ in range(4):

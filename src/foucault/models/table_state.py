@@ -15,46 +15,30 @@ is believed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models import turntable
 from foucault.models.earth import Site
-from foucault.models.imu import ImuModel, coefficient_slot, products, products_slope
+from foucault.models.imu import ImuModel
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Geometry
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class State:
-    """Everything unknown.
-
-    Attributes
-    ----------
-    model : ImuModel
-        The instrument.
-    geometry : Geometry
-        How it was turned.
-    lever_arm : ndarray, shape (3,)
-        The accelerometers from the centre of the table, body axes [m].
-    level : float
-        ln of the norm of the mean specific force in spins over local gravity [1].
-    offset : ndarray, shape (3,)
-        Gyro bias at rest minus that in spins: they are measured at different times [rad/s].
-    wander : ndarray, shape (n, 6), or None
-        Slow biases in each reading less their long-term mean, accelerometers and gyros; None for
-        zero [SI].
-    """
+    """Everything unknown."""
 
     model: ImuModel
-    geometry: Geometry
-    lever_arm: FloatArray
-    level: float = 0.0
+    geometry: Geometry  # how it was turned
+    lever_arm: FloatArray  # (3,) the accelerometers from the centre of the table, body axes [m]
+    level: float = 0.0  # ln of the norm of the mean specific force in spins over local gravity [1]
+    # (3,) gyro bias at rest minus that in spins: they are measured at different times [rad/s]
     offset: FloatArray = field(default_factory=lambda: np.zeros(3))
+    # (n, 6) slow biases in each reading less their long-term mean, accelerometers and gyros; None
+    # for zero [SI]
     wander: FloatArray | None = None
 
 
@@ -64,21 +48,14 @@ class Unknowns:
 
     In order: coefficients, lever arm, level, offset, geometry, and for every reading how far the
     slow biases of accelerometers and of gyros are from their long-term mean.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Coefficients.
-    lever_arm, level, offset : bool
-        Whether these are unknown.
-    wander : tuple of bool, shape (2,)
-        Whether the slow biases of accelerometers and of gyros are [1].
     """
 
     names: tuple[str, ...]
+    # lever_arm, level, offset: whether these are unknown
     lever_arm: bool
     level: bool
     offset: bool = False
+    # (2,) whether the slow biases of accelerometers and of gyros are [1]
     wander: tuple[bool, bool] = (False, False)
 
     @property
@@ -89,22 +66,15 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the readings should be, with derivatives.
+    """What the readings should be, with derivatives."""
 
-    Attributes
-    ----------
-    accel, gyro : ndarray, shape (n, 3)
-        Readings without noise [SI].
-    accel_slope, gyro_slope : ndarray, shape (n, 3, u)
-        Their derivatives by the unknowns.
-    f_b, w_b : ndarray, shape (n, 3)
-        True specific force and rate [SI].
-    """
-
+    # accel, gyro: (n, 3) readings without noise [SI]
     accel: FloatArray
     gyro: FloatArray
+    # accel_slope, gyro_slope: (n, 3, u) their derivatives by the unknowns
     accel_slope: FloatArray
     gyro_slope: FloatArray
+    # f_b, w_b: (n, 3) true specific force and rate [SI]
     f_b: FloatArray
     w_b: FloatArray
 
@@ -112,16 +82,7 @@ class Prediction:
 def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) -> Prediction:
     """Predict readings and how they change with everything unknown.
 
-    Parameters
-    ----------
-    state : State
-        Values of the unknowns.
-    readings : Readings
-        Where the table stood and how it turned.
-    site : Site
-        Gravity.
-    unknowns : Unknowns
-        What the derivatives are by.
+    `readings`: where the table stood and how it turned.
     """
     spin = readings.spin
     o, o_slope = state.geometry.directions(), state.geometry.directions_slope()
@@ -158,18 +119,15 @@ def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) ->
     f_slope, w_slope = np.concatenate(parts_f, axis=2), np.concatenate(parts_w, axis=2)
     accel, gyro = state.model.measure(f, w)
     gyro = gyro + np.where(spin[:, None], 0.0, state.offset)
-    accel_by_f = state.model.accel_matrix + np.einsum(
-        "ik,nkj->nij", state.model.accel_quadratic, products_slope(f)
-    )
-    own_accel, own_gyro = _coefficient_slope(unknowns.names, f, w)
-    gyro_by_all = state.model.gyro_matrix @ w_slope + state.model.g_sensitivity @ f_slope
+    slopes = state.model.slopes(f, w, unknowns.names)
+    gyro_by_all = slopes.gyro_by_rate @ w_slope + slopes.gyro_by_force @ f_slope
     if unknowns.offset:
         at = unknowns.before_geometry - len(unknowns.names) - 3
         gyro_by_all[~spin, :, at : at + 3] = eye
     if state.wander is not None:
         accel, gyro = accel + state.wander[:, :3], gyro + state.wander[:, 3:]
-    accel_slope = [own_accel, accel_by_f @ f_slope]
-    gyro_slope = [own_gyro, gyro_by_all]
+    accel_slope = [slopes.accel, slopes.accel_by_force @ f_slope]
+    gyro_slope = [slopes.gyro, gyro_by_all]
     for mine, other, used in (
         (accel_slope, gyro_slope, unknowns.wander[0]),
         (gyro_slope, accel_slope, unknowns.wander[1]),
@@ -183,41 +141,13 @@ def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) ->
     )
 
 
-def _coefficient_slope(
-    names: tuple[str, ...], f: FloatArray, w: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of the readings by the coefficients, shape (n, 3, len(names))."""
-    accel, gyro = np.zeros((len(f), 3, len(names))), np.zeros((len(f), 3, len(names)))
-    inputs = {"accel_matrix": f, "accel_quadratic": products(f), "gyro_matrix": w}
-    inputs["g_sensitivity"] = f
-    for k, name in enumerate(names):
-        block, where = coefficient_slot(name)
-        side = accel if block.startswith("accel") else gyro
-        if block.endswith("bias"):
-            side[:, where, k] = 1.0
-        else:
-            side[:, where[0], k] = inputs[block][:, where[1]]
-    return accel, gyro
-
-
 def moved(state: State, step: FloatArray, unknowns: Unknowns) -> State:
     """Return the state after a step.
 
-    Parameters
-    ----------
-    state : State
-        Values of the unknowns.
-    step : ndarray, shape (u,)
-        Change of each unknown [SI].
-    unknowns : Unknowns
-        What the entries of the step are.
+    `step` (u,): change of each unknown [SI].
     """
     n = len(unknowns.names)
-    coefficients = state.model.coefficients()
-    added = coefficients.values.copy()
-    for name, value in zip(unknowns.names, step[:n], strict=True):
-        added[coefficients.layout.index(name)] += value
-    model = ImuModel.from_coefficients(replace(coefficients, values=added))
+    model = state.model.moved(unknowns.names, step[:n])
     lever_arm, at = state.lever_arm, n
     if unknowns.lever_arm:
         lever_arm, at = lever_arm + step[at : at + 3], at + 3

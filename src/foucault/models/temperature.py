@@ -25,6 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import FoucaultError, error
 from foucault.models.imu import ImuModel
@@ -32,8 +33,6 @@ from foucault.models.layouts import of_one_sample
 from foucault.models.size_effect import SizeEffect
 from foucault.tables import Log
 from foucault.units import ZERO_CELSIUS
-
-FloatArray = npt.NDArray[np.float64]
 
 KELVIN_IN_CELSIUS = 150.0
 """No inertial instrument works above this temperature; kelvin read as degC do [degC]."""
@@ -44,34 +43,22 @@ SAME = 1e-6
 
 @dataclass(frozen=True)
 class TemperatureModel:
-    """Coefficients as functions of temperature.
-
-    Attributes
-    ----------
-    layout : Layout
-        The n coefficients.
-    weights : ndarray, shape (n, p)
-        w_ik of the equation above [SI unit of the coefficient, per K^k of a polynomial].
-    cov : ndarray, shape (n p, n p)
-        Covariance of the weights, those of a coefficient side by side [products of their units].
-    reference : float
-        T0, at which a polynomial is its first weight [K].
-    low, high : float
-        Where the functions hold [K].
-    knots : ndarray, shape (p,) or (0,)
-        Knots of functions that are piecewise linear; none of polynomials [K].
-    scatter : ndarray, shape (n,)
-        Standard deviation of each coefficient about its function, from one session to the next;
-        NaN where the sessions do not tell [SI unit].
-    """
+    """Coefficients as functions of temperature."""
 
     layout: Layout
+    # (n, p) w_ik of the equation above [SI unit of the coefficient, per K^k of a polynomial]
     weights: FloatArray
+    # (n p, n p) covariance of the weights, those of a coefficient side by side [products of their
+    # units]
     cov: FloatArray
-    reference: float
+    reference: float  # t0, at which a polynomial is its first weight [K]
+    # low, high: where the functions hold [K]
     low: float
     high: float
+    # (p,) or (0,) knots of functions that are piecewise linear; none of polynomials [K]
     knots: FloatArray = field(default_factory=lambda: np.zeros(0))
+    # (n,) standard deviation of each coefficient about its function, from one session to the next;
+    # NaN where the sessions do not tell [SI unit]
     scatter: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
@@ -86,32 +73,22 @@ class TemperatureModel:
     def basis(self, temperature: FloatArray | float) -> FloatArray:
         """Return phi_k(T), shape (..., p) [K^k of a polynomial, 1 of piecewise linear functions].
 
-        Parameters
-        ----------
-        temperature : ndarray, shape (...,)
-            Temperature [K].
+        `temperature` (...,): temperature [K].
         """
         return basis(temperature, self.weights.shape[1], self.reference, self.knots)
 
     def values(self, temperature: FloatArray | float) -> FloatArray:
         """Return the coefficients, shape (..., n) [SI unit of each].
 
-        Parameters
-        ----------
-        temperature : ndarray, shape (...,)
-            Temperature [K].
+        `temperature` (...,): temperature [K].
         """
         return np.asarray(self.basis(temperature) @ self.weights.T)
 
     def sd(self, temperature: FloatArray, *, scatter: bool = False) -> FloatArray:
         """Return the standard deviations of the functions, shape (m, n) [SI unit of each].
 
-        Parameters
-        ----------
-        temperature : ndarray, shape (m,)
-            Temperature [K].
-        scatter : bool
-            Add the scatter: what to expect of the instrument when it is next switched on.
+        `temperature` (m,): temperature [K]; `scatter`: add the scatter: what to expect of the
+        instrument when it is next switched on.
         """
         n, p = self.weights.shape
         blocks = np.einsum("kakb->kab", self.cov.reshape(n, p, n, p))
@@ -124,10 +101,7 @@ class TemperatureModel:
     def at(self, temperature: float) -> CoefficientVector:
         """Return the coefficients at one temperature, with the covariance of the functions.
 
-        Parameters
-        ----------
-        temperature : float
-            Temperature within the range of validity [K].
+        `temperature`: temperature within the range of validity [K].
         """
         if not self.low - SAME <= temperature <= self.high + SAME:
             raise error("temperature.asked_outside", given=_celsius(temperature),
@@ -150,10 +124,7 @@ class TemperatureModel:
     def apply(self, log: Log) -> Log:
         """Return the log without the errors that the instrument had at each sample's temperature.
 
-        Parameters
-        ----------
-        log : Log
-            Readings with their temperature, all of it within the range of validity [SI].
+        `log`: readings with their temperature, all of it within the range of validity [SI].
         """
         self.refuse_outside(log)
         assert log.temperature is not None
@@ -171,20 +142,14 @@ class TemperatureModel:
     def held(self, temperature: FloatArray) -> FloatArray:
         """Return temperatures, shape (m,) [K], with those outside at the nearer end of the range.
 
-        Parameters
-        ----------
-        temperature : ndarray, shape (m,)
-            Temperature [K].
+        `temperature` (m,): temperature [K].
         """
         return np.clip(temperature, self.low, self.high)
 
     def outside(self, temperature: FloatArray) -> npt.NDArray[np.bool_]:
         """Return where the functions do not hold, shape (m,).
 
-        Parameters
-        ----------
-        temperature : ndarray, shape (m,)
-            Temperature [K].
+        `temperature` (m,): temperature [K].
         """
         inside = (temperature >= self.low - SAME) & (temperature <= self.high + SAME)
         return np.asarray(~inside)  # what is no number is outside
@@ -192,12 +157,7 @@ class TemperatureModel:
     def refuse_outside(self, log: Log, first: int = 0) -> None:
         """Raise where a log has no temperature, or one that the functions do not hold at.
 
-        Parameters
-        ----------
-        log : Log
-            The log [SI].
-        first : int, shape ()
-            Number of its first row, where it is a part of another [1].
+        `log`: the log [SI]; `first`: number of its first row, where it is a part of another [1].
         """
         file = log.source.get("file", "The log")
         if log.temperature is None:
@@ -225,16 +185,8 @@ def basis(
 ) -> FloatArray:
     """Return phi_k(T), shape (..., p) [K^k of a polynomial, 1 of piecewise linear functions].
 
-    Parameters
-    ----------
-    temperature : ndarray, shape (...,)
-        Temperature [K].
-    terms : int, shape ()
-        p of a polynomial [1].
-    reference : float
-        T0 of a polynomial [K].
-    knots : ndarray, shape (p,) or (0,)
-        Knots in rising order; none for a polynomial [K].
+    `temperature` (...,): temperature [K]; `terms`: p of a polynomial [1]; `reference`: t0 of a
+    polynomial [K]; `knots` (p,) or (0,): knots in rising order, none for a polynomial [K].
     """
     T = np.asarray(temperature, float)
     if not knots.size:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def _triad(group: str, symbol: str, kind: str, what: str) -> tuple[Coefficient, ...]:
@@ -52,21 +50,11 @@ LIVELY = 2.146
 
 @dataclass(frozen=True)
 class Messages:
-    """What the master says.
+    """What the master says."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        When each message arrives, by the slave's clock, rising [s].
-    velocity_n : ndarray, shape (k, 3)
-        Velocity of the master [m/s].
-    C_nm : ndarray, shape (k, 3, 3)
-        Its attitude [1].
-    """
-
-    time: FloatArray
-    velocity_n: FloatArray
-    C_nm: FloatArray
+    time: FloatArray  # (k,) when each message arrives, by the slave's clock, rising [s]
+    velocity_n: FloatArray  # (k, 3) velocity of the master [m/s]
+    C_nm: FloatArray  # (k, 3, 3) its attitude [1]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -78,59 +66,30 @@ class Messages:
 
 @dataclass(frozen=True)
 class Mount:
-    """How the slave is fixed to the master, as far as it is known.
+    """How the slave is fixed to the master, as far as it is known."""
 
-    Attributes
-    ----------
-    C_ms : ndarray, shape (3, 3)
-        Nominal mounting, slave to master [1].
-    lever_m : ndarray, shape (3,)
-        From the master to the slave, in the master's axes [m].
-    load : bool
-        Whether it gives way under load.
-    flexure_sd : float
-        Standard deviation of what wanders; 0: the mount is rigid [rad].
-    flexure_time : float
-        Its correlation time [s].
-    wander : float
-        Random walk of the installation [rad/sqrt(s)].
-    """
-
-    C_ms: FloatArray
-    lever_m: FloatArray
-    load: bool = False
-    flexure_sd: float = 0.0
-    flexure_time: float = 5.0
-    wander: float = 0.0
+    C_ms: FloatArray  # (3, 3) nominal mounting, slave to master [1]
+    lever_m: FloatArray  # (3,) from the master to the slave, in the master's axes [m]
+    load: bool = False  # whether it gives way under load
+    flexure_sd: float = 0.0  # standard deviation of what wanders; 0: the mount is rigid [rad]
+    flexure_time: float = 5.0  # its correlation time [s]
+    wander: float = 0.0  # random walk of the installation [rad/sqrt(s)]
 
 
 @dataclass(frozen=True)
 class Matching:
-    """What of the messages is used, and how good it is.
+    """What of the messages is used, and how good it is."""
 
-    Attributes
-    ----------
-    velocity_sd : float
-        Of each component of the difference of velocities; infinite: not used [m/s].
-    attitude_sd : float
-        Of each component of the difference of attitudes; infinite: not used [rad].
-    attitude : {"vector", "angles"}
-        Difference of attitudes as a rotation vector, or of heading, pitch and roll, which fail
-        with the nose up or down.
-    vertical : bool
-        Whether vertical velocity counts too; a free run drifts in it.
-    delay : bool
-        Whether the delay is a state.
-    shift : {"interpolated", "sample"}
-        Whether the slave is looked at between its samples, or at the sample before, as the source
-        does.
-    """
-
+    # of each component of the difference of velocities; infinite: not used [m/s]
     velocity_sd: float
-    attitude_sd: float
+    attitude_sd: float  # of each component of the difference of attitudes; infinite: not used [rad]
+    # difference of attitudes as a rotation vector, or of heading, pitch and roll, which fail with
+    # the nose up or down
     attitude: Literal["vector", "angles"] = "vector"
-    vertical: bool = False
-    delay: bool = False
+    vertical: bool = False  # whether vertical velocity counts too; a free run drifts in it
+    delay: bool = False  # whether the delay is a state
+    # whether the slave is looked at between its samples, or at the sample before, as the source
+    # does
     shift: Literal["interpolated", "sample"] = "interpolated"
 
 
@@ -141,16 +100,7 @@ def states_of_transfer(
 
     What biases wander follows, where they do.
 
-    Parameters
-    ----------
-    sensors : Sensors
-        Coefficients.
-    mount : Mount
-        The mount.
-    matching : Matching
-        What is used.
-    noise : ImuNoise or None
-        Noise of the slave, bias instability among it [SI].
+    `noise` or None: noise of the slave, bias instability among it [SI].
     """
     wanders = () if noise is None else [
         c for c in WANDER.coefficients

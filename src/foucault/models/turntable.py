@@ -27,13 +27,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.models.earth import EARTH_RATE
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 RIG = Layout(
     (
@@ -75,24 +73,15 @@ COMMON = RIG.names[:6]
 
 @dataclass(frozen=True)
 class TablePlan:
-    """What a table is told to do: rests, and spins of the outer axis.
+    """What a table is told to do: rests, and spins of the outer axis."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the plan, shape ().
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle of each position; the outer one is where a spin starts [rad].
-    rate : ndarray, shape (n,)
-        Rate of the outer axis, counter-clockwise seen from above; 0 for a rest [rad/s].
-    time : ndarray, shape (n,)
-        Length of each rest, or of the whole turns of a spin [s].
-    """
-
-    name: str
+    name: str  # name of the plan, shape ()
+    # (n, 3) outer, middle and inner angle of each position; the outer one is where a spin starts
+    # [rad]
     angles: FloatArray
+    # (n,) rate of the outer axis, counter-clockwise seen from above; 0 for a rest [rad/s]
     rate: FloatArray
-    time: FloatArray
+    time: FloatArray  # (n,) length of each rest, or of the whole turns of a spin [s]
 
     def __len__(self) -> int:
         return len(self.rate)
@@ -100,22 +89,15 @@ class TablePlan:
 
 @dataclass(frozen=True)
 class TableErrors:
-    """Errors of a table that are the same in all positions.
+    """Errors of a table that are the same in all positions."""
 
-    Attributes
-    ----------
-    plumb_x, plumb_y : float
-        Tilt of the outer axis about table x, then y [rad].
-    middle_outer, inner_middle : float
-        Departures from the perpendicular p_mo and p_im [rad].
-    middle_zero, inner_zero : float
-        Zero errors of the angle readings: true minus said [rad].
-    """
-
+    # plumb_x, plumb_y: tilt of the outer axis about table x, then y [rad]
     plumb_x: float = 0.0
     plumb_y: float = 0.0
+    # middle_outer, inner_middle: departures from the perpendicular p_mo and p_im [rad]
     middle_outer: float = 0.0
     inner_middle: float = 0.0
+    # middle_zero, inner_zero: zero errors of the angle readings: true minus said [rad]
     middle_zero: float = 0.0
     inner_zero: float = 0.0
 
@@ -132,18 +114,12 @@ class TableErrors:
 
 @dataclass(frozen=True)
 class Chain:
-    """Attitudes of the case, and the axes that errors turn it about.
+    """Attitudes of the case, and the axes that errors turn it about."""
 
-    Attributes
-    ----------
-    C_tk : ndarray, shape (n, 3, 3)
-        Attitude of the case [1].
-    axes : ndarray, shape (n, 3, 7)
-        In case axes the directions of the seven elementary rotations plumb x, plumb y, outer, p_mo,
-        middle, p_im, inner: a small increase e of one turns ``C_tk`` into ``C_tk Exp([a e x])``.
-    """
-
-    C_tk: FloatArray
+    C_tk: FloatArray  # (n, 3, 3) attitude of the case [1]
+    # (n, 3, 7) in case axes the directions of the seven elementary rotations plumb x, plumb y,
+    # outer, p_mo, middle, p_im, inner: a small increase e of one turns ``C_tk`` into ``C_tk Exp([a
+    # e x])``
     axes: FloatArray
 
     @property
@@ -171,14 +147,9 @@ def chain(
 ) -> Chain:
     """Compute the attitude of the case for angles of the table.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle as the table says [rad].
-    errors : TableErrors or None
-        Errors that all positions share [rad].
-    position : ndarray, shape (n, 2), or None
-        Errors of the middle and the inner angle in each position [rad].
+    `angles` (n, 3): outer, middle and inner angle as the table says [rad]; `errors` or None:
+    errors that all positions share [rad]; `position` (n, 2) or None: errors of the middle and the
+    inner angle in each position [rad].
     """
     e = errors or TableErrors()
     extra = np.zeros((len(angles), 2)) if position is None else position
@@ -203,12 +174,7 @@ def chain(
 def elementary(axis: int, angle: FloatArray) -> FloatArray:
     """Return active rotation matrices about x, y or z, shape (n, 3, 3) [1].
 
-    Parameters
-    ----------
-    axis : int, shape ()
-        0, 1 or 2 for x, y or z [1].
-    angle : ndarray, shape (n,)
-        Angles [rad].
+    `axis`: 0, 1 or 2 for x, y or z [1]; `angle` (n,): angles [rad].
     """
     i, j = (axis + 1) % 3, (axis + 2) % 3
     out = np.zeros((len(angle), 3, 3))
@@ -222,10 +188,7 @@ def elementary(axis: int, angle: FloatArray) -> FloatArray:
 def up_k(angles: FloatArray) -> FloatArray:
     """Return the direction of up in case axes on a perfect table, shape (n, 3) [1].
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle [rad].
+    `angles` (n, 3): outer, middle and inner angle [rad].
     """
     a, b = angles[:, 1], angles[:, 2]
     return np.stack([-np.cos(a) * np.sin(b), np.sin(a), np.cos(a) * np.cos(b)], axis=1)
@@ -234,12 +197,8 @@ def up_k(angles: FloatArray) -> FloatArray:
 def earth_rate_t(latitude: float, heading: float) -> FloatArray:
     """Return the Earth's rotation in table axes, shape (3,) [rad/s].
 
-    Parameters
-    ----------
-    latitude : float
-        Geodetic latitude, positive north [rad].
-    heading : float
-        Azimuth of table y, clockwise from North [rad].
+    `latitude`: geodetic latitude, positive north [rad]; `heading`: azimuth of table y, clockwise
+    from North [rad].
     """
     horizontal = np.cos(latitude)
     return EARTH_RATE * np.array(
@@ -252,12 +211,8 @@ def mean_rate(rate: FloatArray, latitude: float) -> FloatArray:
 
     ``h = rate + w_ie sin L``: the horizontal part of the Earth's rotation averages to zero.
 
-    Parameters
-    ----------
-    rate : ndarray, shape (n,)
-        Rate of the outer axis, counter-clockwise seen from above [rad/s].
-    latitude : float
-        Geodetic latitude, positive north [rad].
+    `rate` (n,): rate of the outer axis, counter-clockwise seen from above [rad/s]; `latitude`:
+    geodetic latitude, positive north [rad].
     """
     return np.asarray(rate + EARTH_RATE * np.sin(latitude))
 
@@ -267,16 +222,9 @@ def mean_force(up: FloatArray, h: FloatArray, gravity: float, lever_arm: FloatAr
 
     ``f = g o - h^2 (r - (r.o) o)``: gravity along the axis, and the centripetal acceleration.
 
-    Parameters
-    ----------
-    up : ndarray, shape (n, 3)
-        Direction o of up at rest, or of the outer axis in a spin, body axes [1].
-    h : ndarray, shape (n,)
-        Rate about it; 0 at rest [rad/s].
-    gravity : float
-        Local gravity [m/s^2].
-    lever_arm : ndarray, shape (3,)
-        The accelerometers from the centre of the table, body axes [m].
+    `up` (n, 3): direction o of up at rest, or of the outer axis in a spin, body axes [1]; `h`
+    (n,): rate about it, 0 at rest [rad/s]; `gravity`: local gravity [m/s^2]; `lever_arm` (3,):
+    the accelerometers from the centre of the table, body axes [m].
     """
     across = lever_arm - (up @ lever_arm)[:, None] * up
     return np.asarray(gravity * up - (h**2)[:, None] * across)

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error, suggestion
 from foucault.models.attitude import angles_of
@@ -36,9 +36,6 @@ from foucault.navigate.two_vector import two_vector, two_vector_covariance
 from foucault.tables import Log
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 Method = Literal["inertial_frame", "two_vector", "kalman", "two_position"]
 
 PARTS = 10
@@ -47,56 +44,30 @@ PARTS = 10
 
 @dataclass(frozen=True)
 class Alignment:
-    """Attitude at one instant, and how well it is known.
+    """Attitude at one instant, and how well it is known."""
 
-    Attributes
-    ----------
-    C_nb : ndarray, shape (3, 3)
-        Attitude at `time` [1].
-    cov : ndarray, shape (3, 3)
-        Covariance of phi, E N U: ``C_nb_est = (I - [phi x]) C_nb_true`` [rad^2].
-    method : str
-        How it was found.
-    time : float
-        When it holds [s].
-    start, end : float
-        The window it was found from [s].
-    azimuth_bias_sd : float
-        Azimuth error that the declared gyro bias makes in one position,
-        ``sd(b_E) / (w_ie cos L)`` [rad].
-    findings : tuple of Finding
-        What was noticed.
-    disturbance_sd : ndarray, shape (3,), or None
-        Standard deviation of the velocity of the disturbance, E N U, where measured [m/s].
-    gravity_seen : float
-        Size of gravity as the accelerometers say [m/s^2].
-    biases : CoefficientVector or None
-        Biases of gyros and accelerometers, where estimated [rad/s], [m/s^2].
-    nis : ndarray, shape (m,), or None
-        Normalised innovation squared of each epoch of a filter [1].
-    dof : ndarray of int, shape (m,), or None
-        Measurements in each [1].
-    rests : tuple of (float, float)
-        The rests of two positions [s].
-    moving : bool
-        Whether a velocity was given.
-    """
-
-    C_nb: FloatArray
+    C_nb: FloatArray  # (3, 3) attitude at `time` [1]
+    # (3, 3) covariance of phi, E N U: ``C_nb_est = (I - [phi x]) C_nb_true`` [rad^2]
     cov: FloatArray
-    method: str
-    time: float
+    method: str  # how it was found
+    time: float  # when it holds [s]
+    # start, end: the window it was found from [s]
     start: float
     end: float
+    # azimuth error that the declared gyro bias makes in one position, ``sd(b_E) / (w_ie cos L)``
+    # [rad]
     azimuth_bias_sd: float
     findings: tuple[Finding, ...] = ()
+    # (3,) standard deviation of the velocity of the disturbance, E N U, where measured [m/s]
     disturbance_sd: FloatArray | None = None
-    gravity_seen: float = float("nan")
+    gravity_seen: float = float("nan")  # size of gravity as the accelerometers say [m/s^2]
+    # biases of gyros and accelerometers, where estimated [rad/s], [m/s^2]
     biases: CoefficientVector | None = None
+    # (m,) normalised innovation squared of each epoch of a filter [1]
     nis: FloatArray | None = None
-    dof: IntArray | None = None
-    rests: tuple[tuple[float, float], ...] = ()
-    moving: bool = False
+    dof: IntArray | None = None  # (m,) measurements in each [1]
+    rests: tuple[tuple[float, float], ...] = ()  # the rests of two positions [s]
+    moving: bool = False  # whether a velocity was given
 
     @property
     def angles(self) -> FloatArray:
@@ -120,12 +91,8 @@ class Alignment:
 def window(increments: Increments, start: float | None = None, end: float | None = None) -> slice:
     """Return the rows of the intervals that lie within a window.
 
-    Parameters
-    ----------
-    increments : Increments
-        The whole log [rad], [m/s].
-    start, end : float or None
-        Ends of the window; None is that of the log [s].
+    `increments`: the whole log [rad], [m/s]; `start`, `end`: ends of the window, None is that of
+    the log [s].
     """
     first, last = float(increments.time[0] - increments.dt[0]), float(increments.time[-1])
     start = first if start is None else start
@@ -143,19 +110,9 @@ def measured_errors(
 ) -> tuple[FloatArray, FloatArray, SensorErrors]:
     """Return the means of a rest, with the noise raised to what parts of it scatter by.
 
-    Parameters
-    ----------
-    increments : Increments
-        The window [rad], [m/s].
-    sensors : SensorErrors
-        What the instrument errs by.
-
-    Returns
-    -------
-    f_b, w_ib_b : ndarray, shape (3,)
-        Mean specific force [m/s^2] and mean rate [rad/s].
-    sensors : SensorErrors
-        As given where `PARTS` of the window scatter no more than their noise allows.
+    `increments`: the window [rad], [m/s]. Returns `f_b`, `w_ib_b` (3,): mean specific force
+    [m/s^2] and mean rate [rad/s]; `sensors`: as given where `PARTS` of the window scatter no more
+    than their noise allows.
     """
     from foucault.estimate.chi_square import chi_square_limits
 
@@ -266,25 +223,17 @@ def sensor_errors(
 ) -> SensorErrors:
     """Return what the instrument errs by during a window.
 
-    Parameters
-    ----------
-    increments : Increments
-        The window [rad], [m/s].
-    noise : ImuNoise or None
-        Noise of the sensors; None for none [SI].
-    gyro_bias_sd, accel_bias_sd : float, shape ()
-        Standard deviation of the bias of each sensor [rad/s], [m/s^2].
-
-    Raises
-    ------
-    FoucaultError
-        ``alignment.sd``: one of them is negative, or no number.
+    `increments`: the window [rad], [m/s]; `noise`: noise of the sensors, None for none [SI];
+    `gyro_bias_sd`, `accel_bias_sd`: standard deviation of the bias of each sensor [rad/s],
+    [m/s^2]. Raises ``alignment.sd``: one of them is negative, or no number.
     """
     for what, sd in (("gyro_bias_sd", gyro_bias_sd), ("accel_bias_sd", accel_bias_sd)):
         if not 0 <= sd < np.inf:
             raise error("alignment.sd", what=what, given=plain(sd))
     interval, length = float(np.median(increments.dt)), float(increments.dt.sum())
-    return SensorErrors.declared(noise or ImuNoise(), interval, length, gyro_bias_sd, accel_bias_sd)
+    return SensorErrors.declared(
+        noise or ImuNoise(), interval, length, gyro_bias_sd, accel_bias_sd, increments.counted
+    )
 
 
 def _found(part: Increments, method: str, C_nb: FloatArray, cov: FloatArray) -> Alignment:
@@ -323,14 +272,8 @@ def bridge_peak(psd: FloatArray, length: float, false_alarm: float = 0.01) -> Fl
     The angle less its trend from end to end is a Brownian bridge; its peak is beyond x with the
     probability ``2 exp(-2 x^2 / (psd length))``.
 
-    Parameters
-    ----------
-    psd : ndarray, shape (3,)
-        White noise of the gyros [rad^2/s].
-    length : float, shape ()
-        Length of the window [s].
-    false_alarm : float, shape ()
-        Probability that any axis is beyond [1].
+    `psd` (3,): white noise of the gyros [rad^2/s]; `length`: length of the window [s];
+    `false_alarm`: probability that any axis is beyond [1].
     """
     return np.asarray(np.sqrt(psd * length * np.log(2 * len(psd) / false_alarm) / 2))
 

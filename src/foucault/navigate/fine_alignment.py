@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import error
 from foucault.estimate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.models import rotation
@@ -30,9 +30,6 @@ from foucault.navigate.inertial_frame import InertialFit, inertial_frame, known_
 from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.state import State
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 BIASES = ("gyro.bias", "accel.bias")
 """Sensor errors that are estimated beside the attitude."""
@@ -58,30 +55,15 @@ LEAST_TURN = np.radians(10.0)
 
 @dataclass(frozen=True)
 class FineFit:
-    """What a fine alignment found.
+    """What a fine alignment found."""
 
-    Attributes
-    ----------
-    run : FilterRun
-        The filter, epoch by epoch.
-    C_nb : ndarray, shape (3, 3)
-        Attitude at the end [1].
-    cov : ndarray, shape (3, 3)
-        Covariance of phi (E, N, U) at the end [rad^2].
-    nis : ndarray, shape (m,)
-        Normalised innovation squared of each epoch after the first `SETTLING` [1].
-    dof : ndarray of int, shape (m,)
-        Measurements in each [1].
-    start : InertialFit
-        The alignment in inertial space that it began with.
-    """
-
-    run: FilterRun
-    C_nb: FloatArray
-    cov: FloatArray
+    run: FilterRun  # the filter, epoch by epoch
+    C_nb: FloatArray  # (3, 3) attitude at the end [1]
+    cov: FloatArray  # (3, 3) covariance of phi (E, N, U) at the end [rad^2]
+    # (m,) normalised innovation squared of each epoch after the first `SETTLING` [1]
     nis: FloatArray
-    dof: IntArray
-    start: InertialFit
+    dof: IntArray  # (m,) measurements in each [1]
+    start: InertialFit  # the alignment in inertial space that it began with
 
 
 def by_velocity(
@@ -93,18 +75,9 @@ def by_velocity(
 ) -> FineFit:
     """Align by zero velocity, or by a velocity that is known.
 
-    Parameters
-    ----------
-    increments : Increments
-        The window [rad], [m/s].
-    site : Site
-        Where it begins; the latitude must be known.
-    sensors : SensorErrors
-        What the instrument errs by.
-    velocity_n : ndarray, shape (n, 3), or None
-        Velocity at the end of each interval, E N U; None at rest [m/s].
-    velocity_sd : float, shape ()
-        Standard deviation of a given velocity beside the disturbance [m/s].
+    `increments`: the window [rad], [m/s]; `site`: where it begins, the latitude must be known;
+    `velocity_n` (n, 3): velocity at the end of each interval, E N U, None at rest [m/s];
+    `velocity_sd`: standard deviation of a given velocity beside the disturbance [m/s].
     """
     fit = inertial_frame(increments, site, sensors, velocity_n)
     rows = _epoch_rows(increments, fit)
@@ -137,16 +110,9 @@ def two_position(
 ) -> FineFit:
     """Align by two or more rests at different headings; what the gyro bias makes falls away.
 
-    Parameters
-    ----------
-    increments : Increments
-        From the start of the first rest to the end of the last [rad], [m/s].
-    site : Site
-        Where it stands; the latitude must be known.
-    sensors : SensorErrors
-        What the instrument errs by.
-    rests : sequence of (float, float)
-        Start and end of each rest, in order [s].
+    `increments`: from the start of the first rest to the end of the last [rad], [m/s]; `site`:
+    where it stands, the latitude must be known; `rests`: start and end of each rest, in order
+    [s].
     """
     ends = np.ravel(rests)
     slack = float(increments.dt.max())

@@ -8,6 +8,7 @@ values the integral of the cubic through four samples is taken::
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -15,11 +16,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding
 from foucault.tables import Log
 from foucault.units import plain, span
-
-FloatArray = npt.NDArray[np.float64]
 
 GAP = 1.5
 """An interval longer than this many usual ones is a gap [1]."""
@@ -30,43 +30,25 @@ SLOWEST = 1.0
 
 @dataclass(frozen=True)
 class Increments:
-    """What the instrument added up over each interval, in body axes.
+    """What the instrument added up over each interval, in body axes."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        End of each interval [s].
-    dt : ndarray, shape (n,)
-        Its length [s].
-    dtheta_b : ndarray, shape (n, 3)
-        Integral of the angular rate w_ib_b [rad].
-    dvel_b : ndarray, shape (n, 3)
-        Integral of the specific force f_b [m/s].
-    joined : ndarray of bool, shape (n,)
-        Whether the interval before ends where this one begins, and neither holds a gap.
-    findings : tuple of Finding
-        Gaps that were bridged.
-    """
-
-    time: FloatArray
-    dt: FloatArray
-    dtheta_b: FloatArray
-    dvel_b: FloatArray
+    time: FloatArray  # (n,) end of each interval [s]
+    dt: FloatArray  # (n,) its length [s]
+    dtheta_b: FloatArray  # (n, 3) integral of the angular rate w_ib_b [rad]
+    dvel_b: FloatArray  # (n, 3) integral of the specific force f_b [m/s]
+    # (n,) whether the interval before ends where this one begins, and neither holds a gap
     joined: npt.NDArray[np.bool_]
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # gaps that were bridged
+    # whether the instrument added them up: what rounding leaves out is in the next one
+    counted: bool = False
 
     @classmethod
     def of(cls, time: FloatArray, dtheta_b: FloatArray, dvel_b: FloatArray) -> Increments:
         """Take increments as they are, without a gap.
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            End of each interval [s]; the first is taken to be as long as the second.
-        dtheta_b : ndarray, shape (n, 3)
-            Increments of angle [rad].
-        dvel_b : ndarray, shape (n, 3)
-            Increments of velocity [m/s].
+        `time` (n,): end of each interval [s], the first is taken to be as long as the second;
+        `dtheta_b` (n, 3): increments of angle [rad]; `dvel_b` (n, 3): increments of velocity
+        [m/s].
         """
         joined = np.ones(len(time), bool)
         joined[:1] = False
@@ -76,11 +58,22 @@ class Increments:
     def __len__(self) -> int:
         return len(self.time)
 
+    @classmethod
+    def chained(cls, parts: Sequence[Increments]) -> Increments:
+        """Return recordings with times that rise as one; none goes on where another ended."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            np.concatenate([p.time for p in parts]), np.concatenate([p.dt for p in parts]),
+            np.concatenate([p.dtheta_b for p in parts]), np.concatenate([p.dvel_b for p in parts]),
+            np.concatenate([p.joined for p in parts]), tuple(f for p in parts for f in p.findings),
+        )  # fmt: skip
+
     def __getitem__(self, rows: slice) -> Increments:
         """Return the intervals of a slice."""
         return Increments(
             self.time[rows], self.dt[rows], self.dtheta_b[rows], self.dvel_b[rows],
-            self.joined[rows], self.findings,
+            self.joined[rows], self.findings, self.counted,
         )  # fmt: skip
 
     @cached_property
@@ -91,10 +84,7 @@ class Increments:
     def row_at(self, time: float) -> int:
         """Return the row whose interval ends nearest to a time.
 
-        Parameters
-        ----------
-        time : float, shape ()
-            Time as in the log [s].
+        `time`: time as in the log [s].
         """
         k = int(np.searchsorted(self.time, time))
         if k == len(self) or (k > 0 and time - self.time[k - 1] < self.time[k] - time):
@@ -141,16 +131,14 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     total = _integrals(both, dt, gap, log.sampled)
     joined = ~(gap | np.roll(gap, 1))
     joined[0] = False
-    return Increments(log.time, dt, total[:, :3].copy(), total[:, 3:].copy(), joined, found)
+    return Increments(log.time, dt, total[:, :3].copy(), total[:, 3:].copy(), joined, found,
+                      log.sampled == "increment")  # fmt: skip
 
 
 def navigable(log: Log) -> None:
     """Refuse a log that cannot be integrated: a triad is missing, or its rows are means.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
+    `log`: readings [SI].
     """
     for name in ("gyro", "accel"):
         if getattr(log, name) is None:
@@ -162,10 +150,7 @@ def navigable(log: Log) -> None:
 def require_readings(log: Log) -> None:
     """Refuse a triad all of whose readings are zero: no instrument at rest on Earth reads that.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of both triads [SI].
+    `log`: readings of both triads [SI].
     """
     for name in ("gyro", "accel"):
         if not np.any(getattr(log, name)):
@@ -179,12 +164,8 @@ def bend_weights(dt: FloatArray, joined: npt.NDArray[np.bool_]) -> tuple[FloatAr
     ``k theta' x theta``, ``k = dt^2 / (6 dt' (dt + dt'))``. The mean of both sides is free of the
     error that one side has where the rate is not linear; where one is missing the other counts.
 
-    Parameters
-    ----------
-    dt : ndarray, shape (n,)
-        Lengths of the intervals [s].
-    joined : ndarray of bool, shape (n,)
-        Whether each goes on where the one before ended.
+    `dt` (n,): lengths of the intervals [s]; `joined` (n,): whether each goes on where the one
+    before ended.
     """
     left, right = np.zeros(len(dt)), np.zeros(len(dt))
     both = joined[1:]

@@ -33,8 +33,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.earth import SEMI_MAJOR_AXIS, Site, earth_rate_n
 from foucault.models.rotation import cross_matrix, exp
@@ -42,8 +42,6 @@ from foucault.navigate.sensor_errors import SensorErrors
 
 if TYPE_CHECKING:
     from foucault.navigate.increments import Increments
-
-FloatArray = npt.NDArray[np.float64]
 
 EPOCH = 1.0
 """Length of one epoch: longer than most vibration of a standing vehicle [s]."""
@@ -54,46 +52,24 @@ FEWEST = 20
 
 @dataclass(frozen=True)
 class InertialFit:
-    """What an alignment in inertial space found.
+    """What an alignment in inertial space found."""
 
-    Attributes
-    ----------
-    C_nb : ndarray, shape (3, 3)
-        Attitude at the end of the window [1].
-    history : ndarray, shape (m, 3, 3)
-        C_nb at the end of each epoch, the last the same [1].
-    cov : ndarray, shape (3, 3)
-        Covariance of phi (E, N, U) [rad^2].
-    parts : dict of str to ndarray, shape (3, 3)
-        What each source adds to it: disturbance, gyro noise, accelerometer noise, gyro bias,
-        accelerometer bias [rad^2].
-    epochs : ndarray, shape (m,)
-        End of each epoch, counted from the start of the window [s].
-    disturbance_n : ndarray, shape (m, 3)
-        Velocity of the disturbance, E, N, U, less what constant biases explain [m/s].
-    disturbance_sd : ndarray, shape (3,)
-        Its standard deviation, as a mean over an epoch [m/s].
-    instant_sd : ndarray, shape (3,)
-        The same of the velocity at one instant, vibration and rounding included [m/s].
-    effective : ndarray, shape (3,)
-        Number of independent samples that its m epochs are worth [1].
-    gravity_seen : float
-        Size of gravity as the accelerometers say [m/s^2].
-    first_by_bias : ndarray, shape (3, 6)
-        Error phi of the attitude at the end of the first epoch per bias of gyros [s] and
-        accelerometers [rad/(m/s^2)].
-    """
-
-    C_nb: FloatArray
-    history: FloatArray
-    cov: FloatArray
+    C_nb: FloatArray  # (3, 3) attitude at the end of the window [1]
+    history: FloatArray  # (m, 3, 3) C_nb at the end of each epoch, the last the same [1]
+    cov: FloatArray  # (3, 3) covariance of phi (E, N, U) [rad^2]
+    # (3, 3) what each source adds to it: disturbance, gyro noise, accelerometer noise, gyro bias,
+    # accelerometer bias [rad^2]
     parts: dict[str, FloatArray]
-    epochs: FloatArray
+    epochs: FloatArray  # (m,) end of each epoch, counted from the start of the window [s]
+    # (m, 3) velocity of the disturbance, E, N, U, less what constant biases explain [m/s]
     disturbance_n: FloatArray
-    disturbance_sd: FloatArray
+    disturbance_sd: FloatArray  # (3,) its standard deviation, as a mean over an epoch [m/s]
+    # (3,) the same of the velocity at one instant, vibration and rounding included [m/s]
     instant_sd: FloatArray
-    effective: FloatArray
-    gravity_seen: float
+    effective: FloatArray  # (3,) number of independent samples that its m epochs are worth [1]
+    gravity_seen: float  # size of gravity as the accelerometers say [m/s^2]
+    # (3, 6) error phi of the attitude at the end of the first epoch per bias of gyros [s] and
+    # accelerometers [rad/(m/s^2)]
     first_by_bias: FloatArray
 
 
@@ -103,14 +79,8 @@ def gravity_velocity(time: FloatArray, latitude: float, gravity: float) -> Float
     ``V = g (sin(W t)/W u + (1 - cos(W t))/W k x u + (t - sin(W t)/W) (k . u) k)``, with the Earth's
     axis k, its rate W and up u.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Time since that frame was level [s].
-    latitude : float, shape ()
-        Geodetic latitude, positive north [rad].
-    gravity : float, shape ()
-        Local gravity [m/s^2].
+    `time` (n,): time since that frame was level [s]; `latitude`: geodetic latitude, positive
+    north [rad]; `gravity`: local gravity [m/s^2].
     """
     w = earth_rate_n(latitude)
     W = float(np.linalg.norm(w))
@@ -143,23 +113,10 @@ def moving_velocity(
     ``int C_Nn f_n dt = C_Nn v - v(0) + int C_Nn (g u + w_ie x v) dt``, C_Nn turned by the Earth and
     by the curved way, the latitude taken as constant.
 
-    Parameters
-    ----------
-    dt : ndarray, shape (n,)
-        Lengths of the intervals [s].
-    velocity_n : ndarray, shape (n, 3)
-        Velocity at their ends, E N U [m/s].
-    latitude : float, shape ()
-        Geodetic latitude, positive north [rad].
-    gravity : float, shape ()
-        Local gravity [m/s^2].
-
-    Returns
-    -------
-    V : ndarray, shape (n, 3)
-        The integral at the ends, but for the constant v(0) [m/s].
-    C_Nn : ndarray, shape (n, 3, 3)
-        The level frame at the ends against that of time 0 [1].
+    `dt` (n,): lengths of the intervals [s]; `velocity_n` (n, 3): velocity at their ends, E N U
+    [m/s]; `latitude`: geodetic latitude, positive north [rad]; `gravity`: local gravity [m/s^2].
+    Returns `V` (n, 3): the integral at the ends, but for the constant v(0) [m/s]; `C_Nn` (n, 3,
+    3): the level frame at the ends against that of time 0 [1].
     """
     w_ie, step = earth_rate_n(latitude), dt[:, None]
     vE, vN, _ = velocity_n.T
@@ -215,16 +172,10 @@ def inertial_frame(
 ) -> InertialFit:
     """Align in inertial space.
 
-    Parameters
-    ----------
-    increments : Increments
-        The window [rad], [m/s].
-    site : Site
-        Where it stands; the latitude must be known.
-    sensors : SensorErrors or None
-        What the instrument errs by, for the covariance; None for nothing but the disturbance.
-    velocity_n : ndarray, shape (n, 3), or None
-        Velocity of the vehicle at the end of each interval, E N U; None at rest [m/s].
+    `increments`: the window [rad], [m/s]; `site`: where it stands, the latitude must be known;
+    `sensors`: what the instrument errs by, for the covariance, None for nothing but the
+    disturbance; `velocity_n` (n, 3): velocity of the vehicle at the end of each interval, E N U,
+    None at rest [m/s].
     """
     sensors = SensorErrors() if sensors is None else sensors
     latitude = known_latitude(site)
@@ -319,12 +270,8 @@ def correlation_time(x: FloatArray, lost: float = 1.0) -> float:
     are no longer positive, which sees long tails; and ``(1 + r) / (1 - r)`` with the correlation r
     of neighbours, corrected for what a mean and a fit take out of slow changes.
 
-    Parameters
-    ----------
-    x : ndarray, shape (m,)
-        Residuals of mean zero, evenly spaced [any unit].
-    lost : float, shape ()
-        Degrees of freedom that the fit took out of x [1].
+    `x` (m,): residuals of mean zero, evenly spaced [any unit]; `lost`: degrees of freedom that
+    the fit took out of x [1].
 
     References
     ----------

@@ -5,30 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.session_noise import SessionNoise, window_covariance
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Noise and biases of an instrument during one alignment.
+    """Noise and biases of an instrument during one alignment."""
 
-    Attributes
-    ----------
-    gyro_psd, accel_psd : ndarray, shape (3,)
-        White noise [rad^2/s], [m^2/s^3].
-    gyro_bias_sd, accel_bias_sd : float
-        Standard deviation of the bias of each sensor [rad/s], [m/s^2].
-    """
-
+    # gyro_psd, accel_psd: (3,) white noise [rad^2/s], [m^2/s^3]
     gyro_psd: FloatArray = field(default_factory=lambda: np.zeros(3))
     accel_psd: FloatArray = field(default_factory=lambda: np.zeros(3))
+    # gyro_bias_sd, accel_bias_sd: standard deviation of the bias of each sensor [rad/s], [m/s^2]
     gyro_bias_sd: float = 0.0
     accel_bias_sd: float = 0.0
+    # gyro_carried, accel_carried: (3,) variance of the sum of increments at an instant, by rounding
+    # that is carried to the next one [rad^2], [m^2/s^2]
+    gyro_carried: FloatArray = field(default_factory=lambda: np.zeros(3))
+    accel_carried: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def declared(
@@ -38,39 +34,37 @@ class SensorErrors:
         length: float,
         gyro_bias_sd: float = 0.0,
         accel_bias_sd: float = 0.0,
+        counted: bool = False,
     ) -> SensorErrors:
         """Take noise as declared; what changes slowly is a bias for as long as an alignment lasts.
 
-        Parameters
-        ----------
-        noise : ImuNoise
-            Declared noise [SI].
-        interval : float, shape ()
-            Sample interval [s].
-        length : float, shape ()
-            Length of the alignment [s].
-        gyro_bias_sd, accel_bias_sd : float, shape ()
-            Standard deviation of the bias of each sensor [rad/s], [m/s^2].
+        `noise`: declared noise [SI]; `interval`: sample interval [s]; `length`: length of the
+        alignment [s]; `gyro_bias_sd`, `accel_bias_sd`: standard deviation of the bias of each
+        sensor [rad/s], [m/s^2]; `counted`: whether the instrument adds up, and carries its
+        rounding on.
         """
-        white = SessionNoise.declared(noise, interval)
+        white = SessionNoise.declared(noise, interval, counted)
         return cls(
             white.gyro_psd,
             white.accel_psd,
             _slow(noise.gyro, length, gyro_bias_sd),
             _slow(noise.accel, length, accel_bias_sd),
+            white.gyro_carried,
+            white.accel_carried,
         )
 
     def mean_cov(self, length: float) -> tuple[FloatArray, FloatArray]:
         """Return the covariance of a mean specific force and a mean rate, each shape (3, 3) [SI].
 
-        Parameters
-        ----------
-        length : float, shape ()
-            Length of the mean [s].
+        `length`: length of the mean [s].
         """
         return (
-            np.diag(self.accel_psd / length + self.accel_bias_sd**2),
-            np.diag(self.gyro_psd / length + self.gyro_bias_sd**2),
+            np.diag(
+                self.accel_psd / length + 2 * self.accel_carried / length**2 + self.accel_bias_sd**2
+            ),
+            np.diag(
+                self.gyro_psd / length + 2 * self.gyro_carried / length**2 + self.gyro_bias_sd**2
+            ),
         )
 
 

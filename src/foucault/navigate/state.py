@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.attitude import angles_of
 from foucault.models.geodesy import east_north_up
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -104,16 +102,8 @@ class State:
 def states_of(x: FloatArray) -> dict[str, FloatArray]:
     """Return what the states of the kernels mean.
 
-    Parameters
-    ----------
-    x : ndarray, shape (..., 12)
-        States of `kernels.strapdown` [SI].
-
-    Returns
-    -------
-    dict of str to ndarray
-        latitude, longitude [rad], height [m], each shape (...); velocity_n (..., 3) [m/s];
-        C_nb (..., 3, 3) and C_nl (..., 3, 3) [1].
+    `x` (..., 12): states of `kernels.strapdown` [SI]. Returns latitude, longitude [rad], height
+    [m], each shape (...); velocity_n (..., 3) [m/s]; C_nb (..., 3, 3) and C_nl (..., 3, 3) [1].
     """
     C_el = matrix_of(x[..., 7:11])
     up = C_el[..., :, 2]
@@ -133,10 +123,7 @@ def states_of(x: FloatArray) -> dict[str, FloatArray]:
 def state_of(x: FloatArray) -> State:
     """Return the state that an x of the kernels stands for.
 
-    Parameters
-    ----------
-    x : ndarray, shape (12,)
-        State of `kernels.strapdown` [SI].
+    `x` (12,): state of `kernels.strapdown` [SI].
     """
     found = states_of(x)
     return State(
@@ -148,10 +135,7 @@ def state_of(x: FloatArray) -> State:
 def matrix_of(q: FloatArray) -> FloatArray:
     """Return the rotation matrices, shape (..., 3, 3), of unit quaternions.
 
-    Parameters
-    ----------
-    q : ndarray, shape (..., 4)
-        Quaternions, scalar first [1].
+    `q` (..., 4): quaternions, scalar first [1].
     """
     a, b, c, d = np.moveaxis(q, -1, 0)
     out = np.empty((*a.shape, 3, 3))
@@ -169,10 +153,7 @@ def quaternion_of(C: FloatArray) -> FloatArray:
 
     By the largest of the four squares, so that nothing is lost near any angle.
 
-    Parameters
-    ----------
-    C : ndarray, shape (3, 3)
-        Rotation matrix [1].
+    `C` (3, 3): rotation matrix [1].
     """
     t = np.trace(C)
     squares = np.array([t, *(2 * np.diag(C) - t)])

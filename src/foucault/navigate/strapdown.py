@@ -20,6 +20,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
 from foucault.kernels.strapdown import AIDED, FREE, HELD, strapdown
 from foucault.models.attitude import angles_of
@@ -28,7 +29,6 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.state import State, state_of, states_of
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
 Vertical = Literal["free", "held", "aided"]
 
 VERTICAL = {"free": FREE, "held": HELD, "aided": AIDED}
@@ -39,18 +39,10 @@ HEIGHT_LOOP = 100.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """States at the ends of intervals; with time running backward after a step back.
+    """States at the ends of intervals; with time running backward after a step back."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        When each state holds [s].
-    history : ndarray, shape (m, 12)
-        The states of `kernels.strapdown` [SI].
-    """
-
-    time: FloatArray
-    history: FloatArray
+    time: FloatArray  # (m,) when each state holds [s]
+    history: FloatArray  # (m, 12) the states of `kernels.strapdown` [SI]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -58,10 +50,7 @@ class Trajectory:
     def every(self, rows: int) -> Trajectory:
         """Return every so manieth state, and the last.
 
-        Parameters
-        ----------
-        rows : int, shape ()
-            Steps from one to the next [1].
+        `rows`: steps from one to the next [1].
         """
         keep = np.arange(0, len(self), rows)
         if keep[-1] != len(self) - 1:
@@ -71,10 +60,7 @@ class Trajectory:
     def state(self, row: int) -> State:
         """Return the state of a row, negative ones counted from the end.
 
-        Parameters
-        ----------
-        row : int, shape ()
-            Its number [1].
+        `row`: its number [1].
         """
         return state_of(self.history[row])
 
@@ -184,14 +170,7 @@ def require_finite(
 ) -> None:
     """Refuse states that are not finite; the sample that made them so is named.
 
-    Parameters
-    ----------
-    history : ndarray, shape (m, 12)
-        States [SI].
-    increments : Increments
-        What they were made of.
-    rows : ndarray of int, shape (m,)
-        The rows at whose ends they hold [1].
+    `history` (m, 12): states [SI]; `rows` (m,): the rows at whose ends they hold [1].
     """
     if np.isfinite(history[-1]).all():  # what is not finite stays so
         return

@@ -22,23 +22,17 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.earth import EARTH_RATE
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def two_vector(f_b: FloatArray, w_ib_b: FloatArray) -> FloatArray:
     """Return C_nb, shape (3, 3), from the means of specific force and rate.
 
-    Parameters
-    ----------
-    f_b : ndarray, shape (3,)
-        Mean specific force, frame b; its direction is fitted exactly [m/s^2].
-    w_ib_b : ndarray, shape (3,)
-        Mean angular rate, frame b [rad/s].
+    `f_b` (3,): mean specific force, frame b, its direction is fitted exactly [m/s^2]; `w_ib_b`
+    (3,): mean angular rate, frame b [rad/s].
     """
     east = np.cross(w_ib_b, f_b)
     size = float(np.linalg.norm(east))
@@ -51,19 +45,9 @@ def two_vector(f_b: FloatArray, w_ib_b: FloatArray) -> FloatArray:
 def two_vector_slopes(latitude: float, gravity: float) -> tuple[FloatArray, FloatArray]:
     """Return d phi / d f_n and d phi / d w_n, each shape (3, 3).
 
-    Parameters
-    ----------
-    latitude : float, shape ()
-        Geodetic latitude, positive north [rad].
-    gravity : float, shape ()
-        Local gravity [m/s^2].
-
-    Returns
-    -------
-    by_force : ndarray, shape (3, 3)
-        Attitude error (E, N, U) per error of the mean specific force in n [rad/(m/s^2)].
-    by_rate : ndarray, shape (3, 3)
-        The same per error of the mean rate in n [s].
+    `latitude`: geodetic latitude, positive north [rad]; `gravity`: local gravity [m/s^2]. Returns
+    `by_force` (3, 3): attitude error (E, N, U) per error of the mean specific force in n
+    [rad/(m/s^2)]; `by_rate` (3, 3): the same per error of the mean rate in n [s].
     """
     by_force, by_rate = np.zeros((3, 3)), np.zeros((3, 3))
     by_force[0, 1], by_force[1, 0] = -1.0 / gravity, 1.0 / gravity
@@ -77,16 +61,9 @@ def two_vector_covariance(
 ) -> FloatArray:
     """Return the covariance of phi (E, N, U), shape (3, 3) [rad^2].
 
-    Parameters
-    ----------
-    C_nb : ndarray, shape (3, 3)
-        The attitude found [1].
-    latitude : float, shape ()
-        Geodetic latitude, positive north [rad].
-    gravity : float, shape ()
-        Local gravity [m/s^2].
-    f_cov, w_cov : ndarray, shape (3, 3)
-        Covariance of the means in b: noise and what the biases may be [m^2/s^4], [rad^2/s^2].
+    `C_nb` (3, 3): the attitude found [1]; `latitude`: geodetic latitude, positive north [rad];
+    `gravity`: local gravity [m/s^2]; `f_cov`, `w_cov` (3, 3): covariance of the means in b: noise
+    and what the biases may be [m^2/s^4], [rad^2/s^2].
     """
     by_force, by_rate = (slope @ C_nb for slope in two_vector_slopes(latitude, gravity))
     return np.asarray(by_force @ f_cov @ by_force.T + by_rate @ w_cov @ by_rate.T)
@@ -95,12 +72,8 @@ def two_vector_covariance(
 def latitude_seen(f_b: FloatArray, w_ib_b: FloatArray) -> float:
     """Return the latitude that the means show, ``asin(f . w / (|f| |w|))`` [rad].
 
-    Parameters
-    ----------
-    f_b : ndarray, shape (3,)
-        Mean specific force, frame b [m/s^2].
-    w_ib_b : ndarray, shape (3,)
-        Mean angular rate, frame b [rad/s].
+    `f_b` (3,): mean specific force, frame b [m/s^2]; `w_ib_b` (3,): mean angular rate, frame b
+    [rad/s].
     """
     sine = f_b @ w_ib_b / (np.linalg.norm(f_b) * np.linalg.norm(w_ib_b))
     return float(np.arcsin(np.clip(sine, -1.0, 1.0)))

@@ -8,37 +8,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.rotation import aligning, exp
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class HandPlan:
-    """Attitudes to rest in, and how long everything takes.
+    """Attitudes to rest in, and how long everything takes."""
 
-    Attributes
-    ----------
-    C_nb : ndarray, shape (n, 3, 3)
-        Attitude of each rest, body to East-North-Up [1].
-    rest_time : ndarray, shape (n,)
-        Length of each rest [s].
-    turn_time : ndarray, shape (n - 1,)
-        Length of each turn [s].
-    wobble : ndarray, shape (n - 1, 3)
-        Rotation vector added in mid-turn and taken back, because a hand never turns about one
-        fixed axis [rad].
-    sway : ndarray, shape (n - 1, 3)
-        Displacement in mid-turn, there and back, frame n [m].
-    """
-
-    C_nb: FloatArray
-    rest_time: FloatArray
-    turn_time: FloatArray
+    C_nb: FloatArray  # (n, 3, 3) attitude of each rest, body to East-North-Up [1]
+    rest_time: FloatArray  # (n,) length of each rest [s]
+    turn_time: FloatArray  # (n - 1,) length of each turn [s]
+    # (n - 1, 3) rotation vector added in mid-turn and taken back, because a hand never turns about
+    # one fixed axis [rad]
     wobble: FloatArray
-    sway: FloatArray
+    sway: FloatArray  # (n - 1, 3) displacement in mid-turn, there and back, frame n [m]
 
     @property
     def duration(self) -> float:
@@ -49,10 +34,7 @@ class HandPlan:
 def spread_directions(n: int) -> FloatArray:
     """Return n directions spread evenly over the sphere (Fibonacci spiral), shape (n, 3) [1].
 
-    Parameters
-    ----------
-    n : int, shape ()
-        Number of directions [1].
+    `n`: number of directions [1].
     """
     k = np.arange(n) + 0.5
     z = 1 - 2 * k / n
@@ -70,16 +52,10 @@ def hand_plan(
 ) -> HandPlan:
     """Plan a session: z up first, then rests spread over the sphere, in a random order.
 
-    Parameters
-    ----------
-    rests : int, shape ()
-        Number of rests, the first included [1].
-    rest_time, turn_time : float, shape ()
-        Typical lengths; each varies by a fifth from one to the next [s].
-    first_rest_time : float, shape ()
-        Length of the first rest, from which gyro bias and noise are seen best [s].
-    seed : int, shape ()
-        Seed of the order, headings and wobbles [1].
+    `rests`: number of rests, the first included [1]; `rest_time`, `turn_time`: typical lengths,
+    each varies by a fifth from one to the next [s]; `first_rest_time`: length of the first rest,
+    from which gyro bias and noise are seen best [s]; `seed`: seed of the order, headings and
+    wobbles [1].
     """
     rng = np.random.default_rng(seed)
     up_b = spread_directions(rests)

@@ -72,10 +72,7 @@ class ManoeuvreTable(BaseModel):
     def segment(self, number: int = 0) -> Segment:
         """Return what it says.
 
-        Parameters
-        ----------
-        number : int, shape ()
-            Place in the plan: two sways are not the same one [1].
+        `number`: place in the plan: two sways are not the same one [1].
         """
         if self.straight is not None:
             return Straight(self.straight)
@@ -94,13 +91,7 @@ class ManoeuvreTable(BaseModel):
 
 
 def plain_manoeuvre(segment: Segment) -> dict[str, Any]:
-    """Return a segment of one of `KINDS` but a sway as a campaign has it.
-
-    Parameters
-    ----------
-    segment : Segment
-        The manoeuvre.
-    """
+    """Return a segment of one of `KINDS` but a sway as a campaign has it."""
     if isinstance(segment, Straight):
         return {"straight": f"{segment.time:.12g} s"}
     lasting = {"time": f"{segment.time:.12g} s"}

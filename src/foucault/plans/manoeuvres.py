@@ -137,20 +137,10 @@ class Turn:
 
 @dataclass(frozen=True)
 class STurn:
-    """Turn by an angle, by twice as much the other way, and back.
+    """Turn by an angle, by twice as much the other way, and back."""
 
-    Attributes
-    ----------
-    angle : float
-        First change of heading, positive to the right [rad].
-    time : float
-        How long it all takes [s].
-    banked : bool
-        As for `Turn`.
-    """
-
-    angle: float
-    time: float
+    angle: float  # first change of heading, positive to the right [rad]
+    time: float  # how long it all takes [s]
     banked: bool = True
     label: str = ""
 

@@ -25,9 +25,8 @@ from math import exp, inf, log
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 HOT, COLD = 0.05, 0.0005
 """Temperature at the start and at the end of a descent, in units of the cost [1]."""
@@ -115,24 +114,13 @@ class Space(Protocol):
 
 @dataclass(frozen=True)
 class Descent:
-    """The best plan of one restart.
+    """The best plan of one restart."""
 
-    Attributes
-    ----------
-    plan : object
-        The plan; None where none was allowed.
-    cost : float
-        Its cost [1].
-    evaluations : int
-        Plans that were judged [1].
-    trace : tuple of (int, float)
-        After how many evaluations the best cost became what, whenever it fell by more than
-        `NOTED` [1].
-    """
-
-    plan: Any
-    cost: float
-    evaluations: int
+    plan: Any  # the plan; None where none was allowed
+    cost: float  # its cost [1]
+    evaluations: int  # plans that were judged [1]
+    # after how many evaluations the best cost became what, whenever it fell by more than `NOTED`
+    # [1]
     trace: tuple[tuple[int, float], ...]
 
 
@@ -149,18 +137,7 @@ def descend(
 ) -> Descent:
     """Descend from a random plan, or from a given one.
 
-    Parameters
-    ----------
-    space : Space
-        Plans and how good they are.
-    rng : Generator
-        Random numbers.
-    evaluations : int, shape ()
-        So many plans are judged [1].
-    start : object
-        Where to begin; None draws.
-    hot : float
-        Temperature at the start [1].
+    `evaluations`: so many plans are judged [1]; `hot`: temperature at the start [1].
     """
     plan, cost, first = _begun(space, rng, start)
     best, least, trace = plan, cost, [(first, cost)]
@@ -199,24 +176,15 @@ def _begun(space: Space, rng: np.random.Generator, start: Any) -> tuple[Any, flo
 
 @dataclass(frozen=True)
 class Comparison:
-    """A plan beside the one to beat, coefficient by coefficient and case by case.
+    """A plan beside the one to beat, coefficient by coefficient and case by case."""
 
-    Attributes
-    ----------
-    names, kinds : tuple of str
-        What is compared, and the kinds of their units.
-    weights : ndarray, shape (n,)
-        How much each counts [1].
-    cases : tuple of str
-        Circumstances.
-    reference_sd, sd : ndarray, shape (c, n)
-        Standard deviations with the plan to beat and with the plan found [SI].
-    """
-
+    # names, kinds: what is compared, and the kinds of their units
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    weights: FloatArray
+    weights: FloatArray  # (n,) how much each counts [1]
     cases: tuple[str, ...]
+    # reference_sd, sd: (c, n) standard deviations with the plan to beat and with the plan found
+    # [SI]
     reference_sd: FloatArray
     sd: FloatArray
 
@@ -242,15 +210,7 @@ class Comparison:
 
 
 def compare(space: Space, plan: Any) -> Comparison:
-    """Compare a plan with the one to beat, in all cases, by what would be stated.
-
-    Parameters
-    ----------
-    space : Space
-        Plans and how good they are.
-    plan : object
-        The plan found.
-    """
+    """Compare a plan with the one to beat, in all cases, by what would be stated."""
     return Comparison(
         space.names, space.kinds, space.weights, space.cases,
         np.array([space.sd(space.reference, case) for case in space.cases]),

@@ -10,19 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
+
 Three = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def step(x: FloatArray) -> Three:
     """Return S, S' and S'' at x, shape (n,) each [1].
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        From 0 to 1 [1].
+    `x` (n,): from 0 to 1 [1].
     """
     rest = x * (1.0 - x)
     third = rest**3
@@ -39,20 +36,11 @@ class Profile:
         rate = peak S(min(x, 1))    value = peak (ramp integral of S + max(t - ramp, 0))
 
     and the second half is the first one backwards.
-
-    Attributes
-    ----------
-    total : float
-        Value at the end [any unit].
-    time : float
-        How long it takes [s].
-    ramp : float
-        Growth of the rate, and its fading, at most half of the time [s].
     """
 
-    total: float = 0.0
-    time: float = 1.0
-    ramp: float = 0.5
+    total: float = 0.0  # value at the end [any unit]
+    time: float = 1.0  # how long it takes [s]
+    ramp: float = 0.5  # growth of the rate, and its fading, at most half of the time [s]
 
     @property
     def peak(self) -> float:
@@ -62,10 +50,7 @@ class Profile:
     def at(self, t: FloatArray) -> Three:
         """Return value, rate and acceleration, shape (n,) each [unit, s].
 
-        Parameters
-        ----------
-        t : ndarray, shape (n,)
-            Time since it began [s].
+        `t` (n,): time since it began [s].
         """
         if self.total == 0.0:
             zero = np.zeros_like(t)

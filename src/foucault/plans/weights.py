@@ -8,27 +8,17 @@ from math import isfinite
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
 from foucault.errors import error, suggestion
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def weights_of(layout: Layout, given: Mapping[str, float]) -> FloatArray:
     """Return the weight of every coefficient, shape (n,), over the largest of them [1].
 
-    Parameters
-    ----------
-    layout : Layout
-        The coefficients.
-    given : mapping of str to float
-        Weights of coefficients or of groups of them, 1 where nothing is said; the longer name
-        wins [1].
-
-    Raises
-    ------
-    FoucaultError
-        ``optimise.weight``: an unknown name, a weight below zero, or nothing left above zero.
+    `given`: weights of coefficients or of groups of them, 1 where nothing is said, the longer
+    name wins [1]. Raises ``optimise.weight``: an unknown name, a weight below zero, or nothing
+    left above zero.
     """
     weights = np.ones(len(layout.names))
     groups = {n.rpartition(".")[0] for n in layout.names}
@@ -51,16 +41,7 @@ def require_seen(
 ) -> tuple[str, ...]:
     """Return the names that no allowed plan shows; refuse those of them that count.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Coefficients.
-    weights : ndarray, shape (n,)
-        How much each counts [1].
-    unseen : ndarray of bool, shape (n,)
-        Whether no allowed plan shows it.
-    limits : str
-        What is allowed, in words.
+    `weights` (n,): how much each counts [1]; `unseen` (n,): whether no allowed plan shows it.
     """
     counting = [n for n, w, u in zip(names, weights, unseen, strict=True) if u and w > 0]
     if counting:

@@ -39,12 +39,7 @@ PROCEDURES = {
 def silent(fraction: float, words: str) -> None:
     """Tell nobody.
 
-    Parameters
-    ----------
-    fraction : float
-        How much is done [1].
-    words : str
-        What is being done.
+    `fraction`: how much is done [1].
     """
 
 
@@ -52,10 +47,7 @@ def silent(fraction: float, words: str) -> None:
 def solvable() -> Iterator[None]:
     """Name equations that cannot be solved, as what is wrong with a log, not as what NumPy says.
 
-    Raises
-    ------
-    FoucaultError
-        ``solution.singular``.
+    Raises ``solution.singular``.
     """
     from numpy.linalg import LinAlgError
 

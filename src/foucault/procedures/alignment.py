@@ -16,9 +16,9 @@ import numpy as np
 
 from foucault.diagnose.alignment import agreement as alignment_agreement
 from foucault.diagnose.alignment import input as alignment_checks
-from foucault.diagnose.rest_noise import FEWEST, noise_of
+from foucault.diagnose.rest_noise import FEWEST
 from foucault.diagnose.spikes import without_spikes
-from foucault.errors import Finding
+from foucault.errors import Finding, finding
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.navigate.align import (
@@ -36,7 +36,7 @@ from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
 from foucault.procedures.navigation.run import bias_sds
 from foucault.procedures.navigation.settings import Settings
-from foucault.procedures.navigation.start import LEAST, before, opening
+from foucault.procedures.navigation.start import LEAST, before, in_rest, opening
 from foucault.result import Result
 from foucault.tables import Log
 
@@ -49,34 +49,15 @@ BESIDE = 4
 
 @dataclass(frozen=True)
 class Comparison:
-    """What several methods of alignment say of the same log.
+    """What several methods of alignment say of the same log."""
 
-    Attributes
-    ----------
-    found : tuple of Alignment
-        One per method, the one to go by first.
-    rate_seen : float
-        Size of the mean rate in the rest [rad/s].
-    latitude_seen : float
-        Latitude that gravity and the mean rate show [rad].
-    site : Site
-        Where it stood.
-    noise : ImuNoise or None
-        White noise of the sensors that was taken [SI].
-    measured : bool
-        Whether it was measured in the rest.
-    gyro_bias_sd, accel_bias_sd : float
-        How well the biases were taken to be known [rad/s], [m/s^2].
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    found: tuple[Alignment, ...]
-    rate_seen: float
-    latitude_seen: float
+    found: tuple[Alignment, ...]  # one per method, the one to go by first
+    rate_seen: float  # size of the mean rate in the rest [rad/s]
+    latitude_seen: float  # latitude that gravity and the mean rate show [rad]
     site: Site
-    noise: ImuNoise | None
-    measured: bool
+    noise: ImuNoise | None  # white noise of the sensors that was taken [SI]
+    measured: bool  # whether it was measured in the rest
+    # gyro_bias_sd, accel_bias_sd: how well the biases were taken to be known [rad/s], [m/s^2]
     gyro_bias_sd: float
     accel_bias_sd: float
     findings: tuple[Finding, ...]
@@ -149,7 +130,7 @@ def align_log(
     of_gyro, of_accel = bias_sds(None if calibration is None else calibration.coefficients)
     gyro_sd = of_gyro if gyro_bias_sd is None else gyro_bias_sd
     accel_sd = of_accel if accel_bias_sd is None else accel_bias_sd
-    taken, told = (noise, ()) if noise is not None else _measured(log, from_, until)
+    taken, told = _noise(log, noise, from_, until)
     rows = whole[window(whole, from_, until)]
     sensors = sensor_errors(rows, taken, gyro_sd, accel_sd)
     # What is plainly wrong is said before any method fails over it.
@@ -191,11 +172,20 @@ def _rest(log: Log, start: float | None, end: float | None) -> tuple[float, floa
     return seen.start, float(log.time[-1]) if seen.still else seen.end
 
 
-def _measured(log: Log, start: float, end: float) -> tuple[ImuNoise | None, tuple[Finding, ...]]:
-    """Return the white noise measured in a rest, and a note where it was not quiet."""
+def _noise(
+    log: Log, declared: ImuNoise | None, start: float, end: float
+) -> tuple[ImuNoise | None, tuple[Finding, ...]]:
+    """Return the noise as declared or as the rest shows it, and what is doubtful about it."""
     rows = slice(*np.searchsorted(log.time, [start, end]))
     short = rows.stop - rows.start < max(FEWEST, LEAST / log.interval)
-    return (None, ()) if short else noise_of(log[rows])
+    if short:
+        return declared, ()
+    noise, told, at_rest = in_rest(log[rows], declared)
+    if at_rest is None:
+        return noise, told
+    check = at_rest.check
+    more = () if check.passed else (finding("alignment.declared_noise", what=check.sentence),)
+    return at_rest.noise, more
 
 
 def judged(
@@ -203,16 +193,7 @@ def judged(
 ) -> tuple[Finding, ...]:
     """Return what the data, the covariances and the methods among themselves tell.
 
-    Parameters
-    ----------
-    found : sequence of Alignment
-        By each method.
-    whole : Increments
-        The log [rad], [m/s].
-    site : Site
-        Where it stood; the latitude must be known.
-    sensors : SensorErrors
-        What the instrument errs by.
+    `whole`: the log [rad], [m/s]; `site`: where it stood, the latitude must be known.
     """
     one = next((a for a in found if a.rests), found[0])  # what holds all rests, if any does
     told = alignment_checks.checked(whole, site, one, sensors).findings

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.transfer import delay as delay_checks
 from foucault.diagnose.transfer.delay import signed_axes
 from foucault.errors import Finding, error, finding
@@ -20,8 +20,6 @@ from foucault.navigate.increments import Increments, increments_of
 from foucault.result import Level, Verdict
 from foucault.tables import Log
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 MOST = 12000
 """Rows of a second log that are compared; more are joined to longer intervals [1]."""
@@ -41,52 +39,26 @@ ALIKE = 0.99
 
 @dataclass(frozen=True)
 class Epochs:
-    """When and how the second instrument was turned.
+    """When and how the second instrument was turned."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        Its stamps [s].
-    C_nb : ndarray, shape (k, 3, 3)
-        Its attitude; NaN where its log has a gap [1].
-    reversed_ : dict of str to ndarray, shape (k, 3, 3)
-        The same with an angle or an axis the other way [1].
-    w_in_n : ndarray, shape (k, 3), or None
-        Rate of frame n [rad/s].
-    """
-
-    time: FloatArray
-    C_nb: FloatArray
+    time: FloatArray  # (k,) its stamps [s]
+    C_nb: FloatArray  # (k, 3, 3) its attitude; NaN where its log has a gap [1]
+    # (k, 3, 3) the same with an angle or an axis the other way [1]
     reversed_: dict[str, FloatArray]
-    w_in_n: FloatArray | None = None
+    w_in_n: FloatArray | None = None  # (k, 3) rate of frame n [rad/s]
 
 
 @dataclass(frozen=True)
 class FoundDelay:
-    """The time offset of two logs.
+    """The time offset of two logs."""
 
-    Attributes
-    ----------
-    delay : Delay
-        The offset, mounting and bias [SI].
-    messages : bool
-        Whether the second log holds messages of a master.
-    transport : ndarray, shape (k,), or None
-        How long after it held each message arrived, where the log says that [s].
-    verdict : Verdict
-        How far it can be relied on.
-    findings : tuple of Finding
-        What was noticed.
-    start : float
-        When the first log begins, by its clock [s].
-    """
-
-    delay: Delay
-    messages: bool
+    delay: Delay  # the offset, mounting and bias [SI]
+    messages: bool  # whether the second log holds messages of a master
+    # (k,) how long after it held each message arrived, where the log says that [s]
     transport: FloatArray | None
-    verdict: Verdict
+    verdict: Verdict  # how far it can be relied on
     findings: tuple[Finding, ...]
-    start: float
+    start: float  # when the first log begins, by its clock [s]
 
 
 def find_delay(

@@ -20,9 +20,9 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Discriminator, Field, Tag, field_validator
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.faces.moves import check_moves
 from foucault.diagnose.faces.whole_turns import BUMP, find_turns, is_whole
 from foucault.diagnose.spikes import without_spikes
@@ -41,9 +41,7 @@ from foucault.simulate.faces import face_plan
 from foucault.simulate.faces import simulate as simulate_plan
 from foucault.simulate.hand_rotated import Simulation
 from foucault.tables import Log
-from foucault.units import Angle, Seconds
-
-FloatArray = npt.NDArray[np.float64]
+from foucault.units import Angle, AngleSd, Seconds
 
 OneOrThree = float | tuple[float, float, float]
 AngleOrThree = Annotated[
@@ -66,13 +64,13 @@ class Settings(FaceSettings):
         description="Angle of each turn about its positive axis, negative for clockwise as seen "
         "against the axis. One value: whole turns. Three, for x, y and z: any known angles.",
     )
-    angle_sd: Angle | None = Field(
+    angle_sd: AngleSd | None = Field(
         default=None,
         ge=0,
         examples=["0.5 deg"],
         description="How nearly a turn ends where it began. Left out: like the placement.",
     )
-    level_sd: Angle | None = Field(
+    level_sd: AngleSd | None = Field(
         default=None,
         ge=0,
         examples=["5 arcmin"],
@@ -104,13 +102,13 @@ class Session(FaceSession):
     """The session that `simulate` makes."""
 
     turn_time: Seconds = Field(default=5.0, gt=0, description="Length of each turn.")
-    angle_sd: Angle | None = Field(
+    angle_sd: AngleSd | None = Field(
         default=None,
         ge=0,
         examples=["0.5 deg"],
         description="Error of the angle of a turn; default: as placement_sd.",
     )
-    level_sd: Angle | None = Field(
+    level_sd: AngleSd | None = Field(
         default=None,
         ge=0,
         examples=["5 arcmin"],
@@ -129,20 +127,8 @@ def simulate(
 ) -> Simulation:
     """Simulate a session.
 
-    Parameters
-    ----------
-    session : Session
-        Its lengths and rate.
-    settings : Settings or None
-        For the angle of the turns.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of plan and noise [1].
+    `settings` or None: for the angle of the turns; `noise`: its noise [SI]; `seed`: seed of plan
+    and noise [1].
     """
     plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
     sds = (session.level_sd, session.angle_sd)
@@ -159,13 +145,7 @@ def simulate(
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    """
+    """Return the coefficients that are estimated."""
     if settings.solution == "published":
         names = (*LINEAR_LOWER, *(n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")))
         return tuple(n for n in LAYOUT.names if n in names)

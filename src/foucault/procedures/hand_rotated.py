@@ -25,18 +25,19 @@ from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.coverage import coverage, coverage_json
+from foucault.diagnose.earth_rate import no_latitude
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated import report as session_report
 from foucault.diagnose.hand_rotated.budget import session_budget
 from foucault.diagnose.hand_rotated.earth import vertical_check
 from foucault.diagnose.hand_rotated.held_out import hold_out
-from foucault.diagnose.hand_rotated.input import check_input, enough_rests, need_samples
+from foucault.diagnose.hand_rotated.input import check_input, enough_rests
 from foucault.diagnose.rests import (
     Rests,
     detection_table,
@@ -47,11 +48,12 @@ from foucault.diagnose.rests import (
 )
 from foucault.diagnose.spikes import without_spikes
 from foucault.diagnose.time_base import with_clock
-from foucault.errors import Finding, finding
+from foucault.errors import Finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.hand_rotated import likelihood
 from foucault.estimate.hand_rotated.start import first_guess
-from foucault.models.earth import EARTH_RATE, Site
+from foucault.logs.axes import spared
+from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.references import with_references
@@ -60,13 +62,13 @@ from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
 from foucault.procedures import Progress, silent
+from foucault.procedures.on_table.poses import calibrate_poses
+from foucault.procedures.on_table.session import TableSettings
 from foucault.result import Estimate, Problem, Result, Verdict, provenance
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
 from foucault.tables import AXES, Log
 from foucault.units import Quantity, Seconds
-
-FloatArray = npt.NDArray[np.float64]
 
 NEEDED = 9  # accelerometer coefficients without quadratic terms: one equation each
 
@@ -134,20 +136,8 @@ def simulate(
 ) -> Simulation:
     """Simulate a session.
 
-    Parameters
-    ----------
-    session : Session
-        Its length and rate.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of plan and noise [1].
-    settings : Settings or None
-        Of the calibration to follow; a hand-rotated session does not depend on them.
+    `noise`: its noise [SI]; `seed`: seed of plan and noise [1]; `settings` or None: of the
+    calibration to follow, a hand-rotated session does not depend on them.
     """
     plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
     plan = hand_plan(
@@ -175,7 +165,7 @@ def calibrate(
     Parameters
     ----------
     log : Log
-        Readings [SI].
+        Readings, or means over poses, which know no turns [SI].
     site : Site
         Local gravity, and latitude where the Earth's rotation is to be modelled.
     settings : Settings or None
@@ -203,8 +193,12 @@ def calibrate(
     settings = settings or Settings()
     if not settings.earth_rate:
         site = replace(site, latitude=None)
+    if log.averaged is not None:
+        return calibrate_poses(
+            log, "hand_rotated", _for_poses(settings), site=site, noise=noise, prior=prior,
+            instrument=instrument, repeatability=settings.repeatability, progress=progress,
+        )  # fmt: skip
     progress(0.05, "finding the rests")
-    need_samples(log)
     log = without_spikes(log)
     rests = find_rests(
         log, window=settings.window, threshold=settings.threshold, shortest=settings.shortest
@@ -212,14 +206,21 @@ def calibrate(
     needed = NEEDED + (3 if settings.accel_quadratic else 0)
     enough_rests(log, rests, needed, settings.shortest)
     data = SessionData.reduce(log, rests.first, rests.last, site)
-    findings = [*log.findings, *rests.findings, *check_input(data)]
+    still = [(log.time[rests.first], log.time[rests.last - 1] - log.time[rests.first])]
+    findings = [*spared(log.findings, log, None, still), *rests.findings, *check_input(data)]
     if site.latitude is None and log.gyro is not None:
-        sd = np.degrees(EARTH_RATE / np.sqrt(3)) * 3600
-        findings.append(finding("session.no_latitude", sd=f"{sd:.0f}"))
+        findings.append(no_latitude())
     progress(0.3, "calibrating")
     result = _likelihood(data, rests, settings, noise, prior or {}, progress)
     progress(1.0, "done")
     return complete(result, data, rests, findings, instrument or {}, clock.monotonic() - started)
+
+
+def _for_poses(settings: Settings) -> TableSettings:
+    shared = settings.model_dump(
+        include={*TableSettings.model_fields} - {"shortest", "g_sensitivity"}
+    )
+    return TableSettings(**shared)
 
 
 def complete(
@@ -232,20 +233,8 @@ def complete(
 ) -> Result:
     """Add to a result what does not depend on how the coefficients were estimated.
 
-    Parameters
-    ----------
-    result : Result
-        With coefficients, checks and its own findings and tables.
-    data : Session
-        What was observed [SI].
-    rests : Rests
-        How the rests were found.
-    findings : list of Finding
-        What was noticed before the estimation.
-    instrument : mapping
-        Name, serial and so on.
-    seconds : float
-        How long it took [s].
+    `result`: with coefficients, checks and its own findings and tables; `data`: what was observed
+    [SI]; `seconds`: how long it took [s].
     """
     site, log = data.site, data.log
     validity = session_report.validity(data)
@@ -276,15 +265,7 @@ def complete(
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    gyro : bool
-        Whether the log has gyros.
-    """
+    """Return the coefficients that are estimated."""
     names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
     if settings.accel_quadratic:
         names += [f"accel.quadratic.{a}" for a in AXES]

@@ -18,9 +18,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.hand_rotated import checks as judge
@@ -31,6 +31,7 @@ from foucault.diagnose.rests import rest_table
 from foucault.errors import Status, error
 from foucault.estimate import norm_observation
 from foucault.estimate.hand_rotated import published as published_hand_rotated
+from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
@@ -42,8 +43,6 @@ from foucault.procedures.hand_rotated import Session as HandRotatedSession
 from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log
 from foucault.units import Seconds
-
-FloatArray = npt.NDArray[np.float64]
 
 __all__ = ["Session", "Settings", "calibrate", "simulate"]
 
@@ -72,13 +71,7 @@ class Session(HandRotatedSession):
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    """
+    """Return the coefficients that are estimated."""
     return LINEAR_LOWER
 
 
@@ -131,7 +124,8 @@ def calibrate(
     )
     enough_rests(log, rests, NEEDED, settings.samples_per_rest * log.interval)
     data = SessionData.reduce(log, rests.first, rests.last, replace(site, latitude=None))
-    findings = [*log.findings, *check_input(data)]
+    still = [(log.time[rests.first], log.time[rests.last - 1] - log.time[rests.first])]
+    findings = [*spared(log.findings, log, None, still), *check_input(data)]
     progress(0.5, "calibrating")
     result = _published(data, settings)
     model = ImuModel.from_coefficients(result.coefficients)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.compare import gravity
 from foucault.errors import Finding, Status, error, finding
@@ -22,32 +22,21 @@ from foucault.models.layouts import BESIDE, is_cluster
 from foucault.result import Check, Level, Result, TimeBase, Verdict
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
 Hashed = tuple[str, str, Result]
 """Name of a result for people, SHA-256 of its file, and the result."""
 
 
 @dataclass(frozen=True)
 class Earlier:
-    """An earlier result of the instrument, as what is known before a session.
+    """An earlier result of the instrument, as what is known before a session."""
 
-    Attributes
-    ----------
-    label, sha256 : str
-        What it is called, and the fingerprint of its file.
-    result : Result
-        The result [SI].
-    growth : mapping of str to float
-        By how much coefficients or groups may have changed since, one standard deviation [SI].
-    inflate : float
-        Factor of its standard deviations [1].
-    """
-
+    # label, sha256: what it is called, and the fingerprint of its file
     label: str
     sha256: str
-    result: Result
+    result: Result  # the result [SI]
+    # by how much coefficients or groups may have changed since, one standard deviation [SI]
     growth: Mapping[str, float]
-    inflate: float = 1.0
+    inflate: float = 1.0  # factor of its standard deviations [1]
 
     def known(
         self, without: Iterable[str] = (), among: Iterable[str] | None = None, clock: str = ""
@@ -73,20 +62,9 @@ class Earlier:
 def merged(results: Sequence[Hashed]) -> Result:
     """Merge results of one instrument whose logs are different.
 
-    Parameters
-    ----------
-    results : sequence of (str, str, Result)
-        Name, fingerprint and result, two or more; the first counts with its prior.
-
-    Returns
-    -------
-    Result
-        Coefficients with the covariance of all data together, and how well they agree [SI].
-
-    Raises
-    ------
-    FoucaultError
-        ``merge.*``: results that are not of one instrument, or not independent.
+    `results`: name, fingerprint and result, two or more, the first counts with its prior. Returns
+    coefficients with the covariance of all data together, and how well they agree [SI]. Raises
+    ``merge.*``: results that are not of one instrument, or not independent.
     """
     if len(results) < 2:
         raise error("merge.one", count=len(results))
@@ -116,14 +94,8 @@ def merged(results: Sequence[Hashed]) -> Result:
 def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, float]]) -> Result:
     """Return the result of a session, an earlier one of the same instrument taken into account.
 
-    Parameters
-    ----------
-    result : Result
-        Of the session [SI].
-    earlier : Earlier
-        The earlier one.
-    own : mapping of str to (float, float)
-        Prior that was given beside it, for coefficients or groups: it takes its place [SI].
+    `result`: of the session [SI]; `own`: prior that was given beside it, for coefficients or
+    groups: it takes its place [SI].
     """
     _fits((earlier.label, earlier.sha256, earlier.result), ("the log", "", result))
     vector = result.coefficients
@@ -165,14 +137,8 @@ def foreseen_with_prior(
 ) -> CoefficientVector:
     """Return what a session will know, an earlier result of the instrument taken into account.
 
-    Parameters
-    ----------
-    vector : CoefficientVector
-        What it is foreseen to know, with the priors it was lent [SI].
-    earlier : Earlier
-        The earlier result.
-    own : mapping of str to (float, float)
-        Prior that is given beside it: it takes its place [SI].
+    `vector`: what it is foreseen to know, with the priors it was lent [SI]; `own`: prior that is
+    given beside it: it takes its place [SI].
     """
     before = earlier.known(without=own).own
     names = [n for n in before.names if n in vector.layout and vector.free[vector.layout.index(n)]]

@@ -9,7 +9,7 @@ the angles.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -32,7 +32,7 @@ from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
 from foucault.result import Result
 from foucault.tables import Log
-from foucault.units import Quantity
+from foucault.units import AngleSd
 
 
 class Settings(TableSettings):
@@ -51,16 +51,16 @@ ARCSEC = float(np.pi / 648000)
 class Session(TableSession):
     """The session that `simulate` makes: on a table as good as this method wants it."""
 
-    plumb_sd: Annotated[float, Quantity("angle")] = Field(
+    plumb_sd: AngleSd = Field(
         default=1 * ARCSEC, ge=0, description="Sd of the tilt of the outer axis."
     )
-    orthogonality_sd: Annotated[float, Quantity("angle")] = Field(
+    orthogonality_sd: AngleSd = Field(
         default=1 * ARCSEC, ge=0, description="Sd of the angles between the table's axes."
     )
-    zero_sd: Annotated[float, Quantity("angle")] = Field(
+    zero_sd: AngleSd = Field(
         default=1 * ARCSEC, ge=0, description="Sd of the zero errors of middle and inner angle."
     )
-    position_sd: Annotated[float, Quantity("angle")] = Field(
+    position_sd: AngleSd = Field(
         default=1 * ARCSEC,
         ge=0,
         description="Sd of the middle and inner angle from one position to the next.",

@@ -22,9 +22,9 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import error
@@ -51,8 +51,6 @@ from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
 from foucault.result import Result
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Settings(TableSettings):
@@ -137,21 +135,9 @@ def linear(
 ) -> tuple[CoefficientVector, State]:
     """Solve by linear equations, with the covariance that first-order propagation gives.
 
-    Parameters
-    ----------
-    settings : Settings
-        Which recovery and which unification.
-    readings : Readings
-        What was observed; readings that the fit left out are left out here too [SI].
-    site : Site
-        Gravity and latitude.
-    fit : TableFit
-        The likelihood's solution: its covariance of the readings, scatter included, and outliers.
-
-    Raises
-    ------
-    FoucaultError
-        ``solution.linear``: a prior or terms that the linear equations do not have.
+    `readings`: what was observed, readings that the fit left out are left out here too [SI];
+    `fit`: the likelihood's solution: its covariance of the readings, scatter included, and
+    outliers. Raises ``solution.linear``: a prior or terms that the linear equations do not have.
     """
     more = sorted(set(fit.options.names) - set(LINEAR_LOWER))
     if fit.options.prior is not None or more:
@@ -196,21 +182,8 @@ def linear(
 def solve(settings: Settings, readings: Readings, site: Site) -> tuple[ImuModel, FloatArray]:
     """Solve the linear equations of both triads and tie their frames together.
 
-    Parameters
-    ----------
-    settings : Settings
-        Which recovery and which unification.
-    readings : Readings
-        What was observed [SI].
-    site : Site
-        Gravity and latitude.
-
-    Returns
-    -------
-    model : ImuModel
-        The instrument.
-    lever_arm : ndarray, shape (3,)
-        The accelerometers from the centre of the table, body axes; zero where not solved for [m].
+    `readings`: what was observed [SI]. Returns `lever_arm` (3,): the accelerometers from the
+    centre of the table, body axes; zero where not solved for [m].
     """
     spin, arm = readings.spin, np.zeros(3)
     assert readings.accel is not None

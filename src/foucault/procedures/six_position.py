@@ -54,20 +54,8 @@ def simulate(
 ) -> Simulation:
     """Simulate a session.
 
-    Parameters
-    ----------
-    session : Session
-        Its lengths and rate.
-    settings : Settings or None
-        Not needed: the faces are always the six.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of plan and noise [1].
+    `settings` or None: not needed: the faces are always the six; `noise`: its noise [SI]; `seed`:
+    seed of plan and noise [1].
     """
     plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
     plan = face_plan(
@@ -81,15 +69,7 @@ def simulate(
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    gyro : bool
-        Whether the log has gyros.
-    """
+    """Return the coefficients that are estimated."""
     return face_settings.names_of(settings, turns=False, gyro=gyro)
 
 

@@ -9,7 +9,7 @@ observation, and in between better than both; and it says how good the table is.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -32,7 +32,7 @@ from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
 from foucault.result import Result
 from foucault.tables import Log
-from foucault.units import Quantity
+from foucault.units import AngleSd
 
 ARCSEC = float(np.radians(1 / 3600))
 
@@ -40,16 +40,16 @@ ARCSEC = float(np.radians(1 / 3600))
 class Settings(TableSettings):
     """What can be chosen; the defaults are those of a good table."""
 
-    plumb_sd: Annotated[float, Quantity("angle")] = Field(
+    plumb_sd: AngleSd = Field(
         default=30 * ARCSEC, ge=0, description="Sd of the tilt of the outer axis, about each axis."
     )
-    orthogonality_sd: Annotated[float, Quantity("angle")] = Field(
+    orthogonality_sd: AngleSd = Field(
         default=10 * ARCSEC, ge=0, description="Sd of the angles between the table's axes."
     )
-    zero_sd: Annotated[float, Quantity("angle")] = Field(
+    zero_sd: AngleSd = Field(
         default=10 * ARCSEC, ge=0, description="Sd of the zero errors of middle and inner angle."
     )
-    position_sd: Annotated[float, Quantity("angle")] = Field(
+    position_sd: AngleSd = Field(
         default=60 * ARCSEC,
         ge=0,
         description="Sd of the middle and inner angle from one position to the next.",

@@ -27,15 +27,7 @@ _HERE = Path(__file__).parent
 def write(folder: str | Path) -> Path:
     """Write report.html from what the run folder holds.
 
-    Parameters
-    ----------
-    folder : str or Path
-        A run folder with a complete result.
-
-    Returns
-    -------
-    Path
-        The report written: one HTML file that needs no network.
+    Returns the report written: one HTML file that needs no network.
     """
     folder = Path(folder)
     text = html(load_result(folder))

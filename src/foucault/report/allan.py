@@ -29,19 +29,7 @@ _KIND_WORDS = {
 
 
 def write(measured: LogAllan, name: str, block: str, path: str | Path) -> None:
-    """Write one self-contained HTML file.
-
-    Parameters
-    ----------
-    measured : LogAllan
-        The deviations of every axis.
-    name : str
-        Name of the log.
-    block : str
-        Noise block of a campaign file.
-    path : str or Path
-        The file.
-    """
+    """Write one self-contained HTML file."""
     first = next(iter(measured.channels.values()))
     seen = [(w, noise) for w, noise, _ in _each(measured) if noise.seen]
     names = list(dict.fromkeys(w for w, _ in seen))

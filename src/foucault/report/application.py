@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models import cluster
 from foucault.models.imu import INVERSES, ImuModel
 from foucault.models.layouts import of_one_sample
 from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
 from foucault.report.page import Block, Code, Equation, Section, Text
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 _COMMANDS = """\
 foucault apply result.json LOG -o compensated.parquet

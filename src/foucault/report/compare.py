@@ -36,20 +36,7 @@ SOURCES = {"given": "as given", "log": "from the log", "computed": "of the compu
 
 
 def write(about: About, path: str | Path) -> Path:
-    """Write one self-contained HTML file.
-
-    Parameters
-    ----------
-    about : mapping
-        What compare.json says.
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    Path
-        The file written.
-    """
+    """Write one self-contained HTML file."""
     path = Path(path)
     with atomic(path) as temporary:
         temporary.write_text(html(about), encoding="utf-8")

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report import figures
 from foucault.report.page import Figure
 from foucault.report.uncertainty import shown
 from foucault.units import display_unit, factor
-
-FloatArray = npt.NDArray[np.float64]
 
 REACH = 2.5
 """A limit is drawn where it does not make the axis longer than so many times [1]."""

@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.report import figures, orientation
 from foucault.report.page import Block, Items, Section
 from foucault.report.uncertainty import shown
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 OBSERVED = {"accel": "Specific force at rest", "gyro": "Angular rate at rest", "turns": "Turns"}
 RESIDUAL_LIMIT = 3.0  # guide line; one normal residual in 370 lies outside

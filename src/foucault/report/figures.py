@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report.page import GREEK, Figure
 
-FloatArray = npt.NDArray[np.float64]
 Trace = dict[str, Any]
 
 FIRST, SECOND, THIRD = "var(--first)", "var(--second)", "var(--third)"

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report.figures import (
     FIRST,
     SECOND,
@@ -22,8 +22,6 @@ from foucault.report.figures import (
 )
 from foucault.report.orientation import disc, discs, flattened, space, tripod, wires
 from foucault.report.page import Figure
-
-FloatArray = npt.NDArray[np.float64]
 
 COLOURS = dict(zip("xyz", (FIRST, SECOND, THIRD), strict=True))
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report.figures import (
     FIRST,
     SECOND,
@@ -20,8 +21,6 @@ from foucault.report.figures import (
     numbers,
 )
 from foucault.report.page import Figure
-
-FloatArray = npt.NDArray[np.float64]
 
 POINTS = 1500
 """Points that a line is drawn with [1]."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report.figures import (
     BAD,
     FIRST,
@@ -24,8 +24,6 @@ from foucault.report.figures import (
     numbers,
 )
 from foucault.report.page import Figure
-
-FloatArray = npt.NDArray[np.float64]
 
 COLOURS = {"pass": FIRST, "doubtful": WARNING, "unusable": BAD}
 MARKS = {"pass": "circle", "doubtful": "diamond", "unusable": "x"}

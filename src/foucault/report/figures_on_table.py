@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.report.figures import (
     BAD,
     FIRST,
@@ -26,27 +26,16 @@ from foucault.report.figures import (
 )
 from foucault.report.page import Figure
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-
 GAP = 0.05
 """Space between two groups, as a part of the width [1]."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Readings of one kind.
+    """Readings of one kind."""
 
-    Attributes
-    ----------
-    what : str
-        "rest", "spin" or "turn".
-    where : sequence of str, length n
-        What the table said in each, for the pointer.
-    """
-
-    what: str
-    where: Sequence[str]
+    what: str  # "rest", "spin" or "turn"
+    where: Sequence[str]  # what the table said in each, for the pointer
 
     def __len__(self) -> int:
         return len(self.where)
@@ -54,23 +43,15 @@ class Group:
 
 @dataclass(frozen=True)
 class Norms:
-    """Errors of the norm of one group, in the units of the figure.
+    """Errors of the norm of one group, in the units of the figure."""
 
-    Attributes
-    ----------
-    group : Group
-        The readings, n of them.
-    before, after, sd : ndarray, shape (n,)
-        Error as measured, after compensation, and the standard deviation it should have.
-    left_out : ndarray of bool, shape (n,)
-        Readings that were not used.
-    """
-
-    group: Group
+    group: Group  # the readings, n of them
+    # before, after, sd: (n,) error as measured, after compensation, and the standard deviation it
+    # should have
     before: FloatArray
     after: FloatArray
     sd: FloatArray
-    left_out: BoolArray
+    left_out: BoolArray  # (n,) readings that were not used
 
 
 def before_after(
@@ -78,16 +59,7 @@ def before_after(
 ) -> Figure:
     """Draw errors of the norm per reading: before above, after below with the +-2 sd it may have.
 
-    Parameters
-    ----------
-    quantity : str
-        What it is the norm of.
-    norms : sequence of Norms
-        One for each group.
-    units : tuple of str, length 2
-        Units of before and after.
-    share : int, shape ()
-        Part of the width that the figure takes [percent].
+    `share`: part of the width that the figure takes [percent].
     """
     span = _span(norms)
     data: list[Trace] = []
@@ -246,21 +218,11 @@ def _crosses(part: Norms, span: float, units: tuple[str, str]) -> list[Trace]:
 
 @dataclass(frozen=True)
 class Bars:
-    """One number per reading of a group: residuals, or smallest errors seen.
+    """One number per reading of a group: residuals, or smallest errors seen."""
 
-    Attributes
-    ----------
-    group : Group
-        The readings, n of them.
-    y : ndarray, shape (n,)
-        The numbers; NaN where there is none, infinite where there is no limit.
-    marked : ndarray of bool, shape (n,)
-        Readings that were not used, or that nothing controls.
-    """
-
-    group: Group
-    y: FloatArray
-    marked: BoolArray
+    group: Group  # the readings, n of them
+    y: FloatArray  # (n,) the numbers; NaN where there is none, infinite where there is no limit
+    marked: BoolArray  # (n,) readings that were not used, or that nothing controls
 
 
 @dataclass(frozen=True)
@@ -279,14 +241,7 @@ class Look:
 def bars(groups: Sequence[Bars], look: Look, limit: float | None = None) -> Figure:
     """Draw one bar per reading; marked ones stand out, and beyond the scale end at its edge.
 
-    Parameters
-    ----------
-    groups : sequence of Bars
-        One for each group.
-    look : Look
-        Words.
-    limit : float or None
-        Dashed line, in the unit of the bars [1].
+    `limit` or None: dashed line, in the unit of the bars [1].
     """
     low, high = _bar_range(groups, limit)
     data: list[Trace] = []

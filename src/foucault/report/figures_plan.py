@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.report.figures import BAD, FIRST, SECOND, SOFT, WARNING, Trace, axis, layout, numbers
 from foucault.report.figures_motion import COLOURS, heading, leg_lines, leg_numbers
 from foucault.report.page import Figure
 
-FloatArray = npt.NDArray[np.float64]
 Motion = Sequence[tuple[float, float, tuple[float, float, float]]]
 
 AS_GOOD = 1.005
@@ -26,24 +24,15 @@ MOST_LINES = 200
 
 @dataclass(frozen=True)
 class Ratio:
-    """What became of one coefficient.
-
-    Attributes
-    ----------
-    name : str
-        Which.
-    here, low, high : float
-        Sd over sd of the plan to beat in the first case, and its range over all; NaN where that
-        plan does not show it [1].
-    counts : bool
-        Whether the search looked at it.
-    """
+    """What became of one coefficient."""
 
     name: str
+    # here, low, high: sd over sd of the plan to beat in the first case, and its range over all; NaN
+    # where that plan does not show it [1]
     here: float
     low: float
     high: float
-    counts: bool = True
+    counts: bool = True  # whether the search looked at it
 
     @property
     def look(self) -> str:
@@ -143,16 +132,8 @@ def _at_one(upright: bool = True) -> Trace:
 def motion(title: str, steps: Motion, fastest: float, longest: float) -> Figure:
     """Draw the rates about the three axes against time, on scales that both plans share.
 
-    Parameters
-    ----------
-    title : str
-        What the plan is called.
-    steps : sequence of (float, float, (float, float, float))
-        Beginning, end [s] and rates [rad/s] of each step.
-    fastest : float
-        Largest rate of both plans [rad/s].
-    longest : float
-        Time of the longer plan [s].
+    `steps`: beginning, end [s] and rates [rad/s] of each step; `fastest`: largest rate of both
+    plans [rad/s]; `longest`: time of the longer plan [s].
     """
     start, end = (np.array([s[k] for s in steps], float) for k in (0, 1))
     rates = np.degrees([s[2] for s in steps])

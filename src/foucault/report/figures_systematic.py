@@ -21,7 +21,6 @@ from foucault.report.figures import (
 )
 from foucault.report.page import Figure
 
-FloatArray = npt.NDArray[np.float64]
 Columns = Mapping[str, npt.NDArray[Any]]
 
 WAYS = ("east", "north", "up")

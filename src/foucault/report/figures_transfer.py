@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report.figures import (
     FIRST,
     SECOND,
@@ -23,7 +24,6 @@ from foucault.report.figures import (
 from foucault.report.figures_tumble import Family
 from foucault.report.page import Figure
 
-FloatArray = npt.NDArray[np.float64]
 Columns = Mapping[str, npt.NDArray[Any]]
 Times = Sequence[float]
 
@@ -45,21 +45,11 @@ GAP = 0.09
 
 @dataclass(frozen=True)
 class Panel:
-    """One of several diagrams above one another.
-
-    Attributes
-    ----------
-    title : str
-        Of its axis.
-    lines : tuple of (str, ndarray)
-        Name and values of each line, shape (n,) [any].
-    look : dict
-        More of its axis.
-    """
+    """One of several diagrams above one another."""
 
     title: str
-    lines: tuple[tuple[str, FloatArray], ...]
-    look: Mapping[str, Any]
+    lines: tuple[tuple[str, FloatArray], ...]  # name and values of each line, shape (n,) [any]
+    look: Mapping[str, Any]  # more of its axis
 
 
 def marked(times: Times) -> list[Trace]:

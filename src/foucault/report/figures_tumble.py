@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report.figures import FIRST, SERIES, Trace, axis, layout, level_line, numbers
 from foucault.report.figures_motion import COLOURS, heading, leg_lines
 from foucault.report.page import Figure
-
-FloatArray = npt.NDArray[np.float64]
 
 GUIDE = 3.0
 """Lines and bands are drawn at so many standard deviations [1]."""
@@ -34,27 +33,13 @@ CURVES = 160
 
 @dataclass(frozen=True)
 class Family:
-    """Coefficients that are drawn together, in one unit.
+    """Coefficients that are drawn together, in one unit."""
 
-    Attributes
-    ----------
-    name : str
-        Of the group, shape ().
-    members : tuple of str
-        Names of its columns.
-    labels : tuple of str
-        How each is called in the figure.
-    unit : str
-        As people write it, shape ().
-    size : float
-        One unit [SI].
-    """
-
-    name: str
-    members: tuple[str, ...]
-    labels: tuple[str, ...]
-    unit: str
-    size: float
+    name: str  # of the group, shape ()
+    members: tuple[str, ...]  # names of its columns
+    labels: tuple[str, ...]  # how each is called in the figure
+    unit: str  # as people write it, shape ()
+    size: float  # one unit [SI]
 
 
 def _ref(k: int) -> str:

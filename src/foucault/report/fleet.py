@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
 from foucault.diagnose.fleet import FEWEST
 from foucault.files import atomic
@@ -24,8 +24,6 @@ from foucault.units import display_unit, factor, plain
 if TYPE_CHECKING:
     from foucault.campaign.fleet.table import FleetTable
     from foucault.diagnose.fleet import Outlying
-
-FloatArray = npt.NDArray[np.float64]
 
 LISTED = 500
 """Instruments in the table of the page; the others are in fleet.parquet [1]."""
@@ -47,19 +45,7 @@ ORDER = ("broken", "fail", "unusable", "undecided", "doubtful", "pass")
 def write(table: FleetTable, about: Mapping[str, Any], path: str | Path) -> Path:
     """Write one self-contained HTML file.
 
-    Parameters
-    ----------
-    table : FleetTable
-        The instruments [SI].
-    about : mapping
-        What fleet.json says.
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    Path
-        The file written.
+    `table`: the instruments [SI].
     """
     path = Path(path)
     with atomic(path) as temporary:

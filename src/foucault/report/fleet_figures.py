@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.fleet import middle_and_spread
 from foucault.models.imu import LAYOUT
 from foucault.report import figures
@@ -16,8 +16,6 @@ from foucault.units import display_unit, factor
 
 if TYPE_CHECKING:
     from foucault.campaign.fleet.table import FleetTable
-
-FloatArray = npt.NDArray[np.float64]
 
 PER_ROW = 3
 """Histograms side by side [1]."""

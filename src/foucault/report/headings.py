@@ -6,13 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.report.figures import FIRST, SECOND, Trace, axis, layout, level_line, numbers
 from foucault.report.page import Block, Column, Figure, Section, Table
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 FIGURES = (
     ("std", "standard deviation about the mean"),

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.files import atomic
 from foucault.report import certificate, ends, navigation_parts, render
 from foucault.report import figures_navigation as figures
@@ -22,27 +22,12 @@ from foucault.result import Level
 if TYPE_CHECKING:
     from foucault.campaign.navigation.folder import NavigationRecord
 
-FloatArray = npt.NDArray[np.float64]
-
 ELLIPSES = 4
 """Error ellipses on the map of a path [1]."""
 
 
 def write(record: NavigationRecord, path: str | Path) -> Path:
-    """Write one self-contained HTML file.
-
-    Parameters
-    ----------
-    record : NavigationRecord
-        What the folder keeps.
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    Path
-        The file written.
-    """
+    """Write one self-contained HTML file."""
     path = Path(path)
     with atomic(path) as temporary:
         temporary.write_text(html(record), encoding="utf-8")

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.diagnose.navigation.errors import circular_error
 from foucault.report import certificate, ends
 from foucault.report import figures_navigation as figures
@@ -24,7 +25,6 @@ from foucault.units import plain
 if TYPE_CHECKING:
     from foucault.campaign.navigation.folder import NavigationRecord
 
-FloatArray = npt.NDArray[np.float64]
 Table_ = Mapping[str, npt.NDArray[Any]]
 
 TINY = 0.001

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.coefficients import format_value
 from foucault.files import atomic
@@ -30,8 +29,6 @@ from foucault.result import Level
 if TYPE_CHECKING:
     from foucault.campaign.north.folder import NorthRecord
 
-FloatArray = npt.NDArray[np.float64]
-
 LISTED = 500
 """Set-ups in the table of the page; the others are in fixes.csv [1]."""
 
@@ -52,20 +49,7 @@ LEVELS = ("unusable", "doubtful", "pass")
 
 
 def write(record: NorthRecord, path: str | Path) -> Path:
-    """Write one self-contained HTML file.
-
-    Parameters
-    ----------
-    record : NorthRecord
-        What the folder keeps.
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    Path
-        The file written.
-    """
+    """Write one self-contained HTML file."""
     path = Path(path)
     with atomic(path) as temporary:
         temporary.write_text(html(record), encoding="utf-8")

@@ -25,8 +25,6 @@ from foucault.units import plain
 if TYPE_CHECKING:
     from foucault.campaign.north.folder import NorthRecord
 
-FloatArray = npt.NDArray[np.float64]
-
 ANGLES = ("heading", "pitch", "roll", "latitude")
 SENSORS = {"gyro": ("angular rate", "gyro"), "accel": ("specific force", "accelerometer")}
 UNRESOLVED = "sign of the vertical rate"

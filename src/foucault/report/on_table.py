@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import format_value
 from foucault.report import figures_on_table as drawn
 from foucault.report import orientation
@@ -22,10 +22,6 @@ from foucault.report.figures_on_table import Bars, Group, Norms
 from foucault.report.page import Block, Column, Figure, Items, Section, Table, Text
 from foucault.report.uncertainty import NOTHING_ADDED, shown
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 UNTESTED = 1e-3
 """A standardized residual below this is that of a reading which nothing tests [1]."""

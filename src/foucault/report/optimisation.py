@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.files import atomic
 from foucault.report import ends, figures_plan, optimisation_detail, render
 from foucault.report.ends import Heading
@@ -22,8 +22,6 @@ from foucault.report.uncertainty import shown
 if TYPE_CHECKING:
     from foucault.campaign.found import Found
 
-FloatArray = npt.NDArray[np.float64]
-
 SPLIT = 20
 """More coefficients than this are drawn in two figures side by side [1]."""
 
@@ -34,17 +32,7 @@ NAMED = 6
 def write(found: Found, path: str | Path) -> Path:
     """Write one self-contained HTML file.
 
-    Parameters
-    ----------
-    found : Found
-        What the search found.
-    path : str or Path
-        The file, in the folder of the search.
-
-    Returns
-    -------
-    Path
-        The file written.
+    `path`: the file, in the folder of the search.
     """
     path = Path(path)
     with atomic(path) as temporary:

@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.report.figures import BAD, FIRST, SECOND, SOFT, Trace, layout, numbers
 from foucault.report.page import Figure
-
-FloatArray = npt.NDArray[np.float64]
 
 HEIGHT = 330  # of both pictures, which stand side by side [px]
 

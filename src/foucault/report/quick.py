@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.inspection import Inspection
 from foucault.files import atomic
 from foucault.report import ends, figures, render
 from foucault.report.ends import Heading
 from foucault.report.page import Figure, Section
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 POINTS = 4000
 """Samples drawn per line; a longer log is shown by the extremes of blocks."""
@@ -23,15 +22,7 @@ _COLOURS = (figures.FIRST, figures.SECOND, figures.THIRD)
 
 
 def write(inspection: Inspection, path: str | Path) -> None:
-    """Write one self-contained HTML file.
-
-    Parameters
-    ----------
-    inspection : Inspection
-        What was found.
-    path : str or Path
-        The file.
-    """
+    """Write one self-contained HTML file."""
     log, rests = inspection.log, inspection.rests
     spans = [(log.time[a], log.time[b - 1]) for a, b in zip(rests.first, rests.last, strict=True)]
     shaded = f"The {len(rests)} rests found are shaded."
@@ -67,6 +58,8 @@ def write(inspection: Inspection, path: str | Path) -> None:
 def _readings(time: FloatArray, x: FloatArray, unit: str) -> Figure:
     data = []
     for i, axis in enumerate(AXES):
+        if np.isnan(x[:, i]).all():  # not logged
+            continue
         keep = _extremes(x[:, i])
         data.append(
             {

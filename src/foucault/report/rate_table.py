@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.report.figures import (
     FIRST,
     FULL,
@@ -23,8 +23,6 @@ from foucault.report.figures import (
 from foucault.report.page import Block, Column, Figure, Items, Section, Table, Text
 from foucault.report.uncertainty import shown
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 COLOURS = {"x": FIRST, "y": SECOND, "z": THIRD}
 PANELS = (

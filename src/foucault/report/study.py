@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.coefficients import format_value
 from foucault.diagnose.study import Study
@@ -21,26 +20,14 @@ from foucault.report.uncertainty import shown
 from foucault.result import Check, Level, Verdict
 from foucault.units import display_unit, factor
 
-FloatArray = npt.NDArray[np.float64]
 Rows = Sequence[Mapping[str, Any]]
 
 
 def write(study: Study, about: Mapping[str, Any], path: str | Path) -> Path:
     """Write one self-contained HTML file.
 
-    Parameters
-    ----------
-    study : Study
-        The trials [SI].
-    about : mapping
-        What was asked: procedure, seed, version and n, the number of trials.
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    Path
-        The file written.
+    `study`: the trials [SI]; `about`: what was asked: procedure, seed, version and n, the number
+    of trials.
     """
     path = Path(path)
     with atomic(path) as temporary:

@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.report import figures_systematic as figures
 from foucault.report.figures_systematic import ARCSEC, COMPENSATED
 from foucault.report.page import Block, Column, Section, Table, Text
 from foucault.result import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 WAYS = ("east", "north", "up")
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient
 from foucault.models.temperature import TemperatureModel
 from foucault.report.certificate import date
@@ -17,8 +17,6 @@ from foucault.report.page import Block, Column, Figure, Section, Table, Text
 from foucault.report.uncertainty import TRIADS, shown
 from foucault.result import Result
 from foucault.units import ZERO_CELSIUS
-
-FloatArray = npt.NDArray[np.float64]
 
 LIMIT = 3.0
 """Lines of the figures of residuals [sd]."""

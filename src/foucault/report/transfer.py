@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
 from foucault.models.geodesy import displacement
 from foucault.report import figures_navigation
@@ -20,8 +20,6 @@ from foucault.report.page import Block, Column, Facts, Figure, Section, Table, T
 from foucault.report.uncertainty import shown
 from foucault.result import Result
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 MATCHED = {
     "velocity+attitude": "velocity and attitude", "velocity": "velocity", "attitude": "attitude",

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
 from foucault.report import figures_transfer as figures
 from foucault.report.figures_transfer import Panel, Times
@@ -16,8 +16,6 @@ from foucault.report.page import Block, Column, Figure, Section, Table, Text
 from foucault.report.transfer import changes, families, milliseconds, mine, signed, table_of
 from foucault.result import Result
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 UNSEEN = 0.01
 """A part whose delay is less certain than this shows none [s]."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.report import figures_transfer as figures
@@ -17,8 +17,6 @@ from foucault.report.page import Block, Code, Column, Section, Table, Text
 from foucault.report.transfer import MINUTE, changes, mine, signed, started, table_of
 from foucault.result import Result
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 GROUPED = 60
 """Points that the course of the NIS is drawn with [1]."""
@@ -76,10 +74,7 @@ def _channels(result: Result, table: Mapping[str, Any]) -> list[Family]:
 def grouped_nis(table: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, tuple[float, float]]:
     """Return times, means of the NIS over its number, and their limits.
 
-    Parameters
-    ----------
-    table : mapping of str to ndarray, each shape (m,)
-        The innovations.
+    `table` (m,): the innovations.
     """
     used = [k for k in table if f"{k}_sd" in table]
     count = np.sum([np.isfinite(np.asarray(table[k], float)) for k in used], axis=0)

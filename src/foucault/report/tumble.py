@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
 from foucault.coefficients import format_value
@@ -20,8 +19,6 @@ from foucault.report.page import Block, Column, Equation, Facts, Items, Section,
 from foucault.report.uncertainty import shown
 from foucault.result import Result
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 ATTITUDE = "C_np = C_1(outer) C_2(middle) C_3(inner)"
 

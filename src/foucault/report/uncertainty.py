@@ -7,16 +7,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, format_value
 from foucault.report import figures
 from foucault.report.page import Block, Column, Items, Section, Table
 from foucault.result import Result
 from foucault.units import ZERO_CELSIUS
-
-FloatArray = npt.NDArray[np.float64]
 
 TRIADS = {
     "accel": "Accelerometers", "gyro": "Gyros", "attitude": "Attitude",
@@ -166,6 +164,7 @@ _BASIS = {
     "rate jitter": ("B", "rate_sd as given, with the scatter that was found"),
     "rate of the table": ("B", "table_rate_sd as given; tilt of the outer axis"),
     "fixture": ("B", "fixture_sd as given in the campaign"),
+    "level Earth rate": ("B", "Earth rate across the axis at rest, in any direction"),
     "parts of turns": ("B", "Earth rate across the axis that a part of a turn leaves"),
     "reference headings": ("B", "heading_sd as given"),
     "indexing": ("B", "index_sd as given"),

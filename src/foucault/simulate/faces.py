@@ -16,8 +16,8 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.faces import SIX
 from foucault.models.imu import ImuModel
@@ -27,29 +27,16 @@ from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.noise import sampled_log
 from foucault.tables import whole_samples
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class FacePlan:
-    """Rests, and the rotations between them.
+    """Rests, and the rotations between them."""
 
-    Attributes
-    ----------
-    C_nb : ndarray, shape (n, 3, 3)
-        Attitude of each rest, body to East-North-Up [1].
-    rotation : ndarray, shape (n - 1, 3)
-        Rotation vector from each rest to the next, of any size, body axes [rad].
-    rest_time : ndarray, shape (n,)
-        Length of each rest [s].
-    move_time : ndarray, shape (n - 1,)
-        Length of each rotation [s].
-    """
-
-    C_nb: FloatArray
+    C_nb: FloatArray  # (n, 3, 3) attitude of each rest, body to East-North-Up [1]
+    # (n - 1, 3) rotation vector from each rest to the next, of any size, body axes [rad]
     rotation: FloatArray
-    rest_time: FloatArray
-    move_time: FloatArray
+    rest_time: FloatArray  # (n,) length of each rest [s]
+    move_time: FloatArray  # (n - 1,) length of each rotation [s]
 
     @property
     def edges(self) -> tuple[FloatArray, FloatArray]:
@@ -72,18 +59,11 @@ def face_plan(
 ) -> FacePlan:
     """Plan the six faces, and a turn and another rest on each face with an axis up.
 
-    Parameters
-    ----------
-    rest_time, move_time, turn_time : float
-        Length of each rest, of a move to another face and of a turn [s].
-    angle : float, tuple of float, length 3, or None
-        Angle of the turns about the axis that is up, of all or of x, y and z; None plans no turns
-        [rad].
-    placement_sd, level_sd, angle_sd : float
-        Standard deviation of the tilt of each placement about each axis, of the axis of a turn
-        against the vertical, and of its angle [rad].
-    seed : int, shape ()
-        Seed of headings and errors [1].
+    `rest_time`, `move_time`, `turn_time`: length of each rest, of a move to another face and of a
+    turn [s]; `angle`: angle of the turns about the axis that is up, of all or of x, y and z, None
+    plans no turns [rad]; `placement_sd`, `level_sd`, `angle_sd`: standard deviation of the tilt
+    of each placement about each axis, of the axis of a turn against the vertical, and of its
+    angle [rad]; `seed`: seed of headings and errors [1].
     """
     rng = np.random.default_rng(seed)
     z = np.array([0.0, 0.0, 1.0])
@@ -128,22 +108,9 @@ def simulate(
 ) -> Simulation:
     """Simulate the log of a plan.
 
-    Parameters
-    ----------
-    plan : FacePlan
-        Rests and rotations.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity, and latitude if the Earth's rotation is to be felt.
-    rate : float
-        Sample rate [Hz].
-    sampled : {"rate", "increment"}
-        Instantaneous rates, or means over the interval before each sample.
-    seed : int, shape ()
-        Seed of the noise [1].
+    `noise`: its noise [SI]; `site`: gravity, and latitude if the Earth's rotation is to be felt;
+    `rate`: sample rate [Hz]; `sampled`: instantaneous rates, or means over the interval before
+    each sample; `seed`: seed of the noise [1].
     """
     starts, ends = plan.edges
     n = whole_samples(np.floor(ends[-1] * rate + 1e-9)) + 1

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, grade
@@ -23,30 +24,17 @@ from foucault.plans.hand_rotated import HandPlan
 from foucault.simulate.noise import sampled_log
 from foucault.tables import Log, whole_samples
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Simulation:
-    """A simulated session.
+    """A simulated session."""
 
-    Attributes
-    ----------
-    log : Log
-        What the instrument said [SI].
-    model : ImuModel
-        The errors it had: the truth.
-    first, last : ndarray of int, shape (n,)
-        First sample of each rest and the sample after its last.
-    C_nb : ndarray, shape (n, 3, 3)
-        True attitude of each rest [1].
-    """
-
-    log: Log
-    model: ImuModel
+    log: Log  # what the instrument said [SI]
+    model: ImuModel  # the errors it had: the truth
+    # first, last: (n,) first sample of each rest and the sample after its last
     first: npt.NDArray[np.int64]
     last: npt.NDArray[np.int64]
-    C_nb: FloatArray
+    C_nb: FloatArray  # (n, 3, 3) true attitude of each rest [1]
 
     def truth_json(self) -> dict[str, Any]:
         """Return the truth beside the coefficients."""
@@ -62,12 +50,7 @@ class Simulation:
 def draw_errors(grade_name: str, seed: int) -> ImuModel:
     """Draw the errors of one instrument of a class.
 
-    Parameters
-    ----------
-    grade_name : str
-        One of `models.noise.GRADES`.
-    seed : int, shape ()
-        Seed [1].
+    `seed`: seed [1].
     """
     spread = grade(grade_name).spread
     vector = ImuModel().coefficients(LINEAR_LOWER)
@@ -90,22 +73,9 @@ def simulate(
 ) -> Simulation:
     """Simulate the log of a plan.
 
-    Parameters
-    ----------
-    plan : HandPlan
-        Rests and turns.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity, and latitude if the Earth's rotation is to be felt.
-    rate : float
-        Sample rate [Hz].
-    sampled : {"rate", "increment"}
-        Instantaneous rates, or means over the interval before each sample.
-    seed : int, shape ()
-        Seed of the noise [1].
+    `noise`: its noise [SI]; `site`: gravity, and latitude if the Earth's rotation is to be felt;
+    `rate`: sample rate [Hz]; `sampled`: instantaneous rates, or means over the interval before
+    each sample; `seed`: seed of the noise [1].
     """
     n = whole_samples(np.floor(plan.duration * rate)) + 1
     readout = sampled_log(

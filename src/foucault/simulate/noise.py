@@ -6,13 +6,12 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.tables import Log
 
-FloatArray = npt.NDArray[np.float64]
 Truth = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 # Gauss-Legendre nodes and weights on [-1, 0], for the mean over the interval before a sample.
@@ -32,22 +31,9 @@ def sampled_log(
 ) -> Log:
     """Sample a motion as an instrument with errors and noise does.
 
-    Parameters
-    ----------
-    truth : callable
-        Times, shape (n,) [s] -> true specific force and rate, frame b, shape (n, 3) each [SI].
-    samples : int, shape ()
-        Number of samples, from time zero [1].
-    rate : float
-        Sample rate [Hz].
-    sampled : {"rate", "increment"}
-        Instantaneous rates, or means over the interval before each sample.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    rng : Generator
-        Source of random numbers.
+    `truth`: times, shape (n,) [s] -> true specific force and rate, frame b, shape (n, 3) each
+    [SI]; `samples`: number of samples, from time zero [1]; `rate`: sample rate [Hz]; `sampled`:
+    instantaneous rates, or means over the interval before each sample; `noise`: its noise [SI].
     """
     time = np.arange(samples) / rate
     if sampled == "rate":
@@ -71,18 +57,9 @@ def noisy_log(
 ) -> Log:
     """Add noise to readings and round them.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Times of the samples, evenly spaced [s].
-    accel, gyro : ndarray, shape (n, 3)
-        Readings without noise [SI].
-    sampled : {"rate", "increment"}
-        Instantaneous rates, or means over the interval before each sample.
-    noise : ImuNoise
-        Their noise [SI].
-    rng : Generator
-        Source of random numbers.
+    `time` (n,): times of the samples, evenly spaced [s]; `accel`, `gyro` (n, 3): readings without
+    noise [SI]; `sampled`: instantaneous rates, or means over the interval before each sample;
+    `noise`: their noise [SI].
     """
     carried = sampled == "increment"
     accel, gyro = (
@@ -95,19 +72,8 @@ def noisy_log(
 def draw_noise(noise: TriadNoise, time: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Draw the noise of one triad at evenly spaced times, quantisation left out.
 
-    Parameters
-    ----------
-    noise : TriadNoise
-        Its standard deviations [SI].
-    time : ndarray, shape (n,)
-        Times of the samples [s].
-    rng : Generator
-        Source of random numbers.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Noise [unit of the triad].
+    `noise`: its standard deviations [SI]; `time` (n,): times of the samples [s]. Returns (n, 3):
+    noise [unit of the triad].
     """
     n = len(time)
     dt = float(time[-1] - time[0]) / (n - 1)
@@ -127,14 +93,8 @@ def draw_noise(noise: TriadNoise, time: FloatArray, rng: np.random.Generator) ->
 def quantise(x: FloatArray, step: float, *, carried: bool = False) -> FloatArray:
     """Round readings to multiples of `step` (0: leave them).
 
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Readings [any unit].
-    step : float
-        Step of the output [unit of x].
-    carried : bool
-        Whether what a reading leaves out goes on to the next one, as where pulses are counted.
+    `x` (n, 3): readings [any unit]; `step`: step of the output [unit of x]; `carried`: whether
+    what a reading leaves out goes on to the next one, as where pulses are counted.
     """
     if step <= 0:
         return x

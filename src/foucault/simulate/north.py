@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import error
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel
@@ -23,28 +23,16 @@ from foucault.simulate.noise import draw_noise, quantise
 from foucault.simulate.wandering import mean_noise
 from foucault.tables import IndexedLog, whole_samples
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 RIGHT, FORWARD, UP = np.eye(3)
 
 
 @dataclass(frozen=True)
 class Placement:
-    """One set-up of the instrument.
+    """One set-up of the instrument."""
 
-    Attributes
-    ----------
-    name : str
-        Survey mark, or position of the turntable.
-    heading : float
-        Of y_b, clockwise from north [rad].
-    pitch, roll : float
-        Nose up, and right side down [rad].
-    """
-
-    name: str
-    heading: float
+    name: str  # survey mark, or position of the turntable
+    heading: float  # of y_b, clockwise from north [rad]
+    # pitch, roll: nose up, and right side down [rad]
     pitch: float = 0.0
     roll: float = 0.0
 
@@ -57,21 +45,11 @@ class Placement:
 
 @dataclass(frozen=True)
 class Stops:
-    """The base stops at one index angle after the other.
+    """The base stops at one index angle after the other."""
 
-    Attributes
-    ----------
-    index : ndarray, shape (k,)
-        Index angles in order, clockwise seen from above [rad].
-    dwell : ndarray, shape (k,)
-        How long it stops at each [s].
-    move : float
-        Time from one stop to the next [s].
-    """
-
-    index: FloatArray
-    dwell: FloatArray
-    move: float = 10.0
+    index: FloatArray  # (k,) index angles in order, clockwise seen from above [rad]
+    dwell: FloatArray  # (k,) how long it stops at each [s]
+    move: float = 10.0  # time from one stop to the next [s]
 
     @property
     def start(self) -> FloatArray:
@@ -86,12 +64,8 @@ class Stops:
     def at(self, time: FloatArray, wrong: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the index angle as said and its error, shape (m,) each [rad].
 
-        Parameters
-        ----------
-        time : ndarray, shape (m,)
-            From the beginning of the set-up [s].
-        wrong : ndarray, shape (k,)
-            True minus said angle of each stop [rad].
+        `time` (m,): from the beginning of the set-up [s]; `wrong` (k,): true minus said angle of
+        each stop [rad].
         """
         times = np.column_stack([self.start, self.start + self.dwell]).ravel()
         said, off = (np.interp(time, times, np.repeat(x, 2)) for x in (self.index, wrong))
@@ -100,18 +74,10 @@ class Stops:
 
 @dataclass(frozen=True)
 class Rotation:
-    """The base turns on and on at one rate.
+    """The base turns on and on at one rate."""
 
-    Attributes
-    ----------
-    turns : float
-        Turns in each set-up [1].
-    rate : float
-        Rate, positive clockwise seen from above [rad/s].
-    """
-
-    turns: float
-    rate: float
+    turns: float  # turns in each set-up [1]
+    rate: float  # rate, positive clockwise seen from above [rad/s]
 
     @property
     def length(self) -> float:
@@ -121,92 +87,46 @@ class Rotation:
     def at(self, time: FloatArray, wrong: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the index angle as said and its error, shape (m,) each [rad].
 
-        Parameters
-        ----------
-        time : ndarray, shape (m,)
-            From the beginning of the set-up [s].
-        wrong : ndarray, shape (1,)
-            True minus said angle [rad].
+        `time` (m,): from the beginning of the set-up [s]; `wrong` (1,): true minus said angle
+        [rad].
         """
         return self.rate * time, np.full(len(time), wrong[0])
 
 
 @dataclass(frozen=True)
 class NorthPlan:
-    """What is done: set-ups, each with the same motion of the base.
-
-    Attributes
-    ----------
-    setups : tuple of Placement, length m
-        In order.
-    motion : Stops or Rotation
-        What the base does in each.
-    pause : float
-        Time between two set-ups, in which nothing is logged [s].
-    """
+    """What is done: set-ups, each with the same motion of the base."""
 
     setups: tuple[Placement, ...]
-    motion: Stops | Rotation
-    pause: float = 60.0
+    motion: Stops | Rotation  # what the base does in each
+    pause: float = 60.0  # time between two set-ups, in which nothing is logged [s]
 
 
 @dataclass(frozen=True)
 class SeekerErrors:
-    """What is wrong beside the coefficients of the instrument.
+    """What is wrong beside the coefficients of the instrument."""
 
-    Attributes
-    ----------
-    gyro_offset : float
-        Offset of the gyro, the same at every index angle [rad/s].
-    gyro_drift : float
-        Its change with time, from the beginning of the log [rad/s^2].
-    accel_offset : float
-        Offset of an accelerometer on the base [m/s^2].
-    index_sd : float
-        Sd of true minus said index angle: of every stop, or of each rotation as a whole [rad].
-    heading_sd : float
-        Sd of said minus true reference heading of each set-up [rad].
-    twice_per_turn : tuple of float, length 2
-        What the gyro reads too much with the cosine and sine of twice the index angle [rad/s].
-    heading_offset : float
-        Said minus true reference heading of all set-ups [rad].
-    """
-
-    gyro_offset: float = 0.0
-    gyro_drift: float = 0.0
-    accel_offset: float = 0.0
+    gyro_offset: float = 0.0  # offset of the gyro, the same at every index angle [rad/s]
+    gyro_drift: float = 0.0  # its change with time, from the beginning of the log [rad/s^2]
+    accel_offset: float = 0.0  # offset of an accelerometer on the base [m/s^2]
+    # sd of true minus said index angle: of every stop, or of each rotation as a whole [rad]
     index_sd: float = 0.0
-    heading_sd: float = 0.0
-    heading_offset: float = 0.0
+    heading_sd: float = 0.0  # sd of said minus true reference heading of each set-up [rad]
+    heading_offset: float = 0.0  # said minus true reference heading of all set-ups [rad]
+    # what the gyro reads too much with the cosine and sine of twice the index angle [rad/s]
     twice_per_turn: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class NorthSimulation:
-    """A simulated session of a north seeker.
+    """A simulated session of a north seeker."""
 
-    Attributes
-    ----------
-    log : IndexedLog
-        What the instrument said [SI].
-    model : ImuModel
-        The errors it had: the truth.
-    plan : NorthPlan
-        What was done.
-    site : Site
-        Where it was.
-    errors : SeekerErrors
-        What else was wrong.
-    index_err : ndarray, shape (m, k)
-        True minus said index angle of each set-up and stop [rad].
-    """
-
-    log: IndexedLog
-    model: ImuModel
+    log: IndexedLog  # what the instrument said [SI]
+    model: ImuModel  # the errors it had: the truth
     plan: NorthPlan
     site: Site
-    errors: SeekerErrors
-    index_err: FloatArray
+    errors: SeekerErrors  # what else was wrong
+    index_err: FloatArray  # (m, k) true minus said index angle of each set-up and stop [rad]
 
     def truth_json(self) -> dict[str, Any]:
         """Return the truth beside the coefficients."""
@@ -251,28 +171,12 @@ def simulate_north(
 ) -> NorthSimulation:
     """Simulate a session.
 
-    Parameters
-    ----------
-    plan : NorthPlan
-        Set-ups, and what the base does in each.
-    model : ImuModel
-        Errors of the instrument, those that the base resolves.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    errors : SeekerErrors or None
-        What else is wrong; None for nothing.
-    accel : {"base", "case"} or None
-        One accelerometer along the sensing axis, two that stay with the case, or none.
-    reference : bool
-        Whether the log says the heading, as in a calibration.
-    rate : float
-        Sample rate, also behind means [Hz].
-    rows : {"samples", "means"}
-        A row per sample, or one per stop of the base.
-    seed : int, shape ()
-        Seed of all that is drawn [1].
+    `plan`: set-ups, and what the base does in each; `model`: errors of the instrument, those that
+    the base resolves; `noise`: its noise [SI]; `errors`: what else is wrong, None for nothing;
+    `accel` or None: one accelerometer along the sensing axis, two that stay with the case, or
+    none; `reference`: whether the log says the heading, as in a calibration; `rate`: sample rate,
+    also behind means [Hz]; `rows`: a row per sample, or one per stop of the base; `seed`: seed of
+    all that is drawn [1].
     """
     if site.latitude is None:
         raise error("north.no_latitude")

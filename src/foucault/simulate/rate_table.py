@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -23,8 +23,6 @@ from foucault.simulate.noise import draw_noise, quantise
 from foucault.simulate.table.log import simulate
 from foucault.simulate.table.readings import Rig, simulate_readings
 from foucault.tables import Log, TableColumns
-
-FloatArray = npt.NDArray[np.float64]
 
 _QUARTER = np.pi / 2
 
@@ -44,24 +42,13 @@ ANGLES = {
 
 @dataclass(frozen=True)
 class RatePlan:
-    """What is done on the table.
+    """What is done on the table."""
 
-    Attributes
-    ----------
-    axes : tuple of str
-        Placements in order, keys of `ANGLES`.
-    rates : ndarray, shape (k,)
-        Rates in each placement, counter-clockwise seen from above; 0 for a rest [rad/s].
-    least : float
-        Each step takes whole turns that last at least so long [s].
-    rest : float or None
-        Length of the rests; None: as long as `least` [s].
-    """
-
-    axes: tuple[str, ...]
+    axes: tuple[str, ...]  # placements in order, keys of `ANGLES`
+    # (k,) rates in each placement, counter-clockwise seen from above; 0 for a rest [rad/s]
     rates: FloatArray
-    least: float
-    rest: float | None = None
+    least: float  # each step takes whole turns that last at least so long [s]
+    rest: float | None = None  # length of the rests; None: as long as `least` [s]
 
     def with_rests(self, time: float) -> RatePlan:
         """Return the plan with a rest of `time` [s] before each rate and after the last."""
@@ -86,46 +73,23 @@ class RatePlan:
 
 @dataclass(frozen=True)
 class TableErrors:
-    """What is wrong with table and fixture.
+    """What is wrong with table and fixture."""
 
-    Attributes
-    ----------
-    rate_error : float
-        Relative error of all rates, true over said minus 1 [1].
-    rate_jitter : float
-        Sd of another relative error of each step [1].
-    fixture_sd : float
-        Sd of the rotation of the instrument in each placement, about each axis [rad].
-    """
-
-    rate_error: float = 0.0
-    rate_jitter: float = 0.0
+    rate_error: float = 0.0  # relative error of all rates, true over said minus 1 [1]
+    rate_jitter: float = 0.0  # sd of another relative error of each step [1]
+    # sd of the rotation of the instrument in each placement, about each axis [rad]
     fixture_sd: float = 0.0
 
 
 @dataclass(frozen=True)
 class RateTableSimulation:
-    """A simulated session on a rate table.
+    """A simulated session on a rate table."""
 
-    Attributes
-    ----------
-    log : Log
-        What the instrument and the table said [SI].
-    model : ImuModel
-        The errors the instrument had: the truth.
-    plan : RatePlan
-        What was done.
-    errors : TableErrors
-        What was wrong with the table.
-    mounting : ndarray, shape (p, 3)
-        Rotation of the instrument in each placement [rad].
-    """
-
-    log: Log
-    model: ImuModel
+    log: Log  # what the instrument and the table said [SI]
+    model: ImuModel  # the errors the instrument had: the truth
     plan: RatePlan
-    errors: TableErrors
-    mounting: FloatArray
+    errors: TableErrors  # what was wrong with the table
+    mounting: FloatArray  # (p, 3) rotation of the instrument in each placement [rad]
 
     def truth_json(self) -> dict[str, Any]:
         """Return the truth beside the coefficients."""
@@ -151,24 +115,10 @@ def simulate_rate_table(
 ) -> RateTableSimulation:
     """Simulate a session.
 
-    Parameters
-    ----------
-    plan : RatePlan
-        Placements and rates.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity, and latitude if the Earth's rotation is to be felt.
-    errors : TableErrors or None
-        What is wrong with table and fixture.
-    rate : float
-        Sample rate [Hz].
-    means : bool
-        Whether the log holds one mean per step instead of samples.
-    seed : int, shape ()
-        Seed of noise, mounting and jitter [1].
+    `noise`: its noise [SI]; `site`: gravity, and latitude if the Earth's rotation is to be felt;
+    `errors` or None: what is wrong with table and fixture; `rate`: sample rate [Hz]; `means`:
+    whether the log holds one mean per step instead of samples; `seed`: seed of noise, mounting
+    and jitter [1].
     """
     errors = errors or TableErrors()
     rng = np.random.default_rng(seed)

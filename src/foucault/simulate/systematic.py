@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import legendre
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel
@@ -34,8 +34,6 @@ from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.simulate.noise import noisy_log
 from foucault.tables import Log, whole_samples
 
-FloatArray = npt.NDArray[np.float64]
-
 _NODES, _WEIGHTS = legendre.leggauss(5)
 _STEP = 0.25  # of a ramp: longest interval over which five nodes give all digits
 _CHUNK = 8192  # intervals worked on at once: their arrays stay in the cache
@@ -43,44 +41,22 @@ _CHUNK = 8192  # intervals worked on at once: their arrays stay in the cache
 
 @dataclass(frozen=True)
 class TableErrors:
-    """What a table does otherwise than told.
+    """What a table does otherwise than told."""
 
-    Attributes
-    ----------
-    angle_sd : float
-        Sd of the error of each turn; errors add up from turn to turn [rad].
-    start : ndarray, shape (3,)
-        Rotation vector from the start as told to the true one, East, North, Up [rad].
-    """
-
-    angle_sd: float = 0.0
+    angle_sd: float = 0.0  # sd of the error of each turn; errors add up from turn to turn [rad]
+    # (3,) rotation vector from the start as told to the true one, East, North, Up [rad]
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class SystematicSimulation:
-    """A simulated systematic calibration.
+    """A simulated systematic calibration."""
 
-    Attributes
-    ----------
-    log : Log
-        What the instrument said [SI].
-    model : ImuModel
-        The errors it had.
-    arms : ndarray, shape (3, 3)
-        Places of the x, y and z accelerometer in its rows, frame b [m].
-    delay : float
-        What the accelerometers say was true so long before the time of the row [s].
-    told, sequence : CalibrationSequence
-        What the table was told, and what it did.
-    site : Site
-        Where it stood.
-    """
-
-    log: Log
-    model: ImuModel
-    arms: FloatArray
-    delay: float
+    log: Log  # what the instrument said [SI]
+    model: ImuModel  # the errors it had
+    arms: FloatArray  # (3, 3) places of the x, y and z accelerometer in its rows, frame b [m]
+    delay: float  # what the accelerometers say was true so long before the time of the row [s]
+    # told, sequence: what the table was told, and what it did
     told: CalibrationSequence
     sequence: CalibrationSequence
     site: Site
@@ -121,30 +97,13 @@ def simulate_systematic(
 ) -> SystematicSimulation:
     """Simulate the log of a sequence: increments.
 
-    Parameters
-    ----------
-    sequence : CalibrationSequence
-        What the table is told. Every action is made to begin on a sample.
-    site : Site
-        Where it stands; the latitude must be known.
-    model : ImuModel or None
-        Errors of the instrument; None for none.
-    noise : ImuNoise or None
-        Its noise [SI]; None for none.
-    rate : float
-        Sample rate [Hz].
-    table : TableErrors or None
-        Errors of the table; None for none.
-    arms : ndarray, shape (3, 3), or None
-        Places of the x, y and z accelerometer in its rows, from the point the table turns about,
-        frame b [m]; None for zero.
-    delay : float
-        What the accelerometers say was true so long before the time of the row [s].
-    seed : int, shape ()
-        Seed of noise and table [1].
+    `sequence`: what the table is told. Every action is made to begin on a sample; `site`: where
+    it stands, the latitude must be known; `model`: errors of the instrument, None for none;
+    `noise`: its noise [SI], None for none; `rate`: sample rate [Hz]; `table`: errors of the
+    table, None for none; `arms` (3, 3): places of the x, y and z accelerometer in its rows, from
+    the point the table turns about, frame b [m], None for zero; `delay`: what the accelerometers
+    say was true so long before the time of the row [s]; `seed`: seed of noise and table [1].
 
-    Notes
-    -----
     The first sample is at time 0, after one interval of rest; so are first samples of
     `simulate.motion`.
     """

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.models.cluster import LAYOUT, ClusterModel, angles_of, attitude_of
@@ -27,9 +27,8 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans.tumble.torquing import TorquingPlan, nominal
 from foucault.simulate.noise import draw_noise, quantise
-from foucault.tables import Log
+from foucault.tables import Log, whole_samples
 
-FloatArray = npt.NDArray[np.float64]
 Sampled = Literal["rate", "increment"]
 Holds = Literal["from its time", "until its time"]
 Integrator = Literal["exponential", "published"]
@@ -46,33 +45,18 @@ _NODES = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 @dataclass(frozen=True)
 class Acquisition:
-    """How the cluster is driven and read.
+    """How the cluster is driven and read."""
 
-    Attributes
-    ----------
-    interval : float
-        Time between samples [s].
-    command_interval : float
-        Time between commands, a multiple of it [s].
-    sampled : {"rate", "increment"}
-        Accelerometers at the time of a row, or their mean over the interval that ends there.
-    holds : {"from its time", "until its time"}
-        Whether the command of a row begins or ends at its time.
-    delay : float
-        The accelerometers of a row were read so much before its time [s].
-    edge : float
-        Time in which the cluster follows a step of the command: readings taken then feel the
-        angular acceleration; 0 for none [s].
-    arms : ndarray, shape (3, 3)
-        Position of the x, y and z accelerometer in its rows, frame p [m].
-    """
-
-    interval: float = 0.2
-    command_interval: float = 1.0
+    interval: float = 0.2  # time between samples [s]
+    command_interval: float = 1.0  # time between commands, a multiple of it [s]
+    # accelerometers at the time of a row, or their mean over the interval that ends there
     sampled: Sampled = "rate"
-    holds: Holds = "from its time"
-    delay: float = 0.0
+    holds: Holds = "from its time"  # whether the command of a row begins or ends at its time
+    delay: float = 0.0  # the accelerometers of a row were read so much before its time [s]
+    # time in which the cluster follows a step of the command: readings taken then feel the angular
+    # acceleration; 0 for none [s]
     edge: float = 0.0
+    # (3, 3) position of the x, y and z accelerometer in its rows, frame p [m]
     arms: FloatArray | None = None
 
     @property
@@ -86,29 +70,14 @@ class Acquisition:
 
 @dataclass(frozen=True)
 class TumbleSimulation:
-    """A simulated tumble.
+    """A simulated tumble."""
 
-    Attributes
-    ----------
-    log : Log
-        Command in the gyro columns, and readings of the accelerometers [SI].
-    model : ClusterModel
-        The errors the cluster had.
-    plan : TorquingPlan
-        What it was told to do.
-    site : Site
-        Where it stood.
-    acquisition : Acquisition
-        How it was driven and read.
-    C_pn : ndarray, shape (2, 3, 3)
-        True attitude at the time of the first and of the last row: maps n to p [1].
-    """
-
-    log: Log
-    model: ClusterModel
-    plan: TorquingPlan
+    log: Log  # command in the gyro columns, and readings of the accelerometers [SI]
+    model: ClusterModel  # the errors the cluster had
+    plan: TorquingPlan  # what it was told to do
     site: Site
-    acquisition: Acquisition
+    acquisition: Acquisition  # how it was driven and read
+    # (2, 3, 3) true attitude at the time of the first and of the last row: maps n to p [1]
     C_pn: FloatArray
 
     @property
@@ -162,34 +131,20 @@ def simulate_tumble(
 ) -> TumbleSimulation:
     """Simulate a session: N intervals and N + 1 rows, the command of the last one unused.
 
-    Parameters
-    ----------
-    plan : TorquingPlan
-        What the cluster is told to do.
-    model : ClusterModel
-        Its errors.
-    noise : ImuNoise
-        Noise of its accelerometers, and of the drift of its gyros; a quantisation of the gyros is
-        the step of the command [SI].
-    site : Site
-        Gravity and latitude.
-    start : ndarray, shape (3,), or None
-        True outer, middle and inner angle at the first row; None for those of the plan [rad].
-    acquisition : Acquisition or None
-        How it is driven and read; None takes the defaults.
-    integrator : {"exponential", "published"}
-        One rotation vector per sample; or the three angles in steps of 2 ms.
-    seed : int, shape ()
-        Seed of the noise [1].
+    `noise`: noise of its accelerometers, and of the drift of its gyros, a quantisation of the
+    gyros is the step of the command [SI]; `start` (3,): true outer, middle and inner angle at the
+    first row, None for those of the plan [rad]; `acquisition`: how it is driven and read, None
+    takes the defaults; `integrator`: one rotation vector per sample, or the three angles in steps
+    of 2 ms; `seed`: seed of the noise [1].
 
-    Notes
-    -----
     Before the first row the command of that row held already, after the last row the last one
     still holds: readings that are delayed, or means, reach there.
     """
     if site.latitude is None:
         raise error("torquing.no_latitude")
     how = acquisition or Acquisition()
+    longest = max(plan.duration, how.command_interval) + abs(how.delay)
+    whole_samples(longest / how.interval)  # before memory is taken
     told = nominal(plan, site.latitude, how.command_interval)
     command = quantise(np.repeat(told.command, how.each, axis=0), noise.gyro.quantisation)
     first = attitude_of(np.asarray(plan.start if start is None else start, float))
@@ -205,7 +160,7 @@ def simulate_tumble(
     time = how.interval * np.arange(n, dtype=float)
     if noise.accel != TriadNoise():
         accel += draw_noise(noise.accel, time, np.random.default_rng([seed, 2]))
-        accel = quantise(accel, noise.accel.quantisation)
+        accel = quantise(accel, noise.accel.quantisation, carried=how.sampled == "increment")
     ends = (0, 1) if how.holds == "from its time" else (1, 0)
     log = Log(time, np.pad(command, (ends, (0, 0)), mode="edge"), accel, how.sampled)
     C_pn = motion.C_pn[[motion.before, motion.before + n - 1]]
@@ -314,7 +269,7 @@ def _acceleration(command: FloatArray, how: Acquisition, part: tuple[float, floa
     if how.edge == 0:
         return out
     change = np.diff(command, axis=0, prepend=command[:1]) / how.edge
-    for later in range(int(np.ceil(how.edge / how.interval))):
+    for later in range(min(int(np.ceil(how.edge / how.interval)), len(out))):
         a, b = ((later + p) * how.interval for p in part)
         share = float(a < how.edge) if a == b else max(min(b, how.edge) - a, 0.0) / (b - a)
         out[later:] += share * change[: len(out) - later]

@@ -17,12 +17,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.noise import TriadNoise
 from foucault.models.readings import mean_variance
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def mean_noise(
@@ -35,18 +33,9 @@ def mean_noise(
 ) -> FloatArray:
     """Draw the noise of means, shape (n, columns) [unit of the triad].
 
-    Parameters
-    ----------
-    noise : TriadNoise
-        Its standard deviations [SI]; a random walk is zero where the first mean begins.
-    start, length : ndarray, shape (n,)
-        Beginning and length of each mean, in order and without overlap [s].
-    interval : float
-        Sample interval behind the means [s].
-    columns : int, shape ()
-        Number of sensors [1].
-    rng : Generator
-        Source of random numbers.
+    `noise`: its standard deviations [SI], a random walk is zero where the first mean begins;
+    `start`, `length` (n,): beginning and length of each mean, in order and without overlap [s];
+    `interval`: sample interval behind the means [s]; `columns`: number of sensors [1].
     """
     alone = replace(noise, bias_instability=0.0, random_walk=0.0)
     out = np.zeros((len(start), columns))

@@ -49,6 +49,8 @@ from foucault.symptoms import (
     turntable,
     watch,
 )
+from foucault.symptoms.doubts import ADVICE as ADVICE
+from foucault.symptoms.doubts import DOUBTS as DOUBTS
 
 
 @dataclass(frozen=True)
@@ -108,24 +110,6 @@ SYMPTOMS: dict[str, Symptom] = {
     )
 }
 """Code -> row."""
-
-
-DOUBTS = frozenset(
-    {
-        "log.alike",
-        "log.gyro_earth",
-        "rate_table.scatter",
-        "session.g_sensitivity",
-        "site.gravity_differs",
-        "systematic.bends",
-        "systematic.curves",
-        "transfer.delays",
-        "transfer.drift",
-        "transfer.flexure",
-        "transfer.prior",
-    }
-)
-"""Warnings that the numbers of a result may be wrong: no result that has one is a pass."""
 
 
 def markdown() -> str:

@@ -103,6 +103,11 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Give the noise of the sensors, from the data sheet or from a quiet log (`foucault allan`): "
      "--gyro-noise and --accel-noise, or [noise] of a campaign. Standard deviations are too large "
      "otherwise if motion passed for noise, and too small if the sensors filter their output."),
+    ("alignment.declared_noise", "warning",
+     "More noise in a rest than was declared",
+     "{what}",
+     "Correct the noise that was declared (--gyro-noise and --accel-noise, or [noise] of a "
+     "campaign; `foucault allan` measures it), or find what shakes the instrument."),
     ("alignment.disagree", "warning",
      "Methods of alignment that contradict one another",
      "The attitudes by {one} and by {other} differ by {angle} deg about {axis}; their standard "

@@ -116,7 +116,13 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "{allowed} Correct it in [{table}.{block}]."),
     ("log.three_columns", "error", "A triad with more or fewer than three columns",
      "[log.{block}] columns = {given} is not a list of three.",
-     'Name the columns of x, y and z, for example columns = ["gx", "gy", "gz"].'),
+     'Name the columns of x, y and z, for example columns = ["gx", "gy", "gz"]; for `foucault '
+     'allan` or `foucault inspect` of one axis its column alone, columns = "gx".'),
+    ("log.one_axis", "error", "A triad with an axis not logged, where all three are needed",
+     "[log.{block}] names a column for {axes} alone; this needs x, y and z.",
+     'Name three columns, for example columns = ["gx", "gy", "gz"]. A single axis is taken by '
+     "`foucault allan` and `foucault inspect`; no procedure calibrates it, rate_table with axes = "
+     '["x up"] neither: it reads three gyros and turns about one.'),
     ("log.variable", "error", "A variable that the .mat or .npz file does not have",
      "'{file}' has no variable '{name}'.{hint}",
      "Its variables are: {allowed}. Correct variable in [log]."),
@@ -170,7 +176,8 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Files that are read one after the other need the same columns and sample rate."),
     ("log.more_moving", "error", "Further files where a motion is followed from sample to sample",
      "[log] has `more` files ({files}), and {what} needs one motion without interruption.",
-     "Give one file. Rests and spins in files of their own are for {allowed}."),
+     "Give one file. Rests and spins in files of their own are for {allowed}; whole recordings, "
+     "with the instrument switched off between them, for {recordings}."),
     ("log.table_columns", "error", "Not three columns for the angles of a table",
      "[log.table] columns = {given!r} are not three columns.",
      'Write the outer, middle and inner angle, columns = ["outer", "middle", "inner"]; "" for one '

@@ -98,8 +98,9 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "Means of poses, where the turns between them are needed",
      "The rows of the log are means, one per pose; the turns between the poses, which calibrate "
      "the gyros, are not in it.",
-     "Write name = \"norm_observation\" in [procedure]: from means it calibrates the "
-     "accelerometers, in any orientations. For the gyros give the log with its samples."),
+     "Write name = \"hand_rotated\" in [procedure]: from means it calibrates the accelerometers, "
+     "in any orientations, and finds the gyro bias. For the other gyro coefficients give the log "
+     "with its samples."),
     ("session.no_gyro", "note",
      "A log without gyros",
      "The log has no gyro columns; only the accelerometers were calibrated.",

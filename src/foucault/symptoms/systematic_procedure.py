@@ -15,6 +15,30 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "deflection over those that follow; {what}.",
      'Name at least two sequences, such as sequence = ["19 positions", "spins, simple 6"], or '
      'take steps = "joint", which needs no parts.'),
+    ("systematic.recordings_published", "error",
+     "Published steps of several recordings",
+     "steps = \"published\" carries the navigation of one log on to the second step, and the log "
+     "is {count} recordings.",
+     'Take steps = "joint", which estimates all recordings together.'),
+    ("systematic.recordings_sequence", "error",
+     "Not one sequence for each recording",
+     "The log is {count} recordings, and there is {given}.",
+     "Name one built-in sequence for each file, in order, such as sequence = [\"19 positions\", "
+     '\"spins, simple 6\"]; or leave it empty, sequence = [], which takes the rests as the files '
+     "have them."),
+    ("systematic.recordings_planned", "note",
+     "A plan of several recordings",
+     "[log] has `more` files, and what is foreseen is one recording of the whole sequence: biases "
+     "are then those of that switch-on.",
+     "Of n recordings the biases are uncertain by the repeatability over sqrt(n) besides; all else "
+     "differs little."),
+    ("systematic.recordings", "note",
+     "Biases of several recordings",
+     "The log is {count} recordings. Biases are the means over switch-ons, known no better than "
+     "the recordings repeat: by gyro_bias_repeatability and accel_bias_repeatability those of "
+     "each are off by {declared}.",
+     "Declare both as your instrument has them. What the biases were in each recording is in the "
+     'result, under "recordings" in its diagnostics.'),
     ("systematic.no_sequence", "error",
      "A simulation without a sequence",
      "No sequence is declared, so that there is none to simulate.",

@@ -73,7 +73,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
      "A master's clock that is seconds off",
      "What the master says is of {delay} ± {sd} s before its stamps by the slave's clock; the "
      "delay was looked for from {low} to {high} s.",
-     "The two clocks are set otherwise: take {behind} s from the master's stamps, or stamp both by "
+     "The two clocks are set otherwise: {cure}, or stamp both by "
      "one clock. No message is so late by its transport."),
     ("transfer.site", "warning",
      "A site that is not where the master is",

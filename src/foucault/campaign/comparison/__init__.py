@@ -34,36 +34,16 @@ from foucault.units import plain
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results and what comparing them has shown.
+    """Results and what comparing them has shown."""
 
-    Attributes
-    ----------
-    entries : tuple of Entry
-        The results, by instrument and in time [SI].
-    instruments : tuple of Judged
-        Each instrument with its results.
-    between : Between or None
-        The instruments compared with one another, where there are several.
-    shared : Comparable or None
-        What all of them have in common, where there are several.
-    decisions : tuple of Decision
-        What the tolerance says; empty without one.
-    tolerance : Tolerance or None
-        The limits.
-    verdict : Verdict
-        Pass, doubtful or fail, and why.
-    findings : tuple of Finding
-        What the user should know.
-    """
-
-    entries: tuple[Entry, ...]
-    instruments: tuple[Judged, ...]
-    between: Between | None
-    shared: Comparable | None
-    decisions: tuple[Decision, ...]
+    entries: tuple[Entry, ...]  # the results, by instrument and in time [SI]
+    instruments: tuple[Judged, ...]  # each instrument with its results
+    between: Between | None  # the instruments compared with one another, where there are several
+    shared: Comparable | None  # what all of them have in common, where there are several
+    decisions: tuple[Decision, ...]  # what the tolerance says; empty without one
     tolerance: Tolerance | None
-    verdict: Verdict
-    findings: tuple[Finding, ...]
+    verdict: Verdict  # pass, doubtful or fail, and why
+    findings: tuple[Finding, ...]  # what the user should know
 
 
 def run(
@@ -72,21 +52,10 @@ def run(
 ) -> Comparison:  # fmt: skip
     """Compare results.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        Run folders, result.json files, or TOML files that list them; two results or more.
-    dates : str
-        Dates of the results, separated by commas; an empty one keeps what is known.
-    same : bool
-        Whether all are of one instrument, whatever they say.
-    tolerance : Tolerance or None
-        Limits of values, changes and drifts; None decides on changes by chance alone.
-
-    Returns
-    -------
-    Comparison
-        What was found [SI].
+    `paths`: run folders, result.json files, or TOML files that list them, two results or more;
+    `dates`: dates of the results, separated by commas, an empty one keeps what is known; `same`:
+    whether all are of one instrument, whatever they say; `tolerance`: limits of values, changes
+    and drifts, None decides on changes by chance alone. Returns what was found [SI].
     """
     return of(entries(paths, dates, same=same), tolerance)
 
@@ -94,12 +63,7 @@ def run(
 def of(read: Sequence[Entry], tolerance: Tolerance | None = None) -> Comparison:
     """Compare results that were read, in the order of `comparison_entries.entries`.
 
-    Parameters
-    ----------
-    read : sequence of Entry
-        Two results or more [SI].
-    tolerance : Tolerance or None
-        Limits of values, changes and drifts.
+    `read`: two results or more [SI]; `tolerance` or None: limits of values, changes and drifts.
     """
     refuse_dependent(read)
     read, taken = at_one_temperature(read)

@@ -41,20 +41,11 @@ ONE = "the instrument"
 
 @dataclass(frozen=True)
 class Named:
-    """A result as somebody named it.
+    """A result as somebody named it."""
 
-    Attributes
-    ----------
-    path : Path
-        Run folder or result.json.
-    date : str
-        When it holds; empty where not said.
-    instrument, label : str
-        Which instrument, and what to call the result; empty where not said.
-    """
-
-    path: Path
-    date: str = ""
+    path: Path  # run folder or result.json
+    date: str = ""  # when it holds; empty where not said
+    # instrument, label: which instrument, and what to call the result; empty where not said
     instrument: str = ""
     label: str = ""
 
@@ -62,19 +53,10 @@ class Named:
 def entries(paths: Sequence[str | Path], dates: str = "", *, same: bool = False) -> list[Entry]:
     """Read the results that are to be compared.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        Run folders, result.json files, or TOML files that list them.
-    dates : str
-        Dates of the results, separated by commas; an empty one keeps what is known.
-    same : bool
-        Whether all are of one instrument, whatever they say.
-
-    Returns
-    -------
-    list of Entry
-        By instrument, then in time; where no time is known, in the order given.
+    `paths`: run folders, result.json files, or TOML files that list them; `dates`: dates of the
+    results, separated by commas, an empty one keeps what is known; `same`: whether all are of one
+    instrument, whatever they say. Returns by instrument, then in time; where no time is known, in
+    the order given.
     """
     named = [n for path in paths for n in _named(Path(path))]
     if dates:

@@ -36,12 +36,7 @@ FOREIGN = (RESULT_FILE, "fleet.json", "navigation.json", "north.json", "optimise
 def document(comparison: Comparison, seconds: float = 0.0) -> dict[str, Any]:
     """Return everything that compare.json says.
 
-    Parameters
-    ----------
-    comparison : Comparison
-        What was found [SI].
-    seconds : float
-        How long it took [s].
+    `comparison`: what was found [SI]; `seconds`: how long it took [s].
     """
     c = comparison
     number = {id(e): i for i, e in enumerate(c.entries)}
@@ -148,17 +143,7 @@ def _between(between: Between | None, shared: Comparable | None) -> dict[str, An
 def save(about: Mapping[str, Any], folder: str | Path) -> Path:
     """Write the folder of a comparison, without its report.
 
-    Parameters
-    ----------
-    about : mapping
-        What `document` says.
-    folder : str or Path
-        Made where it does not exist; an earlier comparison in it is replaced.
-
-    Returns
-    -------
-    Path
-        The compare.json written.
+    `folder`: made where it does not exist, an earlier comparison in it is replaced.
     """
     folder = Path(folder)
     _refuse_foreign(folder, FOREIGN)
@@ -173,11 +158,5 @@ def _refuse_foreign(folder: Path, names: Sequence[str]) -> None:
 
 
 def load(folder: str | Path) -> dict[str, Any]:
-    """Read what compare.json in a folder says.
-
-    Parameters
-    ----------
-    folder : str or Path
-        The folder of a comparison.
-    """
+    """Read what compare.json in a folder says."""
     return read_document(Path(folder) / COMPARE_FILE, SCHEMA)

@@ -25,24 +25,12 @@ MOST = 6
 
 @dataclass(frozen=True)
 class Judged:
-    """An instrument with its results.
-
-    Attributes
-    ----------
-    name : str
-        The instrument.
-    entries : tuple of Entry
-        Its results in time [SI].
-    comparable : Comparable or None
-        What they have in common; None of a single result.
-    history : History or None
-        How they compare; None of a single result.
-    """
+    """An instrument with its results."""
 
     name: str
-    entries: tuple[Entry, ...]
-    comparable: Comparable | None
-    history: History | None
+    entries: tuple[Entry, ...]  # its results in time [SI]
+    comparable: Comparable | None  # what they have in common; None of a single result
+    history: History | None  # how they compare; None of a single result
 
     def kind(self, name: str) -> str:
         """Return what coefficient `name` measures."""
@@ -54,34 +42,19 @@ class Judged:
 
 @dataclass(frozen=True)
 class Decision:
-    """Whether one number keeps to its limit.
+    """Whether one number keeps to its limit."""
 
-    Attributes
-    ----------
-    instrument, name : str
-        Of which instrument, and which coefficient.
-    what : str
-        "value", "change" or "drift".
-    value, sd : float
-        The number and its standard deviation [SI; of a drift per year].
-    limit : float
-        Its largest size [SI; of a drift per year].
-    decision : str
-        One of `tolerance.DECISIONS`.
-    kind : str
-        What the coefficient measures, which fixes its units.
-    first, second : str
-        Results that a change is between; the result of a value is `second`.
-    """
-
+    # instrument, name: of which instrument, and which coefficient
     instrument: str
     name: str
-    what: str
+    what: str  # "value", "change" or "drift"
+    # value, sd: the number and its standard deviation [SI; of a drift per year]
     value: float
     sd: float
-    limit: float
+    limit: float  # its largest size [SI; of a drift per year]
     decision: str
-    kind: str
+    kind: str  # what the coefficient measures, which fixes its units
+    # first, second: results that a change is between; the result of a value is `second`
     first: str = ""
     second: str = ""
 
@@ -109,12 +82,7 @@ class Verdict:
 def decisions(instruments: Sequence[Judged], tolerance: Tolerance | None) -> tuple[Decision, ...]:
     """Decide on the latest value, every change and the drift of all that has a limit.
 
-    Parameters
-    ----------
-    instruments : sequence of Judged
-        The instruments [SI].
-    tolerance : Tolerance or None
-        The limits.
+    `instruments`: the instruments [SI]; `tolerance` or None: the limits.
     """
     if tolerance is None:
         return ()
@@ -179,16 +147,7 @@ def of(
 ) -> Verdict:  # fmt: skip
     """Combine what was found: the worst counts.
 
-    Parameters
-    ----------
-    instruments : sequence of Judged
-        The instruments [SI].
-    between : Between or None
-        The instruments side by side.
-    limits : sequence of Decision
-        What the tolerance says.
-    findings : sequence of Finding
-        What was noticed.
+    `instruments`: the instruments [SI]; `between` or None: the instruments side by side.
     """
     told = _of_limits(limits)
     told += [
@@ -269,14 +228,7 @@ def _of_instruments(instruments: Sequence[Judged], between: Between) -> tuple[in
 def how(course: Course, entries: Sequence[Entry], kind: str) -> str:
     """Say what a coefficient did in time.
 
-    Parameters
-    ----------
-    course : Course
-        The coefficient [SI].
-    entries : sequence of Entry
-        The results.
-    kind : str
-        What the coefficient measures.
+    `course`: the coefficient [SI].
     """
     name = course.name
     drift = f"{said(course.drift, course.drift_sd, kind)} per year"
@@ -307,12 +259,7 @@ def _scattering(names: Sequence[str]) -> str:
 def said(value: float, sd: float, kind: str) -> str:
     """Write a number for people.
 
-    Parameters
-    ----------
-    value, sd : float
-        The number and its standard deviation [SI].
-    kind : str
-        What it measures.
+    `value`, `sd`: the number and its standard deviation [SI].
     """
     if not np.isfinite(sd):
         return "not known" if not np.isfinite(value) else "known without a standard deviation"

@@ -88,11 +88,8 @@ def _digest(serial: str) -> str:
 def folder_name(serial: str) -> str:
     """Return a name for the folder of an instrument that no path can hide in.
 
-    Parameters
-    ----------
-    serial : str
-        Serial number; characters other than letters, digits, "." (not first), "_" and "-" are
-        replaced, and a digest is then added so that different numbers stay different.
+    `serial`: serial number, characters other than letters, digits, "." (not first), "_" and "-"
+    are replaced, and a digest is then added so that different numbers stay different.
     """
     name = re.sub(r"[^A-Za-z0-9._-]", "_", serial)
     name = re.sub(r"^\.+|\.+$", "_", name)[:LONGEST]
@@ -110,30 +107,11 @@ def run(
 ) -> FleetTable:
     """Calibrate all instruments of a campaign and write one folder.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        What was done with every instrument.
-    folder : str or Path
-        The folder; results in it are replaced.
-    tolerance : Tolerance or None
-        What coefficients may be; None decides nothing.
-    report : callable or None
-        Writes the report of a run folder and returns its path; None writes none.
-    workers : int, shape ()
-        Threads [1].
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    FleetTable
-        A row per instrument, those without a result last.
-
-    Raises
-    ------
-    FoucaultError
-        Mistakes in the campaign, and ``fleet.nothing`` where no instrument has a result.
+    `tolerance`: what coefficients may be, None decides nothing; `report`: writes the report of a
+    run folder and returns its path, None writes none; `workers`: threads [1]; `progress`: called
+    with the fraction done and what is being done. Returns a row per instrument, those without a
+    result last. Raises mistakes in the campaign, and ``fleet.nothing`` where no instrument has a
+    result.
     """
     earlier.refuse(campaign, "a fleet")
     started, folder = clock.monotonic(), Path(folder)

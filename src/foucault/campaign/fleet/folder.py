@@ -34,23 +34,8 @@ def save(
 ) -> dict[str, Any]:
     """Write what is said of all instruments together.
 
-    Parameters
-    ----------
-    table : FleetTable
-        The instruments, whose run folders are written already [SI].
-    campaign : Campaign
-        What was done with each.
-    folder : Path
-        The folder.
-    batch : bool
-        Whether they were solved in one batch.
-    seconds : float
-        How long it took [s].
-
-    Returns
-    -------
-    dict
-        What fleet.json says.
+    `table`: the instruments, whose run folders are written already [SI]; `seconds`: how long it
+    took [s].
     """
     text = resolved(campaign, folder).encode()
     made = {k: v for k, v in provenance({}, seconds).items() if k != "input"}
@@ -74,15 +59,7 @@ def about(folder: str | Path) -> dict[str, Any]:
 def load(folder: str | Path) -> tuple[FleetTable, dict[str, Any]]:
     """Return the instruments of a folder as they were decided [SI], and what fleet.json says.
 
-    Parameters
-    ----------
-    folder : str or Path
-        The folder of a fleet.
-
-    Raises
-    ------
-    FoucaultError
-        A file is missing, was changed, or is of another schema.
+    Raises A file is missing, was changed, or is of another schema.
     """
     folder = Path(folder)
     said = about(folder)

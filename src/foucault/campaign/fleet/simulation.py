@@ -35,14 +35,7 @@ def simulate(campaign: Campaign, instruments: int, seed: int | None = None) -> S
 
     The table is the same for all; each instrument is mounted anew.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Plan, session, class of the instruments.
-    instruments : int, shape ()
-        Number of them [1].
-    seed : int or None, shape ()
-        Seed; None takes that of the campaign [1].
+    `instruments`: number of them [1]; `seed`: seed, None takes that of the campaign [1].
     """
     session = campaign.session
     if not (isinstance(session, TableSession) and isinstance(campaign.settings, TableSettings)):
@@ -90,21 +83,8 @@ def save(
 ) -> Path:
     """Write a simulated fleet as a test bench would, with the truth beside it.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        What was simulated.
-    made : SimulatedReadings
-        The means.
-    folder : str or Path
-        Gets means.parquet, truth.parquet and campaign.toml.
-    seed : int or None, shape ()
-        Seed that was used, where it is not that of the campaign [1].
-
-    Returns
-    -------
-    Path
-        The campaign file written; `foucault fleet` takes it as it is.
+    `seed` or None: seed that was used, where it is not that of the campaign [1]. Returns the
+    campaign file written; `foucault fleet` takes it as it is.
     """
     folder = Path(folder)
     keep_recorded(folder, TRUTH_FILE, (MEANS_FILE, SESSION_CAMPAIGN))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.campaign.tolerance import DECISIONS, FAIL, PASS, UNDECIDED, Tolerance
 from foucault.diagnose import fleet as diagnose
 from foucault.diagnose.fleet import Distribution, Outlying
@@ -16,9 +17,6 @@ from foucault.errors import FoucaultError
 from foucault.models.imu import LAYOUT
 from foucault.result import Level, Result
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 BROKEN = "broken"
 """Status of an instrument without a result."""
@@ -28,40 +26,27 @@ TRIADS = ("accel", "gyro")
 
 @dataclass(frozen=True)
 class Row:
-    """One instrument.
-
-    Attributes
-    ----------
-    serial : str
-        Serial number.
-    status, verdict : str
-        How the computation ended, and the level of the verdict.
-    values, sd : dict of str to float
-        Coefficients [SI].
-    chi_square, redundancy : ndarray, shape (2,)
-        Of the residuals of accelerometers and gyros; NaN where not tested [1].
-    lever_arm : ndarray, shape (3,)
-        The accelerometers from the centre of the table; NaN where unknown [m].
-    folder, report : str
-        Run folder and report, relative to the folder of the fleet; empty where there is none.
-    reasons : tuple of str
-        Why the verdict is not a pass.
-    problem : FoucaultError or None
-        Why there is no result.
-    """
+    """One instrument."""
 
     serial: str
+    # status, verdict: how the computation ended, and the level of the verdict
     status: str
     verdict: str
+    # values, sd: coefficients [SI]
     values: Mapping[str, float] = field(default_factory=dict)
     sd: Mapping[str, float] = field(default_factory=dict)
+    # chi_square, redundancy: (2,) of the residuals of accelerometers and gyros; NaN where not
+    # tested [1]
     chi_square: FloatArray = field(default_factory=lambda: np.full(2, np.nan))
     redundancy: FloatArray = field(default_factory=lambda: np.full(2, np.nan))
+    # (3,) the accelerometers from the centre of the table; NaN where unknown [m]
     lever_arm: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+    # folder, report: run folder and report, relative to the folder of the fleet; empty where there
+    # is none
     folder: str = ""
     report: str = ""
-    reasons: tuple[str, ...] = ()
-    problem: FoucaultError | None = None
+    reasons: tuple[str, ...] = ()  # why the verdict is not a pass
+    problem: FoucaultError | None = None  # why there is no result
 
     @classmethod
     def broken(cls, serial: str, problem: FoucaultError) -> Row:
@@ -95,26 +80,14 @@ def _squares(result: Result, triad: str) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class FleetTable:
-    """All instruments, those with a result first.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Coefficients.
-    rows : tuple of Row
-        The instruments.
-    values, sd : ndarray, shape (N, p)
-        Coefficients and standard deviations, NaN where an instrument has none [SI].
-    decisions : ndarray of int, shape (N, p), or None
-        Numbers of `tolerance.DECISIONS`; None without a tolerance.
-    tolerance : Tolerance or None
-        The limits.
-    """
+    """All instruments, those with a result first."""
 
     names: tuple[str, ...]
     rows: tuple[Row, ...]
+    # values, sd: (N, p) coefficients and standard deviations, NaN where an instrument has none [SI]
     values: FloatArray
     sd: FloatArray
+    # (N, p) numbers of `tolerance.DECISIONS`; None without a tolerance
     decisions: IntArray | None = None
     tolerance: Tolerance | None = None
 

@@ -18,25 +18,15 @@ from foucault.procedures.navigation.settings import Settings
 
 @dataclass(frozen=True)
 class Said:
-    """What is said beside the log; it goes before what a campaign file says.
+    """What is said beside the log; it goes before what a campaign file says."""
 
-    Attributes
-    ----------
-    site : mapping
-        Keys of [site]: latitude, longitude [rad], height [m], gravity [m/s^2].
-    settings : Settings
-        What can be chosen.
-    gyro_white, accel_white : float or None
-        White noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
-    serial : str
-        Serial number of the instrument.
-    """
-
+    # keys of [site]: latitude, longitude [rad], height [m], gravity [m/s^2]
     site: Mapping[str, Any] = field(default_factory=dict)
-    settings: Settings = field(default_factory=Settings)
+    settings: Settings = field(default_factory=Settings)  # what can be chosen
+    # gyro_white, accel_white: white noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
     gyro_white: float | None = None
     accel_white: float | None = None
-    serial: str = ""
+    serial: str = ""  # serial number of the instrument
 
 
 def run(
@@ -49,24 +39,11 @@ def run(
 ) -> NavigationTest:
     """Navigate the log of a file.
 
-    Parameters
-    ----------
-    log : str or Path
-        A campaign file of any procedure, for its log, site, noise and instrument; a log that
-        Foucault has written; or a file whose titles carry the units.
-    said : Said or None
-        What is said beside it.
-    calibration : str, Path or None
-        Run folder or result.json of the calibration.
-    reference : str, Path or None
-        File of positions, velocities or angles of the same clock.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    NavigationTest
-        Trajectories, errors, contributions [SI].
+    `log`: a campaign file of any procedure, for its log, site, noise and instrument, a log that
+    Foucault has written, or a file whose titles carry the units; `said` or None: what is said
+    beside it; `calibration` or None: run folder or result.json of the calibration; `reference` or
+    None: file of positions, velocities or angles of the same clock; `progress`: called with the
+    fraction done and what is being done. Returns trajectories, errors, contributions [SI].
     """
     said = said or Said()
     # What is wrong with the small files shows before a long log is read.

@@ -6,13 +6,11 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.navigation.errors import NAUTICAL_MILE, circular_error, radial_rate
 from foucault.files import plain_json
 from foucault.models.layouts import kind_of
-
-FloatArray = npt.NDArray[np.float64]
 
 if TYPE_CHECKING:
     from foucault.diagnose.navigation.budget import Budget
@@ -22,10 +20,7 @@ if TYPE_CHECKING:
 def document(test: NavigationTest) -> dict[str, Any]:
     """Return everything that navigation.json says but its schema and the hashes.
 
-    Parameters
-    ----------
-    test : NavigationTest
-        What was found [SI].
+    `test`: what was found [SI].
     """
     t = test.runs[0].trajectory
     out = {

@@ -39,27 +39,17 @@ NAVIGATION_FILE = "navigation.json"
 
 @dataclass(frozen=True)
 class NavigationRecord:
-    """What a navigation has found, as its folder keeps it.
+    """What a navigation has found, as its folder keeps it."""
 
-    Attributes
-    ----------
-    about : dict
-        What navigation.json says [SI].
-    tables : dict of str to dict of str to ndarray
-        Name of the table -> column -> values [SI].
-    """
-
-    about: Mapping[str, Any]
+    about: Mapping[str, Any]  # what navigation.json says [SI]
+    # name of the table -> column -> values [SI]
     tables: Mapping[str, Mapping[str, npt.NDArray[Any]]]
 
 
 def record(test: NavigationTest) -> NavigationRecord:
     """Return what the folder of a navigation keeps.
 
-    Parameters
-    ----------
-    test : NavigationTest
-        What was found [SI].
+    `test`: what was found [SI].
     """
     return _record({"schema": SCHEMA} | document(test), tables(test))
 
@@ -71,17 +61,8 @@ def _record(about: Mapping[str, Any], made: Mapping[str, Columns]) -> Navigation
 def save(test: NavigationTest, folder: str | Path) -> NavigationRecord:
     """Write the folder of a navigation, without its report, whole or not at all.
 
-    Parameters
-    ----------
-    test : NavigationTest
-        What was found [SI].
-    folder : str or Path
-        Made where it does not exist; an earlier navigation in it is replaced.
-
-    Returns
-    -------
-    NavigationRecord
-        What was written.
+    `test`: what was found [SI]; `folder`: made where it does not exist, an earlier navigation in
+    it is replaced.
     """
     folder = Path(folder)
     if (folder / RESULT_FILE).exists():
@@ -97,13 +78,7 @@ def save(test: NavigationTest, folder: str | Path) -> NavigationRecord:
 
 
 def load(folder: str | Path) -> NavigationRecord:
-    """Read a folder back.
-
-    Parameters
-    ----------
-    folder : str or Path
-        The folder.
-    """
+    """Read a folder back."""
     file = Path(folder) / NAVIGATION_FILE
     about = read_document(file, SCHEMA)
     read = {Path(n).stem: read_table(file, n, digest) for n, digest in about["files"].items()}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.navigation.free_inertial import TERMS
 from foucault.models import geodesy
 from foucault.tables import TRAJECTORY
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from foucault.logs.reference import Reference
     from foucault.procedures.navigation import NavigationTest, Run
 
-FloatArray = npt.NDArray[np.float64]
 Columns = dict[str, tuple[Any, str]]
 
 ENU = ("east", "north", "up")
@@ -26,10 +25,7 @@ WITHOUT = "without_"
 def tables(test: NavigationTest) -> dict[str, Columns]:
     """Return every table of a navigation, values and unit of each column.
 
-    Parameters
-    ----------
-    test : NavigationTest
-        What was found [SI].
+    `test`: what was found [SI].
     """
     start = (test.runs[0].trajectory.latitude[0], test.runs[0].trajectory.longitude[0],
              test.runs[0].trajectory.height[0])  # fmt: skip

@@ -29,28 +29,15 @@ PROCEDURE = "north_seeking"
 
 @dataclass(frozen=True)
 class Said:
-    """What is said beside the readings; it goes before what a campaign file says.
+    """What is said beside the readings; it goes before what a campaign file says."""
 
-    Attributes
-    ----------
-    site : mapping
-        Keys of [site]: latitude [rad], height [m], gravity [m/s^2].
-    settings : mapping
-        Keys of [procedure] [SI].
-    gyro_white, accel_white : float or None
-        White noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
-    reads : {"specific force", "gravity"} or None
-        Sign of the accelerometers of readings without a campaign.
-    serial : str
-        Serial number of the instrument.
-    """
-
-    site: Mapping[str, Any]
-    settings: Mapping[str, Any]
+    site: Mapping[str, Any]  # keys of [site]: latitude [rad], height [m], gravity [m/s^2]
+    settings: Mapping[str, Any]  # keys of [procedure] [SI]
+    # gyro_white, accel_white: white noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
     gyro_white: float | None = None
     accel_white: float | None = None
-    reads: str | None = None
-    serial: str = ""
+    reads: str | None = None  # sign of the accelerometers of readings without a campaign
+    serial: str = ""  # serial number of the instrument
 
 
 @dataclass(frozen=True)
@@ -74,21 +61,10 @@ def run(
 ) -> Survey:
     """Find the heading of every set-up of a file.
 
-    Parameters
-    ----------
-    readings : str or Path
-        A campaign file, or a CSV or Parquet file whose titles carry the units.
-    said : Said or None
-        What is said beside it.
-    calibration : str, Path or None
-        Run folder or result.json of the calibration.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Survey
-        The solution of all set-ups [SI].
+    `readings`: a campaign file, or a CSV or Parquet file whose titles carry the units; `said` or
+    None: what is said beside it; `calibration` or None: run folder or result.json of the
+    calibration; `progress`: called with the fraction done and what is being done. Returns the
+    solution of all set-ups [SI].
     """
     said, path = said or Said({}, {}), Path(readings)
     # A wrong calibration shows before a long log is read.

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.campaign.folder import as_arrays, parquet, read_table, write
 from foucault.errors import error
 from foucault.escape import csv_cell
@@ -33,7 +34,6 @@ from foucault.run_folder import RESULT_FILE
 if TYPE_CHECKING:
     from foucault.procedures.north_seeking.fix import Survey
 
-FloatArray = npt.NDArray[np.float64]
 Columns = dict[str, tuple[Any, str]]
 
 SCHEMA = "foucault.north/1"
@@ -55,27 +55,16 @@ ROUNDING = 1e-3
 
 @dataclass(frozen=True)
 class NorthRecord:
-    """What a search for north has found, as its folder keeps it.
+    """What a search for north has found, as its folder keeps it."""
 
-    Attributes
-    ----------
-    about : dict
-        What north.json says [SI].
-    dwells : dict of str to ndarray
-        Columns of dwells.parquet [SI].
-    """
-
-    about: Mapping[str, Any]
-    dwells: Mapping[str, npt.NDArray[Any]]
+    about: Mapping[str, Any]  # what north.json says [SI]
+    dwells: Mapping[str, npt.NDArray[Any]]  # columns of dwells.parquet [SI]
 
 
 def record(survey: Survey) -> NorthRecord:
     """Return what the folder of a survey keeps.
 
-    Parameters
-    ----------
-    survey : Survey
-        The solution of all set-ups [SI].
+    `survey`: the solution of all set-ups [SI].
     """
     return NorthRecord(_document(survey), as_arrays(_dwells(survey)))
 
@@ -83,17 +72,8 @@ def record(survey: Survey) -> NorthRecord:
 def save(survey: Survey, folder: str | Path) -> NorthRecord:
     """Write the folder of a survey, without its report, whole or not at all.
 
-    Parameters
-    ----------
-    survey : Survey
-        The solution of all set-ups [SI].
-    folder : str or Path
-        Made where it does not exist; an earlier survey in it is replaced.
-
-    Returns
-    -------
-    NorthRecord
-        What was written.
+    `survey`: the solution of all set-ups [SI]; `folder`: made where it does not exist, an earlier
+    survey in it is replaced.
     """
     folder = Path(folder)
     if (folder / RESULT_FILE).exists():
@@ -108,13 +88,7 @@ def save(survey: Survey, folder: str | Path) -> NorthRecord:
 
 
 def load(folder: str | Path) -> NorthRecord:
-    """Read a folder back.
-
-    Parameters
-    ----------
-    folder : str or Path
-        The folder.
-    """
+    """Read a folder back."""
     file = Path(folder) / NORTH_FILE
     about = read_document(file, SCHEMA)
     return NorthRecord(about, read_table(file, DWELLS_FILE, about["files"][DWELLS_FILE]))

@@ -40,12 +40,8 @@ WORDS = {
 def disagreement(found: Sequence[Alignment], *, swayed: bool = False) -> tuple[Finding, ...]:
     """Tell which two methods differ by most, if by more than their covariances allow.
 
-    Parameters
-    ----------
-    found : sequence of Alignment
-        Of one window, or of rests that end together.
-    swayed : bool
-        Whether the body swayed or turned; the mean of two vectors is then not that of the end.
+    `found`: of one window, or of rests that end together; `swayed`: whether the body swayed or
+    turned, the mean of two vectors is then not that of the end.
     """
     used = [a for a in found if not (swayed and a.method == "two_vector")]
     worst, words = chi_square_limits(3, 2 * FALSE_ALARM)[1], None
@@ -69,10 +65,7 @@ def disagreement(found: Sequence[Alignment], *, swayed: bool = False) -> tuple[F
 def innovations(found: Sequence[Alignment]) -> tuple[Finding, ...]:
     """Tell which filters met velocities that they had not predicted.
 
-    Parameters
-    ----------
-    found : sequence of Alignment
-        Of any methods; those without innovations are passed over.
+    `found`: of any methods, those without innovations are passed over.
     """
     told = []
     for one in found:

@@ -21,8 +21,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.axes import exchange_words, exchanges, explain_turns, mistake
 from foucault.diagnose.force_at_rest import wrong_force
 from foucault.errors import Finding, error, finding
@@ -35,8 +35,6 @@ from foucault.navigate.sensor_errors import SensorErrors
 from foucault.navigate.two_vector import latitude_seen
 from foucault.tables import Log
 from foucault.units import convert, plain
-
-FloatArray = npt.NDArray[np.float64]
 
 SURE = 5.0
 """A contradiction is one beyond this many standard deviations: one in a million by chance [1]."""
@@ -100,21 +98,8 @@ def checked(
 ) -> Alignment:
     """Return an alignment with what its data and its covariance tell, `findings`.
 
-    Parameters
-    ----------
-    increments : Increments
-        The log, or the window that was aligned [rad], [m/s].
-    site : Site
-        Where it stood; the latitude must be known.
-    alignment : Alignment
-        What was found.
-    sensors : SensorErrors
-        What the instrument errs by.
-
-    Raises
-    ------
-    FoucaultError
-        Units, axes or signs are wrong beyond doubt.
+    `increments`: the log, or the window that was aligned [rad], [m/s]; `site`: where it stood,
+    the latitude must be known. Raises units, axes or signs are wrong beyond doubt.
     """
     found: list[Finding] = []
     if alignment.rests:
@@ -137,19 +122,8 @@ def contradictions(
 ) -> tuple[Finding, ...]:
     """Compare the means of a rest with gravity and the Earth's rate.
 
-    Parameters
-    ----------
-    increments : Increments
-        One rest [rad], [m/s].
-    site : Site
-        Where it stood; the latitude must be known.
-    sensors : SensorErrors
-        What the instrument errs by.
-
-    Raises
-    ------
-    FoucaultError
-        A wrong unit, axis or sign explains what the data contradict.
+    `increments`: one rest [rad], [m/s]; `site`: where it stood, the latitude must be known.
+    Raises A wrong unit, axis or sign explains what the data contradict.
     """
     assert site.latitude is not None
     f, w, noise = measured_errors(increments, sensors)
@@ -236,17 +210,8 @@ def _fitting(means: _Means) -> list[FloatArray]:
 def check_turns(increments: Increments, rests: Sequence[tuple[float, float]]) -> None:
     """Refuse gyro axes or units that the turns between the rests of an alignment contradict.
 
-    Parameters
-    ----------
-    increments : Increments
-        The log [rad], [m/s].
-    rests : sequence of (float, float)
-        Start and end of each rest, in order [s].
-
-    Raises
-    ------
-    FoucaultError
-        An exchange of axes or another unit explains how up turned from rest to rest.
+    `increments`: the log [rad], [m/s]; `rests`: start and end of each rest, in order [s]. Raises
+    an exchange of axes or another unit explains how up turned from rest to rest.
     """
     dt = increments.dt[:, None]
     log = Log(increments.time, increments.dtheta_b / dt, increments.dvel_b / dt, "increment")
@@ -264,14 +229,7 @@ def check_turns(increments: Increments, rests: Sequence[tuple[float, float]]) ->
 def motion(increments: Increments, site: Site, sensors: SensorErrors) -> tuple[Finding, ...]:
     """Tell harmless sway in a window from a turn and from leaving the place.
 
-    Parameters
-    ----------
-    increments : Increments
-        The window [rad], [m/s].
-    site : Site
-        Where it stood; the latitude must be known.
-    sensors : SensorErrors
-        What the instrument errs by.
+    `increments`: the window [rad], [m/s]; `site`: where it stood, the latitude must be known.
     """
     fit = inertial_frame(increments, site, sensors)
     turn, limit = _turned(fit, sensors)
@@ -341,12 +299,7 @@ def _moved(fit: InertialFit, sensors: SensorErrors, site: Site) -> tuple[float, 
 def azimuth(alignment: Alignment, site: Site) -> tuple[Finding, ...]:
     """Tell whether an alignment shows north well enough to navigate by.
 
-    Parameters
-    ----------
-    alignment : Alignment
-        What was found.
-    site : Site
-        Where it stood; the latitude must be known.
+    `site`: where it stood, the latitude must be known.
     """
     assert site.latitude is not None
     found = []

@@ -30,8 +30,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from foucault.arrays import FloatArray, IntArray
+
 Kind = Literal["overlapping", "modified", "hadamard"]
 
 NOISES = 5
@@ -54,14 +54,7 @@ _TAIL = 64.0  # flicker is followed this many reaches beyond the last kink; r^2 
 def terms(kind: Kind, n: int, m: npt.ArrayLike) -> IntArray:
     """Return how many differences there are for each factor, shape (k,) [1].
 
-    Parameters
-    ----------
-    kind : {"overlapping", "modified", "hadamard"}
-        Which variance.
-    n : int, shape ()
-        Number of samples [1].
-    m : ndarray of int, shape (k,)
-        Averaging factors [1].
+    `n`: number of samples [1]; `m` (k,): averaging factors [1].
     """
     return n + 1 - SPAN[kind] * np.asarray(m) + (kind == "modified")
 
@@ -69,12 +62,7 @@ def terms(kind: Kind, n: int, m: npt.ArrayLike) -> IntArray:
 def norm(kind: Kind, m: npt.ArrayLike) -> FloatArray:
     """Return c, shape (k,): the variance is c times the mean square difference [1].
 
-    Parameters
-    ----------
-    kind : {"overlapping", "modified", "hadamard"}
-        Which variance.
-    m : ndarray of int, shape (k,)
-        Averaging factors [1].
+    `m` (k,): averaging factors [1].
     """
     return 1.0 / (_NORM[kind] * np.asarray(m, float) ** 2)
 
@@ -181,19 +169,8 @@ def _pair(kind: Kind, n: int, m_i: int, m_j: int) -> FloatArray:
 def covariance(kind: Kind, n: int, m: tuple[int, ...]) -> FloatArray:
     """Compute the covariance of overlapping Allan or Hadamard variances as a form in p.
 
-    Parameters
-    ----------
-    kind : {"overlapping", "hadamard"}
-        Which variance.
-    n : int, shape ()
-        Number of samples [1].
-    m : tuple of int, shape (k,)
-        Averaging factors [1].
-
-    Returns
-    -------
-    ndarray, shape (5, 5, k, k)
-        T with cov = sum_ab p_a p_b T[a, b] [1].
+    `n`: number of samples [1]; `m` (k,): averaging factors [1]. Returns (5, 5, k, k): t with cov
+    = sum_ab p_a p_b T[a, b] [1].
     """
     k = len(m)
     out = np.zeros((NOISES, NOISES, k, k))
@@ -209,19 +186,8 @@ def covariance(kind: Kind, n: int, m: tuple[int, ...]) -> FloatArray:
 def variances(kind: Kind, n: int, m: tuple[int, ...]) -> FloatArray:
     """Compute the variance of each variance as a form in p.
 
-    Parameters
-    ----------
-    kind : {"overlapping", "modified", "hadamard"}
-        Which variance.
-    n : int, shape ()
-        Number of samples [1].
-    m : tuple of int, shape (k,)
-        Averaging factors [1].
-
-    Returns
-    -------
-    ndarray, shape (5, 5, k)
-        T with var = sum_ab p_a p_b T[a, b] [1].
+    `n`: number of samples [1]; `m` (k,): averaging factors [1]. Returns (5, 5, k): t with var =
+    sum_ab p_a p_b T[a, b] [1].
     """
     if kind == "overlapping":
         return np.asarray(np.diagonal(covariance(kind, n, m), axis1=2, axis2=3))
@@ -231,18 +197,8 @@ def variances(kind: Kind, n: int, m: tuple[int, ...]) -> FloatArray:
 def expected(kind: Kind, m: npt.ArrayLike) -> FloatArray:
     """Compute the expected variances as a linear function of p.
 
-    Parameters
-    ----------
-    kind : {"overlapping", "modified", "hadamard"}
-        Which variance.
-    m : ndarray of int, shape (k,)
-        Averaging factors [1].
-
-    Returns
-    -------
-    ndarray, shape (k, 5)
-        J with E a = J p [1]. For the overlapping Allan variance
-        (3/m^2, 1/m, 2 ln 2/pi, m/3, m^2/2), IEEE Std 952 eq. (C.4) to (C.16).
+    `m` (k,): averaging factors [1]. Returns (k, 5): j with E a = J p [1]. For the overlapping
+    Allan variance (3/m^2, 1/m, 2 ln 2/pi, m/3, m^2/2), IEEE Std 952 eq. (C.4) to (C.16).
     """
     m = np.asarray(m, float)
     out = np.zeros((len(m), NOISES))
@@ -256,16 +212,8 @@ def expected(kind: Kind, m: npt.ArrayLike) -> FloatArray:
 def degrees_of_freedom(kind: Kind, n: int, m: npt.ArrayLike, p: FloatArray) -> FloatArray:
     """Compute the equivalent degrees of freedom 2 (E a)^2 / var a, shape (k,) [1].
 
-    Parameters
-    ----------
-    kind : {"overlapping", "modified", "hadamard"}
-        Which variance.
-    n : int, shape ()
-        Number of samples [1].
-    m : ndarray of int, shape (k,)
-        Averaging factors [1].
-    p : ndarray, shape (5,)
-        Strengths of the five noises [unit^2].
+    `n`: number of samples [1]; `m` (k,): averaging factors [1]; `p` (5,): strengths of the five
+    noises [unit^2].
     """
     factors = tuple(int(each) for each in np.asarray(m))
     var = np.einsum("a,b,abk->k", p, p, variances(kind, n, factors))

@@ -24,13 +24,10 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.allan.covariance import SPAN, Kind, degrees_of_freedom, expected, norm
 from foucault.errors import error, suggestion
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
@@ -70,73 +67,39 @@ UNIT_KINDS = {
 
 @dataclass(frozen=True)
 class Noise:
-    """One of the five noises in one channel.
-
-    Attributes
-    ----------
-    name : str
-        One of `NOISES`.
-    value, sd : float
-        Q [unit s], N [unit/sqrt(Hz)], B [unit], K [unit/sqrt(s)] or R [unit/s]; sd is NaN where
-        the value is zero.
-    seen : bool
-        Whether the data show it.
-    low, high : float
-        Interval that holds the truth with a probability of 95 % [as value]. Of a noise not seen,
-        low is 0 and high the upper limit; infinite where the data set none.
-    """
+    """One of the five noises in one channel."""
 
     name: str
+    # value, sd: Q [unit s], N [unit/sqrt(Hz)], B [unit], K [unit/sqrt(s)] or R [unit/s]; sd is NaN
+    # where the value is zero
     value: float
     sd: float
-    seen: bool
+    seen: bool  # whether the data show it
+    # low, high: interval that holds the truth with a probability of 95 % [as value]. Of a noise not
+    # seen, low is 0 and high the upper limit; infinite where the data set none
     low: float
     high: float
 
 
 @dataclass(frozen=True)
 class Channel:
-    """The Allan deviations of one channel and what they show.
-
-    Attributes
-    ----------
-    kind : {"overlapping", "modified", "hadamard"}
-        Which deviation.
-    interval : float
-        Sample interval [s].
-    samples : int, shape ()
-        Number of samples [1].
-    tau : ndarray, shape (k,)
-        Averaging times [s].
-    deviation, low, high : ndarray, shape (k,)
-        Deviations and their 95 % interval [unit].
-    dof : ndarray, shape (k,)
-        Equivalent degrees of freedom for the noises fitted and the excess [1].
-    curve : ndarray, shape (k,)
-        Deviations that the noises fitted have on average [unit].
-    parts : ndarray, shape (5, k)
-        The same of each noise alone [unit].
-    noises : tuple of Noise
-        The five noises, in the order of `NOISES`.
-    excess : float
-        Relative scatter of the variances about the curve that noise does not explain [1].
-    longest : float
-        Longest useful averaging time, `USEFUL` [s].
-    """
+    """The Allan deviations of one channel and what they show."""
 
     kind: Kind
-    interval: float
-    samples: int
-    tau: FloatArray
+    interval: float  # sample interval [s]
+    samples: int  # number of samples [1]
+    tau: FloatArray  # (k,) averaging times [s]
+    # deviation, low, high: (k,) deviations and their 95 % interval [unit]
     deviation: FloatArray
     low: FloatArray
     high: FloatArray
-    dof: FloatArray
-    curve: FloatArray
-    parts: FloatArray
-    noises: tuple[Noise, ...]
+    dof: FloatArray  # (k,) equivalent degrees of freedom for the noises fitted and the excess [1]
+    curve: FloatArray  # (k,) deviations that the noises fitted have on average [unit]
+    parts: FloatArray  # (5, k) the same of each noise alone [unit]
+    noises: tuple[Noise, ...]  # the five noises, in the order of `NOISES`
+    # relative scatter of the variances about the curve that noise does not explain [1]
     excess: float
-    longest: float
+    longest: float  # longest useful averaging time, `USEFUL` [s]
 
     def noise(self, name: str) -> Noise:
         """Return the noise `name`, one of `NOISES`."""
@@ -146,10 +109,7 @@ class Channel:
 def octaves(samples: int) -> IntArray:
     """Return the averaging factors 1, 2, 4, ... up to a quarter of the record, shape (k,).
 
-    Parameters
-    ----------
-    samples : int, shape ()
-        Number of samples [1].
+    `samples`: number of samples [1].
     """
     return np.asarray(2 ** np.arange(int(np.log2(max(samples, 4))) - 1), np.int64)
 
@@ -210,16 +170,7 @@ def measure(
 ) -> Channel:
     """Compute the deviations of one channel and find the noises in them.
 
-    Parameters
-    ----------
-    rate : ndarray, shape (n,)
-        Readings at rest, evenly spaced [unit].
-    interval : float
-        Sample interval [s].
-    kind : {"overlapping", "modified", "hadamard"}
-        Which deviation.
-    axis : str
-        Name of the channel, for the texts.
+    `rate` (n,): readings at rest, evenly spaced [unit]; `interval`: sample interval [s].
     """
     from scipy.stats import chi2
 
@@ -275,14 +226,7 @@ def check_kind(given: str) -> Kind:
 def check(rate: FloatArray, interval: float, axis: str = "the channel") -> None:
     """Raise what makes an Allan variance of a channel impossible.
 
-    Parameters
-    ----------
-    rate : ndarray, shape (n,)
-        Readings [unit].
-    interval : float
-        Sample interval [s].
-    axis : str
-        Name of the channel, for the texts.
+    `rate` (n,): readings [unit]; `interval`: sample interval [s].
     """
     if len(rate) < LEAST:
         duration = f"{len(rate) * interval:.4g}"

@@ -25,10 +25,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.allan.covariance import NOISES, covariance, expected
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 SEEN = 3.0
 """A noise is seen when it is this many standard deviations above zero [1]."""
@@ -44,27 +42,16 @@ _SMALLEST = 1e-9  # relative
 
 @dataclass(frozen=True)
 class Strengths:
-    """The strengths of the five noises, in units of one sample interval.
+    """The strengths of the five noises, in units of one sample interval."""
 
-    Attributes
-    ----------
-    p : ndarray, shape (5,)
-        Q^2/dt^2, N^2/dt, B^2, K^2 dt, R^2 dt^2 [unit^2].
-    sd : ndarray, shape (5,)
-        Standard deviations; NaN where p is zero [unit^2].
-    seen : ndarray of bool, shape (5,)
-        Which noises are `SEEN` standard deviations above zero.
-    low, high : ndarray, shape (5,)
-        Interval of what is seen; 0 and the upper limit of what is not (inf: none) [unit^2].
-    excess : float
-        Relative scatter of the variances about the curve that five noises do not explain [1].
-    """
-
-    p: FloatArray
-    sd: FloatArray
-    seen: npt.NDArray[np.bool_]
+    p: FloatArray  # (5,) Q^2/dt^2, N^2/dt, B^2, K^2 dt, R^2 dt^2 [unit^2]
+    sd: FloatArray  # (5,) standard deviations; NaN where p is zero [unit^2]
+    seen: npt.NDArray[np.bool_]  # (5,) which noises are `SEEN` standard deviations above zero
+    # low, high: (5,) interval of what is seen; 0 and the upper limit of what is not (inf: none)
+    # [unit^2]
     low: FloatArray
     high: FloatArray
+    # relative scatter of the variances about the curve that five noises do not explain [1]
     excess: float
 
 
@@ -95,14 +82,8 @@ class _Problem:
 def fit(variance: FloatArray, n: int, m: npt.NDArray[np.int64]) -> Strengths:
     """Fit the five noises.
 
-    Parameters
-    ----------
-    variance : ndarray, shape (k,)
-        Overlapping Allan variances [unit^2].
-    n : int, shape ()
-        Number of samples they come from [1].
-    m : ndarray of int, shape (k,)
-        Averaging factors [1].
+    `variance` (k,): overlapping Allan variances [unit^2]; `n`: number of samples they come from
+    [1]; `m` (k,): averaging factors [1].
     """
     T = covariance("overlapping", n, tuple(int(each) for each in m))
     problem, p = _solved(_Problem(variance, expected("overlapping", m), T))

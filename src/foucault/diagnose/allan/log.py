@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.allan.covariance import Kind
 from foucault.diagnose.allan.deviation import (
     LEAST,
@@ -37,8 +37,6 @@ from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.logs.checks import rate_instead
 from foucault.tables import AXES, Log
 from foucault.units import convert, display_unit, plain
-
-FloatArray = npt.NDArray[np.float64]
 
 MARKOV_PEAK = (0.6174, 1.8926)
 """Peak of the Allan deviation over the sd of the Markov noise; its tau over T_c [1]."""
@@ -57,19 +55,10 @@ _WHOLE = 0.95  # a rest that covers this part of the log: the log does not move
 
 @dataclass(frozen=True)
 class LogAllan:
-    """The Allan deviations of a log.
+    """The Allan deviations of a log."""
 
-    Attributes
-    ----------
-    channels : dict of str to Channel
-        By axis: ``gyro.x`` [rad/s], ``accel.x`` [m/s^2].
-    start, end : float
-        First and last time used [s].
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    channels: dict[str, Channel]
+    channels: dict[str, Channel]  # by axis: ``gyro.x`` [rad/s], ``accel.x`` [m/s^2]
+    # start, end: first and last time used [s]
     start: float
     end: float
     findings: tuple[Finding, ...]
@@ -97,7 +86,7 @@ def measure_log(
         that moves [s].
     """
     names = _chosen(log, axes)
-    log = without_spikes(log)
+    log = without_spikes(log.filled())
     part, told = _part_at_rest(log, rest)
     findings = [*(f for f in log.findings if f.code == "log.spikes"), *told]
     channels, stuck = {}, None
@@ -124,8 +113,7 @@ def measure_log(
 
 
 def _chosen(log: Log, wanted: tuple[str, ...]) -> list[str]:
-    triads = [t for t in ("gyro", "accel") if getattr(log, t) is not None]
-    names = [f"{triad}.{axis}" for triad in triads for axis in AXES]
+    names = [f"{triad}.{AXES[i]}" for triad in ("gyro", "accel") for i in log.logged(triad)]
     for word in wanted:
         if not any(_means(word, name) for name in names):
             hint = suggestion(word, names)
@@ -266,14 +254,7 @@ def _hidden(channels: dict[str, Channel]) -> list[Finding]:
 def described(noise: Noise, triad: str, longest: float) -> tuple[str, str, str]:
     """Write value, standard deviation and interval of a noise for people.
 
-    Parameters
-    ----------
-    noise : Noise
-        The noise [SI].
-    triad : str
-        ``gyro`` or ``accel``.
-    longest : float
-        Longest useful averaging time [s].
+    `noise`: the noise [SI]; `longest`: longest useful averaging time [s].
     """
     kind = UNIT_KINDS[triad][NOISES.index(noise.name)]
     if noise.seen:

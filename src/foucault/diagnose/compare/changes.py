@@ -25,12 +25,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.compare.fit import Series, constant, line, step
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-
-FloatArray = npt.NDArray[np.float64]
 
 YEAR = 365.25 * 86400.0
 """A Julian year [s]."""
@@ -41,26 +39,17 @@ TOO_ALIKE = 0.001
 
 @dataclass(frozen=True)
 class Pair:
-    """One result compared with an earlier one.
+    """One result compared with an earlier one."""
 
-    Attributes
-    ----------
-    first, second : int, shape ()
-        Numbers of the results [1].
-    change, sd : ndarray, shape (p,)
-        Second minus first, and its standard deviation [SI].
-    chi_square : float
-        Of all changes together [1].
-    w : ndarray, shape (p,)
-        Change that a coefficient would have made, had it alone changed, over its standard
-        deviation; its square is how much smaller chi-square would be without it [1].
-    """
-
+    # first, second: numbers of the results [1]
     first: int
     second: int
+    # change, sd: (p,) second minus first, and its standard deviation [SI]
     change: FloatArray
     sd: FloatArray
-    chi_square: float
+    chi_square: float  # of all changes together [1]
+    # (p,) change that a coefficient would have made, had it alone changed, over its standard
+    # deviation; its square is how much smaller chi-square would be without it [1]
     w: FloatArray
 
     @property
@@ -93,88 +82,42 @@ def pair(series: Series, i: int, j: int) -> Pair:
 
 @dataclass(frozen=True)
 class Course:
-    """What one coefficient did in time, looked at alone.
-
-    Attributes
-    ----------
-    name : str
-        The coefficient.
-    chi_square : float
-        Of its values about a constant [1].
-    stands_out : bool
-        Whether it is more than the limit that all coefficients share.
-    drift, drift_sd : float
-        Slope of the line; NaN without dates [SI per year].
-    drifts : bool
-        Whether the slope is more than chance, of all coefficients.
-    line_chi_square : float
-        Of its values about the line; NaN where there is none [1].
-    step_after : int
-        Number of the result after which a step explains most [1].
-    step, step_sd : float
-        Size of that step [SI].
-    step_chi_square : float
-        What the step leaves [1].
-    left : float
-        Chi-square of all other coefficients with this one left out [1].
-    how : str
-        "steady", "change" (of two results), "drift", "step", "drift or step" or "scatter".
-    """
+    """What one coefficient did in time, looked at alone."""
 
     name: str
-    chi_square: float
-    stands_out: bool
+    chi_square: float  # of its values about a constant [1]
+    stands_out: bool  # whether it is more than the limit that all coefficients share
+    # drift, drift_sd: slope of the line; NaN without dates [SI per year]
     drift: float
     drift_sd: float
-    drifts: bool
-    line_chi_square: float
-    step_after: int
+    drifts: bool  # whether the slope is more than chance, of all coefficients
+    line_chi_square: float  # of its values about the line; NaN where there is none [1]
+    step_after: int  # number of the result after which a step explains most [1]
+    # step, step_sd: size of that step [SI]
     step: float
     step_sd: float
-    step_chi_square: float
-    left: float
-    how: str
+    step_chi_square: float  # what the step leaves [1]
+    left: float  # chi-square of all other coefficients with this one left out [1]
+    how: str  # "steady", "change" (of two results), "drift", "step", "drift or step" or "scatter"
 
 
 @dataclass(frozen=True)
 class History:
-    """The results of one instrument compared.
+    """The results of one instrument compared."""
 
-    Attributes
-    ----------
-    series : Series
-        The results [SI].
-    chi_square : float
-        Of all coefficients of all results about constants [1].
-    dof : int, shape ()
-        Its degrees of freedom [1].
-    low, high : float
-        Limits of it: below, the results are more alike than they say [1].
-    limit : float
-        Of the chi-square of one coefficient [1].
-    drift_limit : float
-        Of a slope over its standard deviation [1].
-    pair_limit : float
-        Of the chi-square of a pair [1].
-    z_limit : float
-        Of a change over its standard deviation, shared by all coefficients of all pairs [1].
-    pairs : tuple of Pair
-        Every pair, in order.
-    courses : tuple of Course, shape (p,)
-        Coefficient by coefficient.
-    """
-
-    series: Series
-    chi_square: float
-    dof: int
+    series: Series  # the results [SI]
+    chi_square: float  # of all coefficients of all results about constants [1]
+    dof: int  # its degrees of freedom [1]
+    # low, high: limits of it: below, the results are more alike than they say [1]
     low: float
     high: float
-    limit: float
-    drift_limit: float
-    pair_limit: float
+    limit: float  # of the chi-square of one coefficient [1]
+    drift_limit: float  # of a slope over its standard deviation [1]
+    pair_limit: float  # of the chi-square of a pair [1]
+    # of a change over its standard deviation, shared by all coefficients of all pairs [1]
     z_limit: float
-    pairs: tuple[Pair, ...]
-    courses: tuple[Course, ...]
+    pairs: tuple[Pair, ...]  # every pair, in order
+    courses: tuple[Course, ...]  # (p,) coefficient by coefficient
 
     @property
     def changed(self) -> bool:
@@ -203,14 +146,8 @@ class History:
 def upper(dof: int, false_alarm: float, tests: int = 1) -> float:
     """Return the limit of a chi-square variable that is too large.
 
-    Parameters
-    ----------
-    dof : int, shape ()
-        Degrees of freedom [1].
-    false_alarm : float
-        Probability that any of the tests is beyond it by chance [1].
-    tests : int, shape ()
-        How many share it [1].
+    `dof`: degrees of freedom [1]; `false_alarm`: probability that any of the tests is beyond it
+    by chance [1]; `tests`: how many share it [1].
     """
     return chi_square_limits(dof, 2 * false_alarm, tests)[1]
 
@@ -218,10 +155,7 @@ def upper(dof: int, false_alarm: float, tests: int = 1) -> float:
 def history(series: Series) -> History:
     """Compare the results of one instrument.
 
-    Parameters
-    ----------
-    series : Series
-        Two results or more [SI].
+    `series`: two results or more [SI].
     """
     n, p = series.values.shape
     # Together, one by one, and slopes, which tell something new of three results or more.

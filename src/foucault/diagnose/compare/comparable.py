@@ -19,8 +19,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.compare.fit import Series
 from foucault.diagnose.compare.gravity import gravity_errors
@@ -30,8 +30,6 @@ from foucault.models.imu import Gauge, ImuModel, coefficient_slot
 from foucault.models.layouts import is_cluster, is_imu, of_one_sample, of_sensors
 from foucault.result import Level, Result
 from foucault.units import ZERO_CELSIUS
-
-FloatArray = npt.NDArray[np.float64]
 
 UNMOVED = ("accel_bias", "gyro_bias", "accel_asymmetry", "gyro_asymmetry", "gyro_cubic")
 """Blocks of `ImuModel` that no choice of body axes changes."""
@@ -51,68 +49,31 @@ NUDGE = 1e-5
 
 @dataclass(frozen=True)
 class Entry:
-    """A result that is to be compared.
+    """A result that is to be compared."""
 
-    Attributes
-    ----------
-    label : str
-        What it is called.
-    result : Result
-        The result [SI].
-    instrument : str
-        Which instrument it is of.
-    time : float
-        When it holds, since 1970; NaN where unknown [s].
-    dated : str
-        Where that is from: "given", "log", "computed", or nothing.
-    sha256 : str
-        Of its result.json.
-    """
-
-    label: str
-    result: Result
-    instrument: str
-    time: float = float("nan")
-    dated: str = ""
+    label: str  # what it is called
+    result: Result  # the result [SI]
+    instrument: str  # which instrument it is of
+    time: float = float("nan")  # when it holds, since 1970; NaN where unknown [s]
+    dated: str = ""  # where that is from: "given", "log", "computed", or nothing
     sha256: str = ""
 
 
 @dataclass(frozen=True)
 class Comparable:
-    """Results brought to the same coefficients.
+    """Results brought to the same coefficients."""
 
-    Attributes
-    ----------
-    layout : Layout
-        The coefficients that all of them have, p of them.
-    series : Series
-        Their values [SI].
-    findings : tuple of Finding
-        What the user should know.
-    """
-
-    layout: Layout
-    series: Series
-    findings: tuple[Finding, ...]
+    layout: Layout  # the coefficients that all of them have, p of them
+    series: Series  # their values [SI]
+    findings: tuple[Finding, ...]  # what the user should know
 
 
 def comparable(entries: Sequence[Entry]) -> Comparable:
     """Bring results to the same coefficients in the same axes.
 
-    Parameters
-    ----------
-    entries : sequence of Entry
-        Two results or more, of one instrument or of several [SI].
-
-    Returns
-    -------
-    Comparable
-        What they have in common [SI].
-
-    Raises
-    ------
-    FoucaultError
-        ``compare.*``: results that are not independent, not of one kind, or with nothing in common.
+    `entries`: two results or more, of one instrument or of several [SI]. Returns what they have
+    in common [SI]. Raises ``compare.*``: results that are not independent, not of one kind, or
+    with nothing in common.
     """
     refuse_dependent(entries)
     _refuse_kinds(entries)
@@ -137,10 +98,7 @@ def comparable(entries: Sequence[Entry]) -> Comparable:
 def refuse_dependent(entries: Sequence[Entry]) -> None:
     """Refuse results that share a log, or of which one was the prior of another.
 
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The results [SI].
+    `entries`: the results [SI].
     """
     logs = [_hashes(e.result.provenance, ("input", "inputs")) for e in entries]
     priors = [_hashes(e.result.provenance, ("prior",)) for e in entries]

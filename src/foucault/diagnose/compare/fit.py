@@ -11,10 +11,8 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-
+from foucault.arrays import FloatArray
 
 DAY = 86400.0
 """A slope over less says nothing of a year [s]."""
@@ -22,26 +20,13 @@ DAY = 86400.0
 
 @dataclass(frozen=True)
 class Series:
-    """Results with the same coefficients, n of them, in order of time.
+    """Results with the same coefficients, n of them, in order of time."""
 
-    Attributes
-    ----------
-    names : tuple of str, shape (p,)
-        Coefficients.
-    time : ndarray, shape (n,)
-        When each result holds, since 1970; NaN where unknown [s].
-    values : ndarray, shape (n, p)
-        Coefficients [SI].
-    cov : ndarray, shape (n, p, p)
-        Covariance of each result, what it shares with others included [SI].
-    shared : ndarray, shape (n, p, q)
-        Errors L that results share, per unit of each of their q sources [SI].
-    """
-
-    names: tuple[str, ...]
-    time: FloatArray
-    values: FloatArray
-    cov: FloatArray
+    names: tuple[str, ...]  # (p,) coefficients
+    time: FloatArray  # (n,) when each result holds, since 1970; NaN where unknown [s]
+    values: FloatArray  # (n, p) coefficients [SI]
+    cov: FloatArray  # (n, p, p) covariance of each result, what it shares with others included [SI]
+    # (n, p, q) errors L that results share, per unit of each of their q sources [SI]
     shared: FloatArray
 
     def __len__(self) -> int:
@@ -81,33 +66,20 @@ class Series:
 
 @dataclass(frozen=True)
 class Fit:
-    """A model of the values in time, solved by weighted least squares.
+    """A model of the values in time, solved by weighted least squares."""
 
-    Attributes
-    ----------
-    values, sd : ndarray, shape (r, p)
-        Parameters and their standard deviations [SI, per unit of the design].
-    chi_square : float
-        Sum of squares left [1].
-    dof : int, shape ()
-        Its degrees of freedom [1].
-    """
-
+    # values, sd: (r, p) parameters and their standard deviations [SI, per unit of the design]
     values: FloatArray
     sd: FloatArray
-    chi_square: float
-    dof: int
+    chi_square: float  # sum of squares left [1]
+    dof: int  # its degrees of freedom [1]
 
 
 def fit(series: Series, design: FloatArray) -> Fit:
     """Solve ``x_i = sum_j design_ij beta_j`` for the coefficients beta.
 
-    Parameters
-    ----------
-    series : Series
-        The results [SI].
-    design : ndarray, shape (n, r)
-        How much of each parameter is in each result; the first column is 1 [any].
+    `series`: the results [SI]; `design` (n, r): how much of each parameter is in each result, the
+    first column is 1 [any].
     """
     (n, p), r, q = series.values.shape, design.shape[1], series.shared.shape[2]
     if p == 0:

@@ -12,14 +12,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.models.layouts import is_cluster
 from foucault.models.references import gravity_slope
 from foucault.result import Result
 
-FloatArray = npt.NDArray[np.float64]
 Site = tuple[Any, ...]
 """Gravity, its standard deviation, latitude and height."""
 
@@ -30,17 +29,8 @@ KEY = "gravity_errors"
 def gravity_errors(result: Result, vector: CoefficientVector) -> dict[Site, FloatArray]:
     """Return the errors that gravity makes in `vector`, per standard deviation of it.
 
-    Parameters
-    ----------
-    result : Result
-        The result [SI].
-    vector : CoefficientVector
-        Its coefficients, turned perhaps into other axes [SI].
-
-    Returns
-    -------
-    dict of tuple to ndarray, shape (n,)
-        Site -> error of each coefficient [SI]; empty where gravity plays no part.
+    `result`: the result [SI]; `vector`: its coefficients, turned perhaps into other axes [SI].
+    Returns (n,): site -> error of each coefficient [SI]; empty where gravity plays no part.
     """
     kept = result.diagnostics.get(KEY)
     if kept is not None:
@@ -64,10 +54,7 @@ def site_of(said: Mapping[str, Any]) -> Site:
 def as_kept(errors: Mapping[Site, Mapping[str, float]]) -> list[dict[str, Any]]:
     """Return errors as the diagnostics of a result keep them.
 
-    Parameters
-    ----------
-    errors : mapping of tuple to mapping of str to float
-        Site -> coefficient -> its error per standard deviation of gravity [SI].
+    `errors`: site -> coefficient -> its error per standard deviation of gravity [SI].
     """
     return [{"site": list(site), "error": dict(error)} for site, error in errors.items()]
 
@@ -77,13 +64,6 @@ def of_site(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the diagnostics of a result that was given one gravity.
 
-    Parameters
-    ----------
-    said : mapping
-        The site of the result.
-    names : tuple of str, shape (n,)
-        Coefficients.
-    error : ndarray, shape (n,)
-        Their errors per standard deviation of gravity [SI].
+    `names` (n,): coefficients; `error` (n,): their errors per standard deviation of gravity [SI].
     """
     return {KEY: as_kept({site_of(said): dict(zip(names, error.tolist(), strict=True))})}

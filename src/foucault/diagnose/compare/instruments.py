@@ -20,65 +20,34 @@ from foucault.estimate.chi_square import FALSE_ALARM
 
 @dataclass(frozen=True)
 class Spread:
-    """One coefficient over the instruments.
-
-    Attributes
-    ----------
-    name : str
-        The coefficient.
-    mean : float
-        Of the instruments, each weighted alike [SI].
-    spread : float
-        Standard deviation of the instruments [SI].
-    lowest, highest : float
-        Extreme values [SI].
-    sd : float
-        Root mean square of the standard deviations of the calibrations [SI].
-    chi_square : float
-        About one value for all [1].
-    told_apart : bool
-        Whether that is more than chance, of all coefficients.
-    """
+    """One coefficient over the instruments."""
 
     name: str
-    mean: float
-    spread: float
+    mean: float  # of the instruments, each weighted alike [SI]
+    spread: float  # standard deviation of the instruments [SI]
+    # lowest, highest: extreme values [SI]
     lowest: float
     highest: float
-    sd: float
-    chi_square: float
-    told_apart: bool
+    sd: float  # root mean square of the standard deviations of the calibrations [SI]
+    chi_square: float  # about one value for all [1]
+    told_apart: bool  # whether that is more than chance, of all coefficients
 
 
 @dataclass(frozen=True)
 class Between:
-    """Instruments compared, one result of each.
+    """Instruments compared, one result of each."""
 
-    Attributes
-    ----------
-    series : Series
-        The results; n of them [SI].
-    limit : float
-        Of the chi-square of a coefficient [1].
-    spreads : tuple of Spread, shape (p,)
-        Coefficient by coefficient.
-    outlying : tuple of Outlying
-        What stands out, the farthest first; nothing among few instruments.
-    """
-
-    series: Series
-    limit: float
-    spreads: tuple[Spread, ...]
+    series: Series  # the results; n of them [SI]
+    limit: float  # of the chi-square of a coefficient [1]
+    spreads: tuple[Spread, ...]  # (p,) coefficient by coefficient
+    # what stands out, the farthest first; nothing among few instruments
     outlying: tuple[Outlying, ...]
 
 
 def between(series: Series) -> Between:
     """Compare instruments.
 
-    Parameters
-    ----------
-    series : Series
-        A result of each instrument, two or more [SI].
+    `series`: a result of each instrument, two or more [SI].
     """
     n, p = series.values.shape
     limit = upper(n - 1, FALSE_ALARM, p)

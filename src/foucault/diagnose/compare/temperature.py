@@ -20,10 +20,8 @@ from foucault.units import ZERO_CELSIUS
 def at_one_temperature(entries: Sequence[Entry]) -> tuple[list[Entry], list[Finding]]:
     """Return the results with coefficients that do not change with temperature.
 
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The results; one whose functions do not reach the common temperature is refused [SI].
+    `entries`: the results, one whose functions do not reach the common temperature is refused
+    [SI].
     """
     models = [getattr(e.result, "temperature", None) for e in entries]
     over = [(e, m) for e, m in zip(entries, models, strict=True) if m is not None]

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.checks import (
     drift_check,
     judge_prior,
@@ -29,8 +29,6 @@ from foucault.result import Check, Estimate
 from foucault.tables import AXES
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-
 ROUGH = np.radians(1.0)
 """Placements that are off by more than this are no calibration [rad]."""
 
@@ -46,48 +44,20 @@ ARCMIN = np.degrees(1.0) * 60
 
 @dataclass(frozen=True)
 class FaceEvidence:
-    """Everything the checks look at.
+    """Everything the checks look at."""
 
-    Attributes
-    ----------
-    scene : Scene
-        What was observed [SI].
-    faces : Faces
-        Where it was observed.
-    estimate : Estimate
-        The solution.
-    noise : FaceNoise
-        Its noise [SI].
-    declared : bool
-        Whether the noise was declared.
-    belief : Belief
-        What is believed of placements and turns [rad].
-    placement_given : bool
-        Whether the placement was declared.
-    found : mapping of str to Scatter
-        What the residuals said before the placement was settled.
-    cov : ndarray, shape (3 k, 3 k)
-        Covariance of all readings [SI].
-    snooping : Snooping
-        Tests of the single readings.
-    angle_given : bool
-        Whether it was declared how nearly the turns ended where they began.
-    drift : Drift or None
-        The drift of a coefficient that the residuals show most clearly.
-    """
-
-    scene: Scene
-    faces: Faces
+    scene: Scene  # what was observed [SI]
+    faces: Faces  # where it was observed
     estimate: Estimate
-    noise: FaceNoise
-    declared: bool
-    belief: Belief
-    placement_given: bool
-    found: Mapping[str, Scatter]
-    cov: FloatArray
-    snooping: Snooping
-    angle_given: bool = False
-    drift: Drift | None = None
+    noise: FaceNoise  # its noise [SI]
+    declared: bool  # whether the noise was declared
+    belief: Belief  # what is believed of placements and turns [rad]
+    placement_given: bool  # whether the placement was declared
+    found: Mapping[str, Scatter]  # what the residuals said before the placement was settled
+    cov: FloatArray  # (3 k, 3 k) covariance of all readings [SI]
+    snooping: Snooping  # tests of the single readings
+    angle_given: bool = False  # whether it was declared how nearly the turns ended where they began
+    drift: Drift | None = None  # the drift of a coefficient that the residuals show most clearly
 
     def component(self, kind: str) -> tuple[float, float]:
         """Return sum of squares and redundancy of the "accel", "gyro" or "turns" residuals [1]."""
@@ -100,13 +70,7 @@ class FaceEvidence:
 
 
 def checks(e: FaceEvidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason.
-
-    Parameters
-    ----------
-    e : FaceEvidence
-        Readings, solution and diagnostics.
-    """
+    """Return every test of the result; a failed one carries its reason."""
     vector = e.estimate.coefficients
     out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
     out += judge_prior(e.estimate)
@@ -279,13 +243,7 @@ def _placement(e: FaceEvidence) -> Check:
 
 
 def findings(e: FaceEvidence) -> list[Finding]:
-    """Return what was noticed: an unknown latitude, an unknown noise, a bad rest.
-
-    Parameters
-    ----------
-    e : FaceEvidence
-        Readings, solution and diagnostics.
-    """
+    """Return what was noticed: an unknown latitude, an unknown noise, a bad rest."""
     out, r = [], e.scene.rests
     if r.gyro is None:
         out.append(finding("session.no_gyro"))
@@ -300,13 +258,7 @@ def findings(e: FaceEvidence) -> list[Finding]:
 
 
 def turns_in_words(scene: Scene) -> list[str]:
-    """Return each turn in words: about which axis, what was up, in which sense.
-
-    Parameters
-    ----------
-    scene : Scene
-        What was observed.
-    """
+    """Return each turn in words: about which axis, what was up, in which sense."""
     t = scene.turns
     if t is None:
         return []
@@ -340,13 +292,7 @@ def _outliers(e: FaceEvidence) -> list[Finding]:
 
 
 def unseen(e: FaceEvidence) -> list[str]:
-    """Say what this procedure cannot see in principle, for result.json.
-
-    Parameters
-    ----------
-    e : FaceEvidence
-        Readings, solution and diagnostics.
-    """
+    """Say what this procedure cannot see in principle, for result.json."""
     sd = e.scene.site.gravity_sd
     g = (
         f"its standard uncertainty, {sd / 1e-5:.3g} mGal, is part of every uncertainty"

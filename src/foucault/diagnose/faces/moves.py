@@ -17,18 +17,9 @@ from foucault.tables import Log
 def check_moves(log: Log, faces: Faces) -> None:
     """Refuse gyros whose axes or unit contradict the changes of face.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    faces : Faces
-        The rests on faces, in the order of the log.
-
-    Raises
-    ------
-    FoucaultError
-        ``gyro.unit``, ``gyro.axes``, ``gyro.left_handed`` or ``gyro.reversed``; ``faces.moves``
-        where several mistakes would look alike.
+    `log`: readings [SI]; `faces`: the rests on faces, in the order of the log. Raises
+    ``gyro.unit``, ``gyro.axes``, ``gyro.left_handed`` or ``gyro.reversed``; ``faces.moves`` where
+    several mistakes would look alike.
     """
     if log.gyro is None or log.averaged is not None or len(faces.first) < 4:
         return

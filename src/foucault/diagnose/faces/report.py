@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.faces.checks import FaceEvidence
 from foucault.diagnose.norm import norm_with_cov
 from foucault.tables import AXES
 
-FloatArray = npt.NDArray[np.float64]
-
 
 def readings_table(e: FaceEvidence) -> dict[str, FloatArray]:
-    """Return the table "readings": the rests, then the turns.
-
-    Parameters
-    ----------
-    e : FaceEvidence
-        Readings, solution and diagnostics.
-    """
+    """Return the table "readings": the rests, then the turns."""
     scene, state = e.scene, e.estimate.state
     r, n = scene.rests, len(scene.rests)
     at = 3 * np.arange(n)[:, None, None] + np.arange(3)

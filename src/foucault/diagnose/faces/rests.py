@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.rests import (
     Rests,
     find_rests,
@@ -23,8 +24,6 @@ from foucault.errors import Finding, error, finding, suggestion
 from foucault.models.faces import SIX, FaceReadings, face_name
 from foucault.tables import AXES, Log
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 Sections = Mapping[str, Sequence[int]]
 
 OFF_FACE = np.radians(20.0)
@@ -46,30 +45,15 @@ TURN_SECTIONS = tuple(f"{a}_rot" for a in AXES)
 
 @dataclass(frozen=True)
 class Faces:
-    """Rests on faces, and where in the log they are.
+    """Rests on faces, and where in the log they are."""
 
-    Attributes
-    ----------
-    readings : FaceReadings
-        Their means [SI].
-    first, last : ndarray of int, shape (n,)
-        First sample of each rest and the sample after its last.
-    tilt : ndarray, shape (n,)
-        How far up seems to be from the face, before calibration [rad].
-    rests : Rests or None
-        How the rests were found, where they were looked for.
-    adjacent : ndarray of bool, shape (n,)
-        Whether the next rest is the next quiet time of the log.
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    readings: FaceReadings
+    readings: FaceReadings  # their means [SI]
+    # first, last: (n,) first sample of each rest and the sample after its last
     first: IntArray
     last: IntArray
-    tilt: FloatArray
-    rests: Rests | None
-    adjacent: npt.NDArray[np.bool_]
+    tilt: FloatArray  # (n,) how far up seems to be from the face, before calibration [rad]
+    rests: Rests | None  # how the rests were found, where they were looked for
+    adjacent: npt.NDArray[np.bool_]  # (n,) whether the next rest is the next quiet time of the log
     findings: tuple[Finding, ...] = ()
 
     def joined(self, pairs: list[tuple[int, int]]) -> Faces:
@@ -91,25 +75,11 @@ def find_faces(
 ) -> Faces:
     """Find the rests on the six faces.
 
-    Parameters
-    ----------
-    log : Log
-        Readings; rows that are means are taken as they are [SI].
-    gravity : float
-        Local gravity [m/s^2].
-    sections : mapping of str to sequence of int, shape (2,), or None
-        First sample and the sample after the last, by names such as x_p; None looks for rests.
-    window : float
-        Window of the rest detector [s].
-    threshold : float or None
-        Its threshold; None chooses it from the data [1].
-    shortest : float
-        Shortest rest [s].
-
-    Raises
-    ------
-    FoucaultError
-        A face is missing, a rest is on no face, a rest moves, the unit of the readings is wrong.
+    `log`: readings, rows that are means are taken as they are [SI]; `gravity`: local gravity
+    [m/s^2]; `sections` (2,): first sample and the sample after the last, by names such as x_p,
+    None looks for rests; `window`: window of the rest detector [s]; `threshold`: its threshold,
+    None chooses it from the data [1]; `shortest`: shortest rest [s]. Raises A face is missing, a
+    rest is on no face, a rest moves, the unit of the readings is wrong.
     """
     _readable(log)
     assert log.accel is not None
@@ -168,14 +138,8 @@ def _readable(log: Log) -> None:
 def check_sections(sections: Sections, samples: int, means: bool) -> list[str]:
     """Refuse sections that cannot be; return the names of those that are rests.
 
-    Parameters
-    ----------
-    sections : mapping of str to sequence of int, shape (2,)
-        The sections.
-    samples : int, shape ()
-        Length of the log [1].
-    means : bool
-        Whether the rows of the log are means.
+    `sections` (2,): the sections; `samples`: length of the log [1]; `means`: whether the rows of
+    the log are means.
     """
     allowed = (*REST_SECTIONS, *TURN_SECTIONS)
     for name, given in sections.items():

@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.faces.rests import TURN_SECTIONS, Faces, Sections
 from foucault.errors import FoucaultError, error
 from foucault.models.faces import TurnReadings
 from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
 
 TOLERANCE = 0.12
 """A turn is whole if it measures this near to the declared angle: a gyro may be 10 % off [1]."""
@@ -40,10 +38,7 @@ WHOLE = 1e-6
 def is_whole(angle: float) -> bool:
     """Tell whether an angle is one or more whole turns.
 
-    Parameters
-    ----------
-    angle : float, shape ()
-        What was turned [rad].
+    `angle`: what was turned [rad].
     """
     turns = abs(angle) / (2 * np.pi)
     return round(turns) > 0 and abs(turns - round(turns)) <= WHOLE
@@ -97,22 +92,10 @@ def find_turns(
 ) -> tuple[Faces, TurnReadings]:
     """Find the turns, and join the rests before and after each to one placement.
 
-    Parameters
-    ----------
-    log : Log
-        Readings with gyros [SI].
-    faces : Faces
-        The rests on faces.
-    angle : float or tuple of float, length 3
-        Declared angle of a turn about the positive axis, of all or of x, y and z [rad].
-    sections : mapping of str to sequence of int, shape (2,), or None
-        First sample of each turn and the sample after its last, by names such as x_rot.
-
-    Raises
-    ------
-    FoucaultError
-        No gyros, no turn about an axis, a turn that is not whole, in the other sense, or about
-        another axis.
+    `log`: readings with gyros [SI]; `angle`: declared angle of a turn about the positive axis, of
+    all or of x, y and z [rad]; `sections` (2,) or None: first sample of each turn and the sample
+    after its last, by names such as x_rot. Raises no gyros, no turn about an axis, a turn that is
+    not whole, in the other sense, or about another axis.
     """
     if log.gyro is None:
         raise error("turns.no_gyro")

@@ -14,16 +14,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.references import gravity_error
 from foucault.models.rests_and_turns import Prediction, Session
 from foucault.models.session_noise import SessionNoise, blocks, correlated, joined
 from foucault.result import Estimate
-
-FloatArray = npt.NDArray[np.float64]
 
 NEGLIGIBLE = 1e-9
 """A source with a smaller share in every variance is left out [1]."""
@@ -34,21 +32,8 @@ def session_budget(
 ) -> dict[str, FloatArray]:
     """Split the variance of the coefficients of a session by source.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed [SI].
-    at : Prediction
-        The model linearised at the solution.
-    estimate : Estimate
-        The solution of `estimate.hand_rotated.likelihood`.
-    noise : SessionNoise
-        Its noise, with the scatter that was added [SI].
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-        Source -> variance [unit^2]; sources that contribute nothing are left out.
+    `session`: what was observed [SI]; `noise`: its noise, with the scatter that was added [SI].
+    Returns (n,): source -> variance [unit^2]; sources that contribute nothing are left out.
     """
     n = len(estimate.coefficients)
     gain = _gain(session, n, estimate, noise, at)

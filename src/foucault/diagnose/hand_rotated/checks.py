@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.checks import drift_check, judge_prior, plausible_scales, status_check
 from foucault.diagnose.coverage import Coverage
 from foucault.errors import Status
@@ -18,8 +18,6 @@ from foucault.estimate.hand_rotated.likelihood import Component
 from foucault.models.rests_and_turns import Session
 from foucault.models.session_noise import QUIETEST, SessionNoise
 from foucault.result import Check, Estimate, Level
-
-FloatArray = npt.NDArray[np.float64]
 
 ENOUGH_RESTS = 12
 """Fewer rests leave too little redundancy to notice that one is wrong [1]."""
@@ -56,53 +54,25 @@ UNSTILL = {"accel": 0.05, "turn": np.radians(1.0)}
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything the checks look at.
+    """Everything the checks look at."""
 
-    Attributes
-    ----------
-    session : Session
-        What was observed [SI].
-    estimate : Estimate
-        The solution.
-    noise : SessionNoise
-        Its noise, with the scatter that was added [SI].
-    declared : bool
-        Whether the noise was declared, not measured.
-    before, after : mapping of str to Component
-        Fit of each kind of observation by the noise alone, and with the scatter.
-    coverage : Coverage
-        Orientations visited.
-    up_b : ndarray, shape (n, 3)
-        Direction of up at each rest, frame b [1].
-    held_out : tuple of ndarray, shape (n,) each
-        Error and predicted sd of the norm at rests left out [m/s^2], and white errors [1].
-    rest_level : ndarray, shape (n,)
-        How noisy each rest is; 1 is quiet [1].
-    drift : Drift or None
-        The drift of a coefficient that the residuals show most clearly.
-    """
-
-    session: Session
+    session: Session  # what was observed [SI]
     estimate: Estimate
-    noise: SessionNoise
-    declared: bool
+    noise: SessionNoise  # its noise, with the scatter that was added [SI]
+    declared: bool  # whether the noise was declared, not measured
+    # before, after: fit of each kind of observation by the noise alone, and with the scatter
     before: Mapping[str, Component]
     after: Mapping[str, Component]
     coverage: Coverage
-    up_b: FloatArray
+    up_b: FloatArray  # (n, 3) direction of up at each rest, frame b [1]
+    # (n,) error and predicted sd of the norm at rests left out [m/s^2], and white errors [1]
     held_out: tuple[FloatArray, FloatArray, FloatArray]
-    rest_level: FloatArray
-    drift: Drift | None = None
+    rest_level: FloatArray  # (n,) how noisy each rest is; 1 is quiet [1]
+    drift: Drift | None = None  # the drift of a coefficient that the residuals show most clearly
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason.
-
-    Parameters
-    ----------
-    e : Evidence
-        Data, estimate and diagnostics.
-    """
+    """Return every test of the result; a failed one carries its reason."""
     ended = status_checks(e.estimate.status, len(e.up_b), e.estimate.weakest)
     out = [*ended, *judge_prior(e.estimate)]
     out += [_half_space(e), _condition(e), *plausible_scales(e.estimate.coefficients)]
@@ -126,14 +96,7 @@ _KINDS = {
 def status_checks(status: Status, rests: int, weakest: tuple[str, ...] = ()) -> tuple[Check, ...]:
     """Return the checks that every cost has: it converged, and there were rests enough.
 
-    Parameters
-    ----------
-    status : Status
-        How the estimation ended.
-    rests : int, shape ()
-        Number of rests [1].
-    weakest : tuple of str
-        Combinations of coefficients that were not seen.
+    `rests`: number of rests [1].
     """
     return status_check(status, weakest), _rests(rests)
 

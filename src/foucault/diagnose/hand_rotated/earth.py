@@ -22,18 +22,8 @@ from foucault.result import Check, Estimate, Level
 def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, float] | None:
     """Estimate the vertical Earth rate from the rests, with its sd from their own scatter.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed [SI].
-    state : Attitudes
-        Model and attitudes of the solution.
-
-    Returns
-    -------
-    (float, float) or None
-        Vertical Earth rate, up positive, and its standard deviation [rad/s]; None where there
-        are no gyros or too few rests.
+    `session`: what was observed [SI]. Returns vertical Earth rate, up positive, and its standard
+    deviation [rad/s]; None where there are no gyros or too few rests.
     """
     if session.gyro_mean is None or len(session.gyro_mean) < 4:
         return None
@@ -53,12 +43,7 @@ def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, floa
 def vertical_check(session: Session, estimate: Estimate) -> Check | None:
     """Test the sign of the vertical Earth rate, where the gyros can see it.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed [SI].
-    estimate : Estimate
-        The solution.
+    `session`: what was observed [SI].
     """
     if "gyro.g_sensitivity.xx" in estimate.coefficients.layout:
         return reversed_earth_check(estimate.coefficients, session.site)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.norm import norm_with_cov
 from foucault.models.imu import ImuModel
@@ -15,23 +16,13 @@ from foucault.models.session_noise import SessionNoise
 from foucault.result import Estimate
 from foucault.tables import AXES
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 def norm_columns(
     model: ImuModel, coefficients: CoefficientVector, session: Session
 ) -> dict[str, FloatArray]:
     """Return the columns of `tables.RESTS` about up and norms, the noise that of each rest.
 
-    Parameters
-    ----------
-    model : ImuModel
-        The error model.
-    coefficients : CoefficientVector
-        The estimated coefficients, with covariance.
-    session : Session
-        What was observed [SI].
+    `session`: what was observed [SI].
     """
     readings, mean = session.log.accel, session.accel_mean
     assert readings is not None
@@ -58,27 +49,11 @@ def hold_out(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Predict the norm of rests that the fit did not see.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    noise : SessionNoise
-        Noise of the rests.
-    refit : callable
-        ``rests -> Estimate`` without the accelerometers of the rests given by number.
-    folds : int, shape ()
-        Number of parts; each is left out once [1].
-    used : ndarray of bool, shape (rests,)
-        Rests that the solution uses; an outlier need not be predicted.
-
-    Returns
-    -------
-    error : ndarray, shape (rests,)
-        Predicted norm minus local g [m/s^2].
-    sd : ndarray, shape (rests,)
-        Its predicted standard deviation [m/s^2].
-    white : ndarray, shape (rests,)
-        The errors made white within each part, which shares one estimate [1].
+    `refit`: ``rests -> Estimate`` without the accelerometers of the rests given by number;
+    `folds`: number of parts, each is left out once [1]; `used` (rests,): rests that the solution
+    uses, an outlier need not be predicted. Returns `error` (rests,): predicted norm minus local g
+    [m/s^2]; `sd` (rests,): its predicted standard deviation [m/s^2]; `white` (rests,): the errors
+    made white within each part, which shares one estimate [1].
     """
     n = len(session.accel_mean)
     error, sd, white = np.full((3, n), np.nan)
@@ -92,20 +67,16 @@ def hold_out(
         norm, joint = norm_with_cov(
             state.model, estimate.coefficients, session.accel_mean[out], cov[out]
         )
+        factor = np.linalg.cholesky(joint)  # first: a singular solution has no variances
         error[out], sd[out] = norm - session.site.gravity, np.sqrt(np.diag(joint))
-        white[out] = np.linalg.solve(np.linalg.cholesky(joint), error[out])
+        white[out] = np.linalg.solve(factor, error[out])
     return error, sd, white
 
 
 def rest_cov(session: Session, noise: SessionNoise) -> FloatArray:
     """Return the covariance of the mean specific force of each rest, shape (n, 3, 3).
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    noise : SessionNoise
-        Noise of the rests [SI].
+    `noise`: noise of the rests [SI].
     """
     time = session.rest_time[:, None, None]
     white = np.diag(noise.accel_psd) / time + 2 * np.diag(noise.accel_carried) / time**2

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose import axes
 from foucault.diagnose.coverage import coverage
 from foucault.diagnose.first_rest import first_rest_orientation
@@ -21,10 +22,7 @@ from foucault.tables import Log
 def need_samples(log: Log) -> None:
     """Refuse a log whose rows are means: the turns between them are not in it.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
+    `log`: readings [SI].
     """
     if log.averaged is not None:
         raise error("session.means")
@@ -33,16 +31,8 @@ def need_samples(log: Log) -> None:
 def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:
     """Refuse a log without numbers, or with fewer rests than coefficients.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    rests : Rests
-        The rests found.
-    needed : int, shape ()
-        Number of accelerometer coefficients [1].
-    shortest : float
-        Length that was asked of a rest [s].
+    `log`: readings [SI]; `needed`: number of accelerometer coefficients [1]; `shortest`: length
+    that was asked of a rest [s].
     """
     if log.accel is None:
         raise error("session.no_accel")
@@ -71,15 +61,25 @@ def enough_rests(log: Log, rests: Rests, needed: int, shortest: float) -> None:
 def check_input(data: Session) -> list[Finding]:
     """Refuse what cannot be right; say what cannot be known.
 
-    Parameters
-    ----------
-    data : Session
-        The session, reduced to its rests [SI].
+    `data`: the session, reduced to its rests [SI]. Raises A wrong unit, rests in a plane,
+    exchanged axes, a declared orientation that is not so.
+    """
+    up_b = check_forces(data)
+    findings = first_rest_orientation(data.log, up_b[0])
+    if data.gyro_mean is None:
+        return [*findings, finding("session.no_gyro")]
+    turns = (data.last[:-1] - 1, data.first[1:])
+    declared, best = axes.explain_turns(data.log, up_b, data.gyro_mean.mean(axis=0), *turns)
+    problem = axes.mistake(data.log, declared, best)
+    if problem is not None:
+        raise problem
+    return findings
 
-    Raises
-    ------
-    FoucaultError
-        A wrong unit, rests in a plane, exchanged axes, a declared orientation that is not so.
+
+def check_forces(data: Session) -> FloatArray:
+    """Return the directions of up in the body, shape (n, 3); refuse forces that cannot be right.
+
+    `data`: the session, reduced to its rests [SI]. Raises A wrong unit, rests in a plane.
     """
     norm = float(np.median(np.linalg.norm(data.accel_mean, axis=1)))
     ratio = norm / data.site.gravity
@@ -97,13 +97,4 @@ def check_input(data: Session) -> list[Finding]:
         missing = ", ".join(words for _, words in spread.missing) or "more directions"
         raise error("rests.plane", given=len(raw), why=why, missing=missing)
     f_b = np.linalg.solve(solved[0], (data.accel_mean - solved[1]).T).T
-    up_b = np.asarray(f_b / np.linalg.norm(f_b, axis=1)[:, None])
-    findings = first_rest_orientation(data.log, up_b[0])
-    if data.gyro_mean is None:
-        return [*findings, finding("session.no_gyro")]
-    turns = (data.last[:-1] - 1, data.first[1:])
-    declared, best = axes.explain_turns(data.log, up_b, data.gyro_mean.mean(axis=0), *turns)
-    problem = axes.mistake(data.log, declared, best)
-    if problem is not None:
-        raise problem
-    return findings
+    return np.asarray(f_b / np.linalg.norm(f_b, axis=1)[:, None])

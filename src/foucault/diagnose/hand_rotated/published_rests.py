@@ -18,18 +18,9 @@ def find_published_rests(
 ) -> Rests:
     """Find the rests of a log by a multiple of the variance of its beginning.
 
-    Parameters
-    ----------
-    log : Log
-        Readings with accelerometers [SI].
-    initial_rest : float
-        Length of the rest at the start of the log [s].
-    factor : float
-        Threshold over the variance of that rest [1].
-    window : int, shape ()
-        Samples of the moving window, odd [1].
-    shortest : int, shape ()
-        Fewest samples of a rest [1].
+    `log`: readings with accelerometers [SI]; `initial_rest`: length of the rest at the start of
+    the log [s]; `factor`: threshold over the variance of that rest [1]; `window`: samples of the
+    moving window, odd [1]; `shortest`: fewest samples of a rest [1].
 
     References
     ----------

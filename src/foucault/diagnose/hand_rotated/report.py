@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
+from foucault.diagnose import information
 from foucault.diagnose.hand_rotated.checks import Evidence
 from foucault.diagnose.hand_rotated.held_out import rest_cov
-from foucault.diagnose.information import information
 from foucault.diagnose.norm import norm_with_cov
 from foucault.errors import Finding, finding
 from foucault.estimate import gauss_newton
@@ -20,22 +20,14 @@ from foucault.estimate.hand_rotated.likelihood import Component
 from foucault.models.rests_and_turns import Prediction, Session
 from foucault.models.session_noise import SessionNoise
 from foucault.result import Estimate
-from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
+from foucault.tables import AXES, temperature_range
 
 
 def hints(e: Evidence, prediction: Prediction, turned_round: bool = False) -> list[Finding]:
     """Return findings about the session: scatter, outliers, a wrong g, a missing term.
 
-    Parameters
-    ----------
-    e : Evidence
-        Data, estimate and diagnostics.
-    prediction : Prediction
-        Residuals at the solution [SI].
-    turned_round : bool
-        Whether the Earth's rate has the wrong sign: g-sensitivity would only hide it.
+    `prediction`: residuals at the solution [SI]; `turned_round`: whether the Earth's rate has the
+    wrong sign: g-sensitivity would only hide it.
     """
     found = [*_resolution(e), *_scatter(e), *_outliers(e), *_common_scale(e)]
     hidden = turned_round or bool(_resolution(e))
@@ -118,14 +110,7 @@ def _g_sensitivity(e: Evidence, prediction: Prediction) -> list[Finding]:
 def tables(e: Evidence, prediction: Prediction, base: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables "rests" and "turns" of the report.
 
-    Parameters
-    ----------
-    e : Evidence
-        Data, estimate and diagnostics.
-    prediction : Prediction
-        Residuals at the solution [SI].
-    base : mapping
-        The columns that `diagnose.rests.rest_table` makes.
+    `prediction`: residuals at the solution [SI].
     """
     s, n = e.session, len(e.up_b)
     norm, joint = norm_with_cov(
@@ -169,13 +154,7 @@ def _worst(estimate: Estimate, n: int) -> FloatArray:
 
 
 def chi_square_json(parts: Mapping[str, Component]) -> dict[str, list[float]]:
-    """Return sums of squares with their limits as plain values for result.json.
-
-    Parameters
-    ----------
-    parts : mapping of str to Component
-        Fit of each kind of observation.
-    """
+    """Return sums of squares with their limits as plain values for result.json."""
     short = {"accel_repeatability": "accel", "gyro_repeatability": "gyro"}
     out: dict[str, list[float]] = {}
     for name, c in parts.items():
@@ -188,36 +167,17 @@ def bound(
 ) -> dict[str, Any]:
     """Return the Cramer-Rao bound of the noise alone, and what is seen worst, for result.json.
 
-    Parameters
-    ----------
-    data : Session
-        What was observed [SI].
-    names : tuple of str, length n
-        The coefficients.
-    estimate : Estimate
-        The solution.
-    noise : SessionNoise
-        Its noise; the scatter in it is left out [SI].
+    `data`: what was observed [SI]; `noise`: its noise, the scatter in it is left out [SI].
     """
     alone = replace(noise, accel_repeatability=0.0, gyro_repeatability=0.0, turn_repeatability=0.0)
     problem = likelihood.build(data, names, estimate.state, alone)
-    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
-    info = information(at, problem.layout)
-    return {
-        "bound": [float(v) for v in info.sd],
-        "weakest": [c.words for c in info.weakest()],
-    }
+    return information.bound(problem, estimate.state)
 
 
 def unseen(data: Session, gravity_sd: float) -> list[str]:
     """Say what this procedure cannot see in principle, for result.json.
 
-    Parameters
-    ----------
-    data : Session
-        What was observed [SI].
-    gravity_sd : float
-        Standard uncertainty of local gravity [m/s^2].
+    `data`: what was observed [SI]; `gravity_sd`: standard uncertainty of local gravity [m/s^2].
     """
     g = (
         f"its standard uncertainty, {gravity_sd / 1e-5:.3g} mGal, is part of every uncertainty"
@@ -244,12 +204,7 @@ def unseen(data: Session, gravity_sd: float) -> list[str]:
 def heading_sd(estimate: Estimate, n: int) -> float:
     """Return the standard deviation of the heading of the first rest, about up [rad].
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The solution.
-    n : int, shape ()
-        Number of coefficients [1].
+    `n`: number of coefficients [1].
     """
     up = estimate.state.C_nb[0, 2, :]
     return float(np.sqrt(up @ estimate.state_cov[n : n + 3, n : n + 3] @ up))
@@ -258,12 +213,7 @@ def heading_sd(estimate: Estimate, n: int) -> float:
 def noise_json(noise: SessionNoise, declared: bool) -> dict[str, Any]:
     """Return the noise as plain values for result.json.
 
-    Parameters
-    ----------
-    noise : SessionNoise
-        Noise with scatter [SI].
-    declared : bool
-        Whether it was declared in the campaign.
+    `noise`: noise with scatter [SI].
     """
     return {
         "source": "declared" if declared else "measured in the rests",
@@ -278,10 +228,7 @@ def noise_json(noise: SessionNoise, declared: bool) -> dict[str, Any]:
 def validity(data: Session) -> dict[str, Any]:
     """Return the ranges that the session covered: outside them the result is extrapolated.
 
-    Parameters
-    ----------
-    data : Session
-        What was observed [SI].
+    `data`: what was observed [SI].
     """
     log = data.log
     out: dict[str, Any] = {
@@ -292,7 +239,4 @@ def validity(data: Session) -> dict[str, Any]:
     if log.gyro is not None:
         # Not the single largest sample: a spike is not a range.
         out["gyro"] = [float(v) for v in np.quantile(log.gyro, (0.001, 0.999))]
-    if log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out
+    return out | temperature_range(log)

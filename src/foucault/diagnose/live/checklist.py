@@ -7,11 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.coverage import coverage, direction_words, named_directions
 from foucault.diagnose.hand_rotated.checks import ENOUGH_RESTS
 from foucault.diagnose.live.rests import LiveRests
 from foucault.errors import Finding
-from foucault.tables import FloatArray, IntArray
 
 VISITED = np.radians(30.0)
 """A named direction is visited by a rest within this angle [rad]."""
@@ -22,64 +22,31 @@ ALIKE = np.radians(15.0)
 
 @dataclass(frozen=True)
 class LiveRest:
-    """One rest as the list shows it.
+    """One rest as the list shows it."""
 
-    Attributes
-    ----------
-    start, end : float
-        Times of its first and last sample, from the first of the log [s].
-    up : str
-        Direction of up in words.
-    """
-
+    # start, end: times of its first and last sample, from the first of the log [s]
     start: float
     end: float
-    up: str
+    up: str  # direction of up in words
 
 
 @dataclass(frozen=True)
 class Checklist:
-    """What was captured so far, and what is missing.
+    """What was captured so far, and what is missing."""
 
-    Attributes
-    ----------
-    samples : int, shape ()
-        Samples so far [1].
-    duration : float
-        Time recorded [s].
-    rate : float
-        Sample rate [Hz].
-    still : bool or None
-        Whether the instrument rests now; None before that can be told.
-    still_for : float
-        For how long it has not moved [s].
-    hold : float
-        How much longer to hold it still; 0 when it may be turned [s].
-    rests : tuple of LiveRest
-        The rests so far; one that still lasts counts when it is long enough.
-    orientations : int, shape ()
-        How many of them differ [1].
-    needed : int, shape ()
-        Rests that are enough [1].
-    visited : tuple of (str, bool)
-        The 26 faces, edges and corners, and whether a rest was near.
-    missing : tuple of str
-        Orientations still to visit, the most useful first.
-    findings : tuple of Finding
-        What looks wrong.
-    """
-
-    samples: int
-    duration: float
-    rate: float
-    still: bool | None
-    still_for: float
-    hold: float
+    samples: int  # samples so far [1]
+    duration: float  # time recorded [s]
+    rate: float  # sample rate [Hz]
+    still: bool | None  # whether the instrument rests now; None before that can be told
+    still_for: float  # for how long it has not moved [s]
+    hold: float  # how much longer to hold it still; 0 when it may be turned [s]
+    # the rests so far; one that still lasts counts when it is long enough
     rests: tuple[LiveRest, ...]
-    orientations: int
-    needed: int
+    orientations: int  # how many of them differ [1]
+    needed: int  # rests that are enough [1]
+    # the 26 faces, edges and corners, and whether a rest was near
     visited: tuple[tuple[str, bool], ...]
-    missing: tuple[str, ...]
+    missing: tuple[str, ...]  # orientations still to visit, the most useful first
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -91,12 +58,7 @@ class Checklist:
 def up_of(found: LiveRests, first: IntArray, last: IntArray) -> FloatArray:
     """Return the direction of up at each rest, frame b, shape (n, 3) [1].
 
-    Parameters
-    ----------
-    found : LiveRests
-        The log so far.
-    first, last : ndarray of int, shape (n,)
-        First sample of each rest and the sample after its last.
+    `first`, `last` (n,): first sample of each rest and the sample after its last.
     """
     f_b = found.means("accel", first, last)
     return np.asarray(f_b / np.maximum(np.linalg.norm(f_b, axis=1), 1e-300)[:, None])
@@ -111,16 +73,8 @@ def checklist(
 ) -> Checklist:
     """Say what a growing log holds and what it still needs.
 
-    Parameters
-    ----------
-    found : LiveRests
-        The log so far and its rests.
-    findings : tuple of Finding
-        What was noticed.
-    hold : float
-        Length that is asked of a rest, if longer than the shortest that counts [s].
-    needed : int, shape ()
-        Orientations that are enough [1].
+    `hold`: length that is asked of a rest, if longer than the shortest that counts [s]; `needed`:
+    orientations that are enough [1].
     """
     time = found.log.time
     first, last, turns = found.rests()

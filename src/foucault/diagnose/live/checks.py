@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose import axes
 from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.live.checklist import up_of
 from foucault.diagnose.live.rests import LiveRests
 from foucault.diagnose.rests import turning
+from foucault.diagnose.spikes import told_of
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.logs import axes as log_axes
 from foucault.logs import checks
 from foucault.logs.reading import implausible
-from foucault.tables import FloatArray, IntArray, Log
+from foucault.tables import Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription, Triad
@@ -58,7 +60,7 @@ class Watchman:
         if found.samples and (len(found) - self._checked) * found.interval >= EVERY:
             self._look(found.log)
             self._checked = len(found)
-        return (*self._once.values(), *self._now)
+        return (*self._once.values(), *told_of(found.spikes), *self._now)
 
     def _look(self, log: Log) -> None:
         found = self._found

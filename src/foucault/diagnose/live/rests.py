@@ -12,12 +12,17 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.rests import moving_sd, quiet_runs, quiet_sd, split, trimmed, turning
+from foucault.diagnose.spikes import AROUND, Spike, spikes_of
 from foucault.logs import checks
-from foucault.tables import FloatArray, IntArray, Log
+from foucault.tables import Log
 
 LEARN = (0.5, 0.02)
 """The whole log is decided again when it has grown by so much [s] and by this part [1]."""
+
+LOOK = (2.0, 30.0)
+"""Spikes are looked for after so long, among so much of the newest [s]."""
 
 LOWEST_LIMIT = 2.0
 """Before anything has moved, the threshold is not below this level [1]."""
@@ -52,9 +57,9 @@ class Rows:
         self._data[self._n : end] = rows
         self._n = end
 
-    def clear(self) -> None:
-        """Forget all rows."""
-        self._n = 0
+    def clear(self, since: int = 0) -> None:
+        """Forget the rows from `since` [1] on."""
+        self._n = min(self._n, since)
 
     @property
     def all(self) -> FloatArray:
@@ -85,6 +90,8 @@ class LiveRests:
         self.samples = 0
         self.quiet: dict[str, float] = {}
         self.limit = LOWEST_LIMIT
+        self.spikes: list[Spike] = []
+        self._looked = 0  # how much has been searched for spikes
         self._next = 0  # decide the whole log again at this length
         self._runs: list[tuple[int, int]] = []  # quiet runs that have ended
         self._open = self._decided = 0
@@ -95,7 +102,7 @@ class LiveRests:
 
     @property
     def log(self) -> Log:
-        """All samples so far [SI]."""
+        """All samples so far, without spikes [SI]."""
         assert self._log is not None
         data = {name: rows.all for name, rows in self._triads.items()}
         return Log(self._time.all[:, 0], data.get("gyro"), data.get("accel"), self._log.sampled,
@@ -104,15 +111,8 @@ class LiveRests:
     def add(self, log: Log) -> None:
         """Add the next samples and decide what they are.
 
-        Parameters
-        ----------
-        log : Log
-            The samples, with the same triads as those before [SI].
-
-        Raises
-        ------
-        FoucaultError
-            Time repeats or runs backward.
+        `log`: the samples, with the same triads as those before [SI]. Raises time repeats or runs
+        backward.
         """
         if self._log is None:
             self._log = log
@@ -126,6 +126,8 @@ class LiveRests:
             checks.timing(newest, max(0, known - 2))
         for name, rows in self._triads.items():
             rows.add(getattr(log, name))
+        if self.samples and (len(self) - self._looked) * self.interval >= LOOK[0]:
+            self._set_apart(len(self) - AROUND)  # of the newest, what comes after tells
         if len(self) >= max(self._next, 10):
             self._learn()
         elif self.samples:
@@ -135,7 +137,28 @@ class LiveRests:
     def finish(self) -> None:
         """Decide the whole log once more, from every window."""
         if len(self) >= 10:
+            self._set_apart(len(self))
             self._learn(exact=True)
+
+    def _set_apart(self, end: int) -> None:
+        """Replace spikes before sample `end` by what is around them."""
+        span = round(LOOK[1] / self.interval) if self.samples else end
+        start = max(0, min(self._looked - 2 * AROUND, end - span))
+        log, self._looked = self.log[start:], end
+        new, seen = spikes_of(log)
+        first, last = log.time[AROUND if start else 0], log.time[end - 1 - start]
+        seen = [each for each in seen if first <= each[0] <= last]
+        if not seen:
+            return
+        row = start + int(np.searchsorted(log.time, min(each[0] for each in seen)))
+        for name, x in new.items():
+            self._triads[name].all[row:end] = x[row - start : end - start]
+        half = self.samples // 2
+        for rows in self._sd.values():
+            rows.clear(row - half if row > 2 * half else 0)
+        self._means.clear()
+        self.spikes += seen
+        self._next = 0
 
     def _learn(self, exact: bool = False) -> None:
         stride = 1 if exact else max(1, len(self) // THINNED)
@@ -216,12 +239,7 @@ class LiveRests:
     def means(self, triad: str, first: IntArray, last: IntArray) -> FloatArray:
         """Return the mean reading of rests, shape (n, 3) [SI].
 
-        Parameters
-        ----------
-        triad : {"accel", "gyro"}
-            Which readings.
-        first, last : ndarray of int, shape (n,)
-            First sample of each rest and the sample after its last.
+        `first`, `last` (n,): first sample of each rest and the sample after its last.
         """
         x, out = self._triads[triad].all, np.empty((len(first), 3))
         for i, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):

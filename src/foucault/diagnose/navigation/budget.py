@@ -17,43 +17,28 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 STATES = 9  # phi, velocity, position; east, north, up each
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Contributions of p coefficients at m epochs; phi [rad], velocity [m/s], position [m].
+    """Contributions of p coefficients at m epochs; phi [rad], velocity [m/s], position [m]."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        Epochs, of the log's clock [s].
-    names : tuple of str, length p
-        Coefficients.
-    values, sd : ndarray, shape (p,)
-        What was corrected, and how well that is known; sd NaN where unknown [SI].
-    response : ndarray, shape (m, 9, p)
-        Errors of navigation per unit of each coefficient, alignment included [SI].
-    coefficients : ndarray, shape (m, 9, 9)
-        Covariance that what is left of all coefficients makes [SI].
-    alignment : ndarray, shape (m, 9, 9)
-        Covariance that errors of the start make: attitude, velocity and place [SI].
-    noise : ndarray, shape (m, 9, 9)
-        Covariance that sensor noise after the alignment makes [SI].
-    start : ndarray, shape (3, 3)
-        Covariance of phi at the start, by noise and what is left of the coefficients [rad^2].
-    """
-
-    time: FloatArray
+    time: FloatArray  # (m,) epochs, of the log's clock [s]
     names: tuple[str, ...]
+    # values, sd: (p,) what was corrected, and how well that is known; sd NaN where unknown [SI]
     values: FloatArray
     sd: FloatArray
+    # (m, 9, p) errors of navigation per unit of each coefficient, alignment included [SI]
     response: FloatArray
+    # (m, 9, 9) covariance that what is left of all coefficients makes [SI]
     coefficients: FloatArray
+    # (m, 9, 9) covariance that errors of the start make: attitude, velocity and place [SI]
     alignment: FloatArray
-    noise: FloatArray
+    noise: FloatArray  # (m, 9, 9) covariance that sensor noise after the alignment makes [SI]
+    # (3, 3) covariance of phi at the start, by noise and what is left of the coefficients [rad^2]
     start: FloatArray
 
     @property
@@ -74,10 +59,7 @@ class Budget:
     def ranked(self, part: FloatArray) -> npt.NDArray[np.intp]:
         """Return coefficients by horizontal position error at the end, the largest first.
 
-        Parameters
-        ----------
-        part : ndarray, shape (m, 9, p)
-            `worth` or `left` [SI].
+        `part` (m, 9, p): `worth` or `left` [SI].
         """
         return np.argsort(-np.hypot(part[-1, 6], part[-1, 7]), kind="stable")
 
@@ -94,24 +76,13 @@ def budget(
 ) -> Budget:
     """Put together what every source makes of the errors of navigation.
 
-    Parameters
-    ----------
-    time : ndarray, shape (m,)
-        Epochs [s].
-    transition : ndarray, shape (m, 9, 9 + p)
-        Errors per unit of the errors at the start, and of each coefficient, after it [SI].
-    aligned : ndarray, shape (3, p)
-        Attitude error at the start per unit of each coefficient [rad per SI].
-    coefficients : (tuple of str, ndarray, ndarray or None)
-        Names, values, shape (p,), and covariance, shape (p, p), where known [SI].
-    phi_cov : ndarray, shape (3, 3)
-        Covariance of the start attitude by noise alone [rad^2].
-    noise_cov : ndarray, shape (m, 9, 9)
-        Covariance that sensor noise makes [SI].
-    velocity_sd : float
-        Of each component at the start [m/s].
-    position_sd : float
-        Of the place at the start, east, north and up [m].
+    `time` (m,): epochs [s]; `transition` (m, 9, 9 + p): errors per unit of the errors at the
+    start, and of each coefficient, after it [SI]; `aligned` (3, p): attitude error at the start
+    per unit of each coefficient [rad per SI]; `coefficients` or None: names, values, shape (p,),
+    and covariance, shape (p, p), where known [SI]; `phi_cov` (3, 3): covariance of the start
+    attitude by noise alone [rad^2]; `noise_cov` (m, 9, 9): covariance that sensor noise makes
+    [SI]; `velocity_sd`: of each component at the start [m/s]; `position_sd`: of the place at the
+    start, east, north and up [m].
     """
     names, values, cov = coefficients
     total = transition[:, :, STATES:] + transition[:, :, :3] @ aligned
@@ -130,11 +101,6 @@ def budget(
 def normalised_square(error: FloatArray, cov: FloatArray) -> float:
     """Return ``e' P^-1 e`` [1], chi-square distributed where P is right.
 
-    Parameters
-    ----------
-    error : ndarray, shape (k,)
-        Error [unit].
-    cov : ndarray, shape (k, k)
-        Its predicted covariance [unit^2].
+    `error` (k,): error [unit]; `cov` (k, k): its predicted covariance [unit^2].
     """
     return float(error @ np.linalg.solve(cov, error))

@@ -18,8 +18,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.logs.reference import Reference
 from foucault.models import geodesy, rotation
@@ -29,8 +29,6 @@ from foucault.models.rotation import turned
 
 if TYPE_CHECKING:
     from foucault.navigate.strapdown import Trajectory
-
-FloatArray = npt.NDArray[np.float64]
 
 NAUTICAL_MILE = 1852.0
 """[m]."""
@@ -47,27 +45,13 @@ MOST = 2000
 
 @dataclass(frozen=True)
 class NavigationError:
-    """Error of a trajectory, estimate minus reference; NaN where the reference does not say.
+    """Error of a trajectory, estimate minus reference; NaN where the reference does not say."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        Epochs, of the log's clock [s].
-    start : float
-        Time at which the navigation started [s].
-    position : ndarray, shape (m, 3)
-        East, north, up [m].
-    velocity : ndarray, shape (m, 3)
-        East, north, up [m/s].
-    angles : ndarray, shape (m, 3)
-        Heading, pitch, roll, between -pi and pi [rad].
-    """
-
-    time: FloatArray
-    start: float
-    position: FloatArray
-    velocity: FloatArray
-    angles: FloatArray
+    time: FloatArray  # (m,) epochs, of the log's clock [s]
+    start: float  # time at which the navigation started [s]
+    position: FloatArray  # (m, 3) East, north, up [m]
+    velocity: FloatArray  # (m, 3) East, north, up [m/s]
+    angles: FloatArray  # (m, 3) heading, pitch, roll, between -pi and pi [rad]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -85,41 +69,20 @@ class NavigationError:
 
 @dataclass(frozen=True)
 class Growth:
-    """The error at one age of the navigation; NaN where the reference does not say.
+    """The error at one age of the navigation; NaN where the reference does not say."""
 
-    Attributes
-    ----------
-    age : float
-        Time since the start [s].
-    horizontal, vertical : float
-        Length of the horizontal, and size of the vertical position error [m].
-    velocity : float
-        Length of the horizontal velocity error [m/s].
-    heading : float
-        Heading error [rad].
-    """
-
-    age: float
+    age: float  # time since the start [s]
+    # horizontal, vertical: length of the horizontal, and size of the vertical position error [m]
     horizontal: float
     vertical: float
-    velocity: float
-    heading: float
+    velocity: float  # length of the horizontal velocity error [m/s]
+    heading: float  # heading error [rad]
 
 
 def common_epochs(trajectory: Trajectory, reference: Reference) -> FloatArray:
     """Return the epochs of a reference that a trajectory covers, thinned evenly, shape (m,) [s].
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        From its start to its end.
-    reference : Reference
-        What it is compared with.
-
-    Raises
-    ------
-    FoucaultError
-        ``navigate.apart``: they have no time in common.
+    Raises ``navigate.apart``: they have no time in common.
     """
     first = float(trajectory.time[0])
     time = covered(reference, first, float(trajectory.time[-1]))
@@ -132,17 +95,8 @@ def common_epochs(trajectory: Trajectory, reference: Reference) -> FloatArray:
 def covered(reference: Reference, first: float, last: float) -> FloatArray:
     """Return the epochs of a reference between two times, shape (m,) [s].
 
-    Parameters
-    ----------
-    reference : Reference
-        What a navigation is compared with.
-    first, last : float
-        Where the navigation starts and ends [s].
-
-    Raises
-    ------
-    FoucaultError
-        ``navigate.apart``: there are fewer than two.
+    `first`, `last`: where the navigation starts and ends [s]. Raises ``navigate.apart``: there
+    are fewer than two.
     """
     # Rows that are blank are no measurement: a slow sensor beside a fast one writes many.
     inside = (reference.time >= first) & (reference.time <= last) & reference.says
@@ -157,17 +111,8 @@ def covered(reference: Reference, first: float, last: float) -> FloatArray:
 def error_of(trajectory: Trajectory, reference: Reference) -> NavigationError:
     """Compute the error of a trajectory at the epochs of a reference.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        From its start to its end.
-    reference : Reference
-        Positions, velocities or angles, of the same clock.
-
-    Raises
-    ------
-    FoucaultError
-        ``navigate.apart``: they have no time in common.
+    `reference`: positions, velocities or angles, of the same clock. Raises ``navigate.apart``:
+    they have no time in common.
     """
     time = common_epochs(trajectory, reference)
     row = np.searchsorted(reference.time, time)
@@ -231,11 +176,6 @@ def growth(errors: NavigationError) -> tuple[Growth, ...]:
     """Return the error at the ages of `AGES` that the run reaches, and at its last epoch.
 
     Between epochs it is interpolated.
-
-    Parameters
-    ----------
-    errors : NavigationError
-        Error of a run.
     """
     age = errors.age
     # An age that the last epoch is hardly beyond would be listed twice.
@@ -267,12 +207,7 @@ def _at(errors: NavigationError, age: float, i: int) -> Growth:
 def radial_rate(errors: NavigationError, after: float = 60.0) -> float:
     """Return the root mean square over a run of radial error over age [m/s].
 
-    Parameters
-    ----------
-    errors : NavigationError
-        Error of a run.
-    after : float, shape ()
-        The first part of the run does not count [s].
+    `after`: the first part of the run does not count [s].
     """
     age, r = errors.age, errors.horizontal
     counts = (age >= min(after, 0.5 * float(age[-1]))) & np.isfinite(r) & (age > 0)
@@ -284,10 +219,7 @@ def circular_error(cov: FloatArray) -> FloatArray:
 
     The integral of the Gaussian over the circle is solved for, not approximated.
 
-    Parameters
-    ----------
-    cov : ndarray, shape (..., 2, 2)
-        Covariance of the horizontal position error [m^2].
+    `cov` (..., 2, 2): covariance of the horizontal position error [m^2].
     """
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0))
     small, large = values[..., 0], values[..., 1]

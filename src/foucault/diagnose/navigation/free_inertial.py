@@ -41,11 +41,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models import earth
-
-FloatArray = npt.NDArray[np.float64]
 
 STATES = ("east", "north", "velocity east", "velocity north",
           "phi east", "phi north", "phi up")  # fmt: skip
@@ -64,21 +62,11 @@ _INPUT = {4: 4, 5: 5, 6: 6}  # term -> the state it drives, with a minus sign
 
 @dataclass(frozen=True)
 class Place:
-    """Where the navigator stands.
+    """Where the navigator stands."""
 
-    Attributes
-    ----------
-    latitude : float
-        Geodetic latitude [rad].
-    height : float
-        Height above the ellipsoid [m].
-    gravity : float
-        Local gravity [m/s^2].
-    """
-
-    latitude: float
-    height: float
-    gravity: float
+    latitude: float  # geodetic latitude [rad]
+    height: float  # height above the ellipsoid [m]
+    gravity: float  # local gravity [m/s^2]
 
     @property
     def radii(self) -> tuple[float, float]:
@@ -100,13 +88,7 @@ class Place:
 
 
 def dynamics(place: Place) -> FloatArray:
-    """Return F, shape (7, 7) [SI], of ``x' = F x`` with the states of `STATES`.
-
-    Parameters
-    ----------
-    place : Place
-        Where the navigator stands.
-    """
+    """Return F, shape (7, 7) [SI], of ``x' = F x`` with the states of `STATES`."""
     r_north, r_east = place.radii
     w_n, w_u = place.earth_rate
     g, tan = place.gravity, math.tan(place.latitude)
@@ -127,20 +109,8 @@ def dynamics(place: Place) -> FloatArray:
 def responses(time: FloatArray, place: Place) -> FloatArray:
     """Compute what one unit of every term of `TERMS` makes of the states of `STATES`.
 
-    Parameters
-    ----------
-    time : ndarray, shape (m,)
-        Time since the terms held [s].
-    place : Place
-        Where the navigator stands.
+    `time` (m,): time since the terms held [s]. Returns (m, 7, 7): states, then terms [SI].
 
-    Returns
-    -------
-    ndarray, shape (m, 7, 7)
-        States, then terms [SI].
-
-    Notes
-    -----
     The attitude rows are exact for tilts and drifts that are attitude and gyro errors; of an
     accelerometer error they are that of the attitude which moves position alike.
     """
@@ -162,19 +132,9 @@ def noise_covariance(
 
     ``P(t_i, t_j) = Phi(t_i - t_j) P(t_j)`` for t_i >= t_j, ref. [3] for P.
 
-    Parameters
-    ----------
-    time : ndarray, shape (m,)
-        Time since the start, rising [s].
-    place : Place
-        Where the navigator stands.
-    gyro_white, accel_white : float
-        White noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
-
-    Returns
-    -------
-    ndarray, shape (m, 7, m, 7)
-        Covariance of the states at every pair of epochs [SI].
+    `time` (m,): time since the start, rising [s]; `gyro_white`, `accel_white`: white noise
+    [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]. Returns (m, 7, m, 7): covariance of the states at every
+    pair of epochs [SI].
     """
     from scipy.linalg import expm
 

@@ -12,16 +12,14 @@ error that goes with the velocity, and an antenna ahead of the instrument one th
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.navigation.errors import NavigationError
 from foucault.errors import Finding, finding
 from foucault.logs.reference import Reference
 from foucault.models import geodesy
 from foucault.models.rotation import turned
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 SPAN = 1200.0
 """For so long the drift of a navigator is a cubic, a quarter of a Schuler period [s]."""
@@ -50,15 +48,7 @@ ASTRAY = np.radians(5.0)
 
 
 def course(errors: NavigationError, reference: Reference) -> tuple[Finding, ...]:
-    """Return a warning where a navigation sets out in another direction than its reference.
-
-    Parameters
-    ----------
-    errors : NavigationError
-        Error of a run against the reference.
-    reference : Reference
-        What it was compared with.
-    """
+    """Return a warning where a navigation sets out in another direction than its reference."""
     if reference.still or reference.position is None:
         return ()
     place = reference.position[np.searchsorted(reference.time, errors.time)]
@@ -83,15 +73,7 @@ def course(errors: NavigationError, reference: Reference) -> tuple[Finding, ...]
 
 
 def clock(errors: NavigationError, reference: Reference) -> tuple[Finding, ...]:
-    """Return a warning where a clock that is off explains most of the error beside drift.
-
-    Parameters
-    ----------
-    errors : NavigationError
-        Error of a run against the reference.
-    reference : Reference
-        What it was compared with.
-    """
+    """Return a warning where a clock that is off explains most of the error beside drift."""
     late, speed = clock_offset(errors, reference)
     if not abs(late) > LEAST:
         return ()
@@ -105,17 +87,7 @@ def clock(errors: NavigationError, reference: Reference) -> tuple[Finding, ...]:
 def clock_offset(errors: NavigationError, reference: Reference) -> tuple[float, float]:
     """Return by how much the times of a reference are too large, and the speed it is seen by.
 
-    Parameters
-    ----------
-    errors : NavigationError
-        Error of a run against the reference.
-    reference : Reference
-        What it was compared with.
-
-    Returns
-    -------
-    late, speed : float
-        NaN where the error does not show it [s], root mean square [m/s].
+    Returns `late`, `speed`: naN where the error does not show it [s], root mean square [m/s].
     """
     unseen = float("nan"), float("nan")
     if reference.still or reference.position is None:

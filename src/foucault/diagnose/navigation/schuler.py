@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.navigation.free_inertial import (
     KINDS,
     STATES,
@@ -25,8 +26,6 @@ from foucault.diagnose.navigation.free_inertial import (
 )
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.units import convert, display_unit, plain
-
-FloatArray = npt.NDArray[np.float64]
 
 EPOCHS = 120
 """Epochs that the fit uses; more would be as good as copies of one another [1]."""
@@ -43,24 +42,14 @@ SHORTEST = 60.0
 
 @dataclass(frozen=True)
 class Combination:
-    """Two terms that a run cannot tell apart, and what it shows of them.
+    """Two terms that a run cannot tell apart, and what it shows of them."""
 
-    Attributes
-    ----------
-    first, second : str
-        Names of the terms.
-    correlation : float
-        Of their errors [1].
-    factor : float
-        What is seen is first + factor * second [unit of first per unit of second].
-    value, sd : float
-        Of that combination [unit of first].
-    """
-
+    # first, second: names of the terms
     first: str
     second: str
-    correlation: float
-    factor: float
+    correlation: float  # of their errors [1]
+    factor: float  # what is seen is first + factor * second [unit of first per unit of second]
+    # value, sd: of that combination [unit of first]
     value: float
     sd: float
 
@@ -88,43 +77,20 @@ def _size(term: str) -> float:
 
 @dataclass(frozen=True)
 class SchulerFit:
-    """The terms of free inertial drift found in an error.
+    """The terms of free inertial drift found in an error."""
 
-    Attributes
-    ----------
-    values, sd : ndarray, shape (7,)
-        Terms of `TERMS`, and their standard deviations [m/s, rad, rad/s].
-    cov : ndarray, shape (7, 7)
-        Covariance [products of these].
-    chi_square : float
-        Of the residuals, sensor noise alone expected [1].
-    dof : int
-        Degrees of freedom [1].
-    limits : (float, float)
-        Between which chi_square lies in 99 % of all runs [1].
-    time : ndarray, shape (m,)
-        Epochs since the start [s].
-    observed : ndarray, shape (m, 2)
-        East and north error that was fitted [m], or [m/s] where `of` is "velocity".
-    parts : ndarray, shape (m, 2, 7)
-        What each term contributes to it [m] or [m/s].
-    noise_sd : ndarray, shape (m, 2)
-        What sensor noise may add since the start, standard deviation [m] or [m/s].
-    of : str
-        "position" or "velocity".
-    place : Place
-        Where it stood.
-    """
-
+    # values, sd: (7,) terms of `TERMS`, and their standard deviations [m/s, rad, rad/s]
     values: FloatArray
     sd: FloatArray
-    cov: FloatArray
-    chi_square: float
-    dof: int
-    limits: tuple[float, float]
-    time: FloatArray
+    cov: FloatArray  # (7, 7) covariance [products of these]
+    chi_square: float  # of the residuals, sensor noise alone expected [1]
+    dof: int  # degrees of freedom [1]
+    limits: tuple[float, float]  # between which chi_square lies in 99 % of all runs [1]
+    time: FloatArray  # (m,) epochs since the start [s]
+    # (m, 2) East and north error that was fitted [m], or [m/s] where `of` is "velocity"
     observed: FloatArray
-    parts: FloatArray
+    parts: FloatArray  # (m, 2, 7) what each term contributes to it [m] or [m/s]
+    # (m, 2) what sensor noise may add since the start, standard deviation [m] or [m/s]
     noise_sd: FloatArray
     of: str
     place: Place
@@ -196,23 +162,11 @@ def fit(
 ) -> SchulerFit:
     """Fit the horizontal error of a stationary run.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Time since the start, rising [s].
-    error : ndarray, shape (n, 2)
-        East and north, estimate minus truth: of position [m], or of velocity [m/s].
-    place : Place
-        Where it stood.
-    gyro_white, accel_white : float
-        White noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
-    error_sd : float
-        Standard deviation of the reference [m] or [m/s].
-    of : {"position", "velocity"}
-        What `error` is.
+    `time` (n,): time since the start, rising [s]; `error` (n, 2): East and north, estimate minus
+    truth: of position [m], or of velocity [m/s]; `gyro_white`, `accel_white`: white noise
+    [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]; `error_sd`: standard deviation of the reference [m] or
+    [m/s].
 
-    Notes
-    -----
     The standard deviations grow by sqrt(chi_square / dof) where the fit is worse than noise: what
     is not in the model (a bias that wanders, a sway) is in them then.
     """

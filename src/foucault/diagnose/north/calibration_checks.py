@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.diagnose.checks import status_check
+from foucault.arrays import FloatArray
+from foucault.diagnose.checks import SEEN, judge_prior, status_check
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north.calibration import Rig
@@ -15,8 +15,6 @@ from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
 from foucault.result import Check, Estimate, Problem
 from foucault.units import STANDARD_GRAVITY
-
-FloatArray = npt.NDArray[np.float64]
 
 SIGNIFICANT = 0.01
 """The coupling of the third rate is there where chance gives it less often than this [1]."""
@@ -51,12 +49,7 @@ def leans(pairs: Pairs, rig: Rig) -> bool:
     On one axis the horizontal specific force is a constant, the bias, and a vector that turns with
     the heading.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups [SI].
-    rig : Rig
-        The turntable.
+    `pairs`: set-ups [SI].
     """
     s, c = np.sin(rig.heading), np.cos(rig.heading)
     m, zero, one = len(pairs), np.zeros(len(pairs)), np.ones(len(pairs))
@@ -72,15 +65,7 @@ def leans(pairs: Pairs, rig: Rig) -> bool:
 def z_significance(estimate: Estimate) -> tuple[float, float]:
     """Test whether the coupling of the rate along z_b is there.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration with it.
-
-    Returns
-    -------
-    tuple of float
-        Chi-square with two degrees of freedom, and how often chance gives so much [1].
+    Returns chi-square with two degrees of freedom, and how often chance gives so much [1].
     """
     from scipy.special import chdtrc
 
@@ -94,12 +79,7 @@ def z_significance(estimate: Estimate) -> tuple[float, float]:
 def z_findings(test: tuple[float, float], chosen: str) -> list[Finding]:
     """Say what a tilted session showed of that coupling, where it matters.
 
-    Parameters
-    ----------
-    test : tuple of float
-        Of `z_significance` [1].
-    chosen : str
-        "auto", "free" or "no".
+    `test`: of `z_significance` [1].
     """
     if chosen == "no" and test[1] < SIGNIFICANT:
         return [finding("north.z_left_out", p=f"{test[1]:.2g}")]
@@ -109,13 +89,7 @@ def z_findings(test: tuple[float, float], chosen: str) -> list[Finding]:
 
 
 def require_sound(estimate: Estimate) -> None:
-    """Raise where headings do not span, or a sense, zero or unit is plainly wrong.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    """
+    """Raise where headings do not span, or a sense, zero or unit is plainly wrong."""
     if estimate.status is Status.UNOBSERVABLE:
         weakest = "; ".join(estimate.weakest) or "the coefficients, with the tilt of the table"
         raise error("north.undetermined", names=weakest)
@@ -144,12 +118,7 @@ def _turn(M: FloatArray) -> float:
 def suspicious(estimate: Estimate, latitude: float) -> list[Finding]:
     """Name what fits, but is larger than what instruments have.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    latitude : float
-        Positive north [rad].
+    `latitude`: positive north [rad].
     """
     M = Compensation(estimate.coefficients).model.gyro_matrix[:2, :2]
     found = []
@@ -173,12 +142,7 @@ def suspicious(estimate: Estimate, latitude: float) -> list[Finding]:
 def leftovers(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
     """Return residuals and redundancies of the observations, shape (m, k) each [1].
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    pairs : Pairs
-        Set-ups [SI].
+    `pairs`: set-ups [SI].
     """
     used = estimate.blocks >= 0
     shape = (len(pairs), -1)
@@ -189,12 +153,7 @@ def leftovers(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]
 def squares(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
     """Return sum of squares and degrees of freedom of gyro and accelerometers, shape (2,) each.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    pairs : Pairs
-        Set-ups [SI].
+    `pairs`: set-ups [SI].
     """
     r, share = leftovers(estimate, pairs)
     parts = (slice(0, 2), slice(2, 4))
@@ -207,12 +166,7 @@ def squares(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
 def chi_square(estimate: Estimate, pairs: Pairs) -> dict[str, list[float]]:
     """Return sums of squares with their limits and degrees of freedom, for result.json.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    pairs : Pairs
-        Set-ups [SI].
+    `pairs`: set-ups [SI].
     """
     value, dof = squares(estimate, pairs)
     rows = {"gyro over headings": (value[0], dof[0]), "accel over headings": (value[1], dof[1])}
@@ -231,24 +185,16 @@ def checks(
 ) -> tuple[Check, ...]:
     """Return every test of the calibration.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups [SI].
-    rig : Rig
-        The turntable.
-    problem : Problem
-        What was solved.
-    estimate : Estimate
-        The calibration.
-    source : str
-        Where the noise came from.
+    `pairs`: set-ups [SI].
     """
     out = [status_check(estimate.status, estimate.weakest), _redundancy(pairs, estimate)]
     out += [*_fitting(problem, estimate, source), *_level(estimate, rig)]
     if source != "from the residuals":
         tests = chi_square(estimate, pairs)
         out += [_explained(name, row[0], row[3], len(tests)) for name, row in tests.items()]
+    share = (estimate.coefficients.sd / estimate.coefficients.prior_sd) ** 2
+    if (1.0 - share[np.isfinite(estimate.coefficients.prior_sd)] > SEEN).any():
+        out += judge_prior(estimate)
     return tuple(out)
 
 
@@ -303,20 +249,9 @@ def outlier(
     Where the noise was measured by these very residuals it is measured anew without the set-up in
     question, for an outlier hides behind the noise that it makes.
 
-    Parameters
-    ----------
-    problem : Problem
-        What was solved.
-    estimate : Estimate
-        Its solution.
-    measured : bool
-        Whether the noise is that of the residuals.
-
-    Returns
-    -------
-    tuple of (int, float, float) or None
-        Its number, its test over the limit (above 1: it does not fit), and its residual over the
-        sd [1]; None where nothing controls a set-up.
+    `measured`: whether the noise is that of the residuals. Returns its number, its test over the
+    limit (above 1: it does not fit), and its residual over the sd [1]; None where nothing
+    controls a set-up.
     """
     from scipy.special import fdtri
 
@@ -343,19 +278,7 @@ def outlier(
 
 
 def findings(problem: Problem, estimate: Estimate, dwells: Dwells, source: str) -> list[Finding]:
-    """Name the heading that does not fit the others.
-
-    Parameters
-    ----------
-    problem : Problem
-        What was solved.
-    estimate : Estimate
-        Its solution.
-    dwells : Dwells
-        For the names of the set-ups.
-    source : str
-        Where the noise came from.
-    """
+    """Name the heading that does not fit the others."""
     found = outlier(problem, estimate, source == "from the residuals")
     if found is None or found[1] <= 1:
         return []

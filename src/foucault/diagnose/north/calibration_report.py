@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.information import information
+from foucault.diagnose import information
 from foucault.diagnose.north.calibration_checks import leftovers
 from foucault.estimate.north.attitude import Known, solve
 from foucault.estimate.north.calibration import Rig, covariance_parts, tilts
@@ -18,8 +19,6 @@ from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
 from foucault.models.rotation import turned
 from foucault.result import Estimate, Problem
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def _gain(problem: Problem, estimate: Estimate, scene_root: FloatArray) -> FloatArray:
@@ -41,16 +40,7 @@ def _table(estimate: Estimate, rig: Rig) -> FloatArray | None:
 def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict[str, list[float]]:
     """Split the variance of every coefficient by source.
 
-    Parameters
-    ----------
-    problem : Problem
-        What was solved.
-    estimate : Estimate
-        Its solution.
-    pairs : Pairs
-        Set-ups, their covariance by source [SI].
-    rig : Rig
-        The turntable.
+    `pairs`: set-ups, their covariance by source [SI].
     """
     parts = covariance_parts(pairs, rig, _table(estimate, rig))
     gain = _gain(problem, estimate, np.linalg.cholesky(np.asarray(sum(parts.values()))))
@@ -62,34 +52,14 @@ def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict
 
 
 def bound(problem: Problem, estimate: Estimate) -> dict[str, Any]:
-    """Return the bound and the weakest combinations, for result.json.
-
-    Parameters
-    ----------
-    problem : Problem
-        With the noise alone.
-    estimate : Estimate
-        The calibration.
-    """
+    """Return the bound and the weakest combinations, for result.json."""
     table = estimate.state.table[: len(problem.start.table)]
     state = replace(estimate.state, table=table)
-    info = information(problem.linearise(state, np.ones(problem.n_blocks)), problem.layout)
-    return {
-        "bound": [float(v) for v in info.sd],
-        "weakest": [c.words for c in info.weakest()],
-    }
+    return information.bound(problem, state)
 
 
 def table_json(estimate: Estimate, rig: Rig) -> dict[str, Any]:
-    """Return what was found of the turntable, for result.json.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    rig : Rig
-        The turntable.
-    """
+    """Return what was found of the turntable, for result.json."""
     east, north, heading = estimate.state.table[:3]
     return {
         "used": rig.tilt,
@@ -102,15 +72,7 @@ def table_json(estimate: Estimate, rig: Rig) -> dict[str, Any]:
 
 
 def unseen(rig: Rig, names: tuple[str, ...]) -> list[str]:
-    """Say what the session cannot show in principle.
-
-    Parameters
-    ----------
-    rig : Rig
-        The turntable.
-    names : tuple of str
-        The coefficients found.
-    """
+    """Say what the session cannot show in principle."""
     common = "it was taken as exact"
     if rig.heading_offset_sd:
         sd = np.degrees(rig.heading_offset_sd) * 60
@@ -142,16 +104,8 @@ def unseen(rig: Rig, names: tuple[str, ...]) -> list[str]:
 def circle_accuracy(errors: FloatArray) -> dict[str, float]:
     """Return the usual figures of heading errors around the circle, for result.json.
 
-    Parameters
-    ----------
-    errors : ndarray, shape (m,)
-        Heading as found minus reference [rad].
-
-    Returns
-    -------
-    dict of str to float
-        "std" about the mean, "max" departure from the mean, "peak_to_peak", and "rms" and
-        "max_absolute" with the mean in [rad].
+    `errors` (m,): heading as found minus reference [rad]. Returns "std" about the mean, "max"
+    departure from the mean, "peak_to_peak", and "rms" and "max_absolute" with the mean in [rad].
     """
     off = errors - errors.mean()
     return {
@@ -169,19 +123,8 @@ def heading_errors(
 ) -> tuple[FloatArray, FloatArray]:
     """Return heading minus reference and its sd, as a fix in each set-up would have them.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups [SI].
-    rig : Rig
-        The turntable.
-    coefficients : CoefficientVector or None
-        The calibration; None for the instrument as it is.
-
-    Returns
-    -------
-    errors, sd : ndarray, shape (m,)
-        [rad].
+    `pairs`: set-ups [SI]; `coefficients`: the calibration, None for the instrument as it is.
+    Returns `errors`, `sd` (m,): [rad].
     """
     level = None if rig.accelerometers else max(rig.level_sd, 1e-9)
     known = Known(rig.site.gravity, rig.site.latitude, rig.latitude_sd, level_sd=level)
@@ -195,16 +138,7 @@ def heading_table(
 ) -> dict[str, npt.NDArray[Any]]:
     """Return a row per set-up: readings, what is left of them, and tilt.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        The calibration.
-    pairs : Pairs
-        Set-ups [SI].
-    rig : Rig
-        The turntable.
-    dwells : Dwells
-        For the names of the set-ups.
+    `pairs`: set-ups [SI].
     """
     left, share = leftovers(estimate, pairs)
     standard = np.where(share > 1e-6, left / np.sqrt(np.maximum(share, 1e-6)), np.nan)

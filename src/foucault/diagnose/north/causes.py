@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north.attitude import PLAUSIBLE, Fixes, Hemisphere, Known, solve
@@ -19,8 +20,6 @@ from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
 from foucault.models.rotation import turned
 from foucault.units import STANDARD_GRAVITY, plain
-
-FloatArray = npt.NDArray[np.float64]
 
 ENOUGH = 200
 """Set-ups that are tried: more say the same [1]."""
@@ -78,18 +77,7 @@ def causes(
 ) -> tuple[Finding, ...]:
     """Name the mistakes that explain why the Earth's rate does not fit the latitude.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Which accelerometers there are.
-    pairs : Pairs
-        Set-ups [SI].
-    fixes : Fixes
-        Their solutions [rad].
-    known : Known
-        Place.
-    compensation : Compensation
-        Errors of the instrument.
+    `pairs`: set-ups [SI]; `fixes`: their solutions [rad].
     """
     if known.latitude is None or dwells.accel is None:
         return ()

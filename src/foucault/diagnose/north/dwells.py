@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.rests import resolution
 from foucault.errors import Finding, error, finding
 from foucault.models.dwells import Dwells
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.tables import IndexedLog
 from foucault.units import span
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 STILL = np.radians(0.1)
 """A base is still while its index angle stays within this [rad]."""
@@ -64,19 +62,9 @@ class _Cut:
 def find_dwells(log: IndexedLog, *, settle: float = 1.0, shortest: float = 5.0) -> Dwells:
     """Cut a log into dwells.
 
-    Parameters
-    ----------
-    log : IndexedLog
-        Samples, or means, which are dwells already [SI].
-    settle : float
-        Left out after each move [s].
-    shortest : float
-        Shortest dwell of samples [s].
-
-    Returns
-    -------
-    Dwells
-        One row per dwell, set-ups without any left out [SI].
+    `log`: samples, or means, which are dwells already [SI]; `settle`: left out after each move
+    [s]; `shortest`: shortest dwell of samples [s]. Returns one row per dwell, set-ups without any
+    left out [SI].
     """
     if log.averaged is not None:
         return _as_they_are(log)
@@ -312,18 +300,8 @@ def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
     ``white^2 = var(x_k+1 - x_k) tau / 2`` with means over `tau` of a second or so, what the
     index angle makes of them taken off before.
 
-    Parameters
-    ----------
-    log : IndexedLog
-        The log [SI].
-    dwells : Dwells
-        What it was cut into [SI].
-
-    Returns
-    -------
-    ImuNoise or None
-        White noise of gyro and accelerometers [SI]; None for a log of means, or where the dwells
-        are too short to tell.
+    `log`: the log [SI]; `dwells`: what it was cut into [SI]. Returns white noise of gyro and
+    accelerometers [SI]; None for a log of means, or where the dwells are too short to tell.
     """
     if log.averaged is not None:
         return None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.north.noise import signal_to_noise
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
@@ -24,8 +24,6 @@ from foucault.models.rotation import turned
 from foucault.result import Check, Level
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-
 SEES = 3.0
 """Horizontal Earth rate over its sd below which heading is guesswork [1]."""
 
@@ -42,48 +40,24 @@ STEEP = np.radians(89.5)
 
 @dataclass(frozen=True)
 class Judged:
-    """What the judgement looks at.
+    """What the judgement looks at."""
 
-    Attributes
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    pairs : Pairs
-        Four numbers of every set-up [SI].
-    fixes : Fixes
-        Solutions [rad].
-    known : Known
-        Place, and what decided between solutions.
-    noise : ImuNoise
-        Noise that was taken [SI].
-    noise_source : str
-        Where it comes from.
-    accuracy : float or None
-        Wanted standard deviation of the heading [rad].
-    level : ndarray, shape (m,), or None
-        How far the accelerometers depart from level, of `level_square` [1]; None where there are
-        none, or nothing was said of the level.
-    """
-
-    dwells: Dwells
-    pairs: Pairs
-    fixes: Fixes
-    known: Known
-    noise: ImuNoise
-    noise_source: str
-    accuracy: float | None
+    dwells: Dwells  # readings [SI]
+    pairs: Pairs  # four numbers of every set-up [SI]
+    fixes: Fixes  # solutions [rad]
+    known: Known  # place, and what decided between solutions
+    noise: ImuNoise  # noise that was taken [SI]
+    noise_source: str  # where it comes from
+    accuracy: float | None  # wanted standard deviation of the heading [rad]
+    # (m,) how far the accelerometers depart from level, of `level_square` [1]; None where there are
+    # none, or nothing was said of the level
     level: FloatArray | None = None
 
 
 def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...]:
     """Return the tests of every set-up.
 
-    Parameters
-    ----------
-    j : Judged
-        Readings and solutions.
-    calibration : Level or None
-        Verdict of the calibration that was used.
+    `calibration` or None: verdict of the calibration that was used.
     """
     ratio = signal_to_noise(j.fixes, j.pairs)
     shared: list[Check] = []
@@ -219,13 +193,7 @@ def _accurate(j: Judged, i: int) -> Check:
 
 
 def findings(j: Judged) -> tuple[tuple[Finding, ...], ...]:
-    """Return what was noticed of every set-up.
-
-    Parameters
-    ----------
-    j : Judged
-        Readings and solutions.
-    """
+    """Return what was noticed of every set-up."""
     return tuple(tuple(_findings(j, i)) for i in range(len(j.fixes)))
 
 
@@ -314,18 +282,8 @@ def drift_effect(
 ) -> FloatArray:
     """Return what a linear drift that is not estimated does to each heading, shape (m,) [rad].
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups, with what a drift does to the four numbers [SI].
-    fixes : Fixes
-        Their solutions [rad].
-    known : Known
-        Place.
-    compensation : Compensation
-        Errors of the instrument.
-    drift : float
-        [rad/s^2].
+    `pairs`: set-ups, with what a drift does to the four numbers [SI]; `fixes`: their solutions
+    [rad]; `drift`: [rad/s^2].
     """
     near = np.where(np.isfinite(fixes.angles[:, 0]), fixes.angles[:, 0], 0.0)
     step = 1e-3 * drift

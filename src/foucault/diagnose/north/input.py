@@ -48,10 +48,7 @@ BY_UNITS = (
 def alive(log: IndexedLog) -> tuple[Finding, ...]:
     """Refuse a sensor that reads one value throughout; name one that does so for a while.
 
-    Parameters
-    ----------
-    log : IndexedLog
-        Readings [SI].
+    `log`: readings [SI].
     """
     columns = [("gyro", "gyro", log.gyro)]
     # A log that is free of noise, as made up ones are, has no stuck accelerometers.
@@ -83,17 +80,9 @@ def alive(log: IndexedLog) -> tuple[Finding, ...]:
 def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
     """Look at the index angles of every set-up: missing, repeated, too few.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    known : Known
-        A rough heading and how level the case stands, if they were given.
-
-    Raises
-    ------
-    FoucaultError
-        ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or the tilt.
+    `dwells`: readings [SI]; `known`: a rough heading and how level the case stands, if they were
+    given. Raises ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or
+    the tilt.
     """
     patterns = [_pattern(dwells.of(i)) for i in range(len(dwells.names))]
     found: list[Finding] = []
@@ -135,10 +124,7 @@ def _list(angles: list[int]) -> str:
 def spans(angles: list[int]) -> bool:
     """Tell whether constant, cosine and sine over these angles can be told apart.
 
-    Parameters
-    ----------
-    angles : list of int, length k
-        Index angles that differ, in whole degrees [deg].
+    `angles`: index angles that differ, in whole degrees [deg].
     """
     a = np.radians(np.array(angles, float))
     design = np.stack([np.ones_like(a), np.cos(a), np.sin(a)], 1)
@@ -162,12 +148,7 @@ def _opposites(name: str, angles: list[int], distinct: list[int]) -> list[Findin
 def late_index(dwells: Dwells, lag_sd: float | None) -> tuple[Finding, ...]:
     """Say what a late index angle does where the base turns, and nobody said how late it can be.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    lag_sd : float or None
-        As declared [s].
+    `dwells`: readings [SI]; `lag_sd` or None: as declared [s].
     """
     first = dwells.of(0)
     if lag_sd is not None or not len(first) or not first.rotates:
@@ -196,16 +177,7 @@ def require_plausible(
 ) -> None:
     """Refuse more than the Earth's rate, and more than gravity.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        For the names of the set-ups.
-    pairs : Pairs
-        Set-ups [SI].
-    known : Known
-        Gravity.
-    compensation : Compensation
-        Errors of the instrument.
+    `pairs`: set-ups [SI].
     """
     numbers = compensated(pairs.values, known.gravity, compensation)
     cov = pairs.cov
@@ -223,13 +195,7 @@ def require_plausible(
 
 @contextmanager
 def units_first(findings: tuple[Finding, ...]) -> Iterator[None]:
-    """Let a wrong unit that the reader has noticed explain what fails because of it.
-
-    Parameters
-    ----------
-    findings : tuple of Finding
-        What the reader has noticed.
-    """
+    """Let a wrong unit that the reader has noticed explain what fails because of it."""
     try:
         yield
     except FoucaultError as problem:

@@ -6,15 +6,13 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.north.attitude import Fixes
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
-
-FloatArray = npt.NDArray[np.float64]
 
 GUESS = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=1e-6))
 """Noise to start from where none is known [SI]."""
@@ -31,20 +29,10 @@ def from_residuals(
 ) -> ImuNoise | None:
     """Measure white noise by what the fits over the index angle leave.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups, reduced with the noise of `GUESS` [SI].
-    accelerometers : bool
-        Whether there are readings of specific force.
-    more : (ndarray, ndarray) or None
-        Further sums of squares and degrees of freedom of gyro and accelerometers, shape (2,) each,
-        with the noise of `GUESS` [1].
-
-    Returns
-    -------
-    ImuNoise or None
-        White noise of both [SI]; None where either has too few redundant readings.
+    `pairs`: set-ups, reduced with the noise of `GUESS` [SI]; `more` or None: further sums of
+    squares and degrees of freedom of gyro and accelerometers, shape (2,) each, with the noise of
+    `GUESS` [1]. Returns white noise of both [SI]; None where either has too few redundant
+    readings.
     """
     square, dof = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0).astype(float)
     if more is not None:
@@ -64,21 +52,9 @@ def drift_sd(
 ) -> float:
     """Return the standard deviation that the drift is given beforehand [rad/s^2].
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    noise : ImuNoise
-        Noise of the sensors [SI].
-    wanted : {"auto", "none", "linear"}
-        What was chosen.
-    known : float or None
-        Declared standard deviation [rad/s^2].
-
-    Returns
-    -------
-    float
-        0 where the drift is taken as none, infinite where it is estimated freely.
+    `dwells`: readings [SI]; `noise`: noise of the sensors [SI]; `known` or None: declared
+    standard deviation [rad/s^2]. Returns 0 where the drift is taken as none, infinite where it is
+    estimated freely.
     """
     if wanted == "none":
         return 0.0
@@ -103,12 +79,7 @@ def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
 
     Level that is ``w_ie cos L / sd``: one over what the gyro alone leaves uncertain of the heading.
 
-    Parameters
-    ----------
-    fixes : Fixes
-        Solutions with their budget [rad].
-    pairs : Pairs
-        Set-ups [SI].
+    `fixes`: solutions with their budget [rad]; `pairs`: set-ups [SI].
     """
     gyro = [v[:, 0] for name, v in fixes.sources.items() if name.startswith("gyro")]
     out = 1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300))

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.north.attitude import Fixes, Known, solve
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
@@ -18,8 +18,6 @@ from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation, earth_rate_b, up_b
 from foucault.models.rotation import turned
-
-FloatArray = npt.NDArray[np.float64]
 
 HEADINGS = np.radians(np.arange(15.0, 360.0, 30.0))
 """Headings that are averaged over; 45 deg is where drift does most to four positions [rad]."""
@@ -34,67 +32,32 @@ SMALL = 1e-3
 
 @dataclass(frozen=True)
 class Conditions:
-    """Instrument, place, and what is known.
+    """Instrument, place, and what is known."""
 
-    Attributes
-    ----------
-    latitude : float
-        Positive north [rad].
-    noise : ImuNoise
-        Of the sensors [SI].
-    latitude_sd : float
-        Standard deviation of the latitude [rad].
-    latitude_known : bool
-        False where the readings have to tell the latitude too.
-    tilt : float
-        Up to which the case may be tilted [rad].
-    drift : float
-        Size of a linear drift of the gyro [rad/s^2].
-    drift_estimated : bool
-        Whether the solution estimates it, with `drift` as prior standard deviation.
-    index_sd : float
-        Of every index angle [rad].
-    level_sd : float or None
-        Without accelerometers: how well the case is levelled [rad].
-    compensation : Compensation
-        The instrument's calibration, with covariance.
-    offset_sd : float
-        Of the gyro's constant offset, infinite where the readings have to tell it [rad/s].
-    """
-
-    latitude: float
-    noise: ImuNoise
-    latitude_sd: float = 0.0
-    latitude_known: bool = True
-    tilt: float = 0.0
-    drift: float = 0.0
+    latitude: float  # positive north [rad]
+    noise: ImuNoise  # of the sensors [SI]
+    latitude_sd: float = 0.0  # standard deviation of the latitude [rad]
+    latitude_known: bool = True  # false where the readings have to tell the latitude too
+    tilt: float = 0.0  # up to which the case may be tilted [rad]
+    drift: float = 0.0  # size of a linear drift of the gyro [rad/s^2]
+    # whether the solution estimates it, with `drift` as prior standard deviation
     drift_estimated: bool = True
-    index_sd: float = 0.0
-    level_sd: float | None = None
+    index_sd: float = 0.0  # of every index angle [rad]
+    level_sd: float | None = None  # without accelerometers: how well the case is levelled [rad]
+    # the instrument's calibration, with covariance
     compensation: Compensation = field(default_factory=Compensation)
+    # of the gyro's constant offset, infinite where the readings have to tell it [rad/s]
     offset_sd: float = np.inf
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a plan gives, over all headings.
+    """What a plan gives, over all headings."""
 
-    Attributes
-    ----------
-    sd : float
-        Standard deviation of the heading, root mean square [rad].
-    worst : float
-        At the worst heading [rad].
-    sources : dict of str to float
-        Mean variance of the heading by source [rad^2].
-    drift_error : float
-        Largest error by a linear drift of 1 rad/s^2 that is not estimated [s^2].
-    """
-
-    sd: float
-    worst: float
-    sources: dict[str, float]
-    drift_error: float
+    sd: float  # standard deviation of the heading, root mean square [rad]
+    worst: float  # at the worst heading [rad]
+    sources: dict[str, float]  # mean variance of the heading by source [rad^2]
+    drift_error: float  # largest error by a linear drift of 1 rad/s^2 that is not estimated [s^2]
 
     @property
     def largest(self) -> str:
@@ -105,10 +68,7 @@ class Prediction:
 def poses(tilt: float) -> FloatArray:
     """Return headings, pitches and rolls to average over, shape (m, 3) [rad].
 
-    Parameters
-    ----------
-    tilt : float
-        The case is tilted by anything up to this, in any direction [rad].
+    `tilt`: the case is tilted by anything up to this, in any direction [rad].
     """
     if tilt == 0:
         return np.stack([HEADINGS, 0 * HEADINGS, 0 * HEADINGS], 1)
@@ -124,21 +84,12 @@ def predict(
 ) -> Prediction:  # fmt: skip
     """Predict the standard deviation of the heading.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        The stops of m set-ups; their readings are of no interest [SI].
-    at : ndarray, shape (m, 3)
-        Heading, pitch and roll of each [rad].
-    conditions : Conditions
-        Instrument, place, and what is known [SI].
-    near : bool
-        Whether a rough heading decides between solutions. Its two stops do not show the tilt in
-        both directions to one accelerometer that turns with them: two on the case are taken.
-    drift : bool
-        Whether to find the error by drift too; NaN without.
-    on_case : bool or None
-        Whether two accelerometers stay with the case; None takes them for a rough heading alone.
+    `dwells`: the stops of m set-ups, their readings are of no interest [SI]; `at` (m, 3):
+    heading, pitch and roll of each [rad]; `conditions`: instrument, place, and what is known
+    [SI]; `near`: whether a rough heading decides between solutions. Its two stops do not show the
+    tilt in both directions to one accelerometer that turns with them: two on the case are taken;
+    `drift`: whether to find the error by drift too, NaN without; `on_case`: whether two
+    accelerometers stay with the case, None takes them for a rough heading alone.
     """
     made = readings(dwells, at, conditions, on_case=near if on_case is None else on_case)
     prior = conditions.drift if conditions.drift_estimated else 0.0
@@ -167,16 +118,9 @@ def readings(
 ) -> Dwells:
     """Return dwells with the readings that the instrument gives without noise.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        The stops of m set-ups [SI].
-    at : ndarray, shape (m, 3)
-        Heading, pitch and roll of each [rad].
-    conditions : Conditions
-        Instrument and place [SI].
-    on_case : bool
-        Whether two accelerometers stay with the case, instead of one that turns with the gyro.
+    `dwells`: the stops of m set-ups [SI]; `at` (m, 3): heading, pitch and roll of each [rad];
+    `conditions`: instrument and place [SI]; `on_case`: whether two accelerometers stay with the
+    case, instead of one that turns with the gyro.
     """
     heading, pitch, roll = at.T
     w_b = earth_rate_b(heading, pitch, roll, np.full(len(at), conditions.latitude))

@@ -21,17 +21,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.diagnose.north.validity import NEAR_STOP
 from foucault.errors import Finding, finding
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.models.dwells import Dwells
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import turned
-from foucault.tables import FloatArray, IntArray
-
-BoolArray = npt.NDArray[np.bool_]
 
 FEWEST = 6
 """Set-ups with the same stops that it takes to see what repeats [1]."""
@@ -48,21 +45,10 @@ def stop_offsets(
     It is taken off whether it is significant or not: that costs one set-up's redundant readings,
     while what is there and left in would pass for noise.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Set-ups with the same stops in the same order [SI].
-    noise : ImuNoise
-        Noise of the sensors; its size does not matter [SI].
-    nuisance : Nuisance
-        What is known beforehand.
-
-    Returns
-    -------
-    offsets : dict of str to float
-        Index angle in whole degrees -> offset [rad/s]; empty where these set-ups do not show it.
-    chance : float
-        How often chance gives so much [1].
+    `dwells`: set-ups with the same stops in the same order [SI]; `noise`: noise of the sensors,
+    its size does not matter [SI]. Returns `offsets`: index angle in whole degrees -> offset
+    [rad/s]; empty where these set-ups do not show it; `chance`: how often chance gives so much
+    [1].
     """
     from scipy.special import fdtrc
 
@@ -93,21 +79,9 @@ GAINS = 0.01
 def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gains, float]:
     """Return by what part of the rates the gyro reads too much at each stop, beyond what all share.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Set-ups with the same stops in the same order, offsets of the stops taken off [SI].
-    noise : ImuNoise
-        Noise of the sensors; its size does not matter [SI].
-    nuisance : Nuisance
-        What is known beforehand.
-
-    Returns
-    -------
-    gains : dict of str to list of float
-        By index angle [1]; empty where the test does not see them.
-    chance : float
-        How often chance gives so much [1].
+    `dwells`: set-ups with the same stops in the same order, offsets of the stops taken off [SI];
+    `noise`: noise of the sensors, its size does not matter [SI]. Returns `gains`: by index angle
+    [1]; empty where the test does not see them; `chance`: how often chance gives so much [1].
     """
     from scipy.special import fdtrc
 
@@ -136,14 +110,8 @@ def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gai
 def without_gains(dwells: Dwells, gains: Gains, values: FloatArray) -> Dwells:
     """Take off what gains of single stops make of the rates.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    gains : dict of str to list of float
-        By index angle [1].
-    values : ndarray, shape (m, 4)
-        Rates along x_b and y_b of every set-up, and two numbers that do not count [SI].
+    `dwells`: readings [SI]; `gains`: by index angle [1]; `values` (m, 4): rates along x_b and y_b
+    of every set-up, and two numbers that do not count [SI].
     """
     if not gains:
         return dwells
@@ -157,12 +125,7 @@ def without_gains(dwells: Dwells, gains: Gains, values: FloatArray) -> Dwells:
 def gain_words(gains: Gains, chance: float) -> tuple[Finding, ...]:
     """Say what was found.
 
-    Parameters
-    ----------
-    gains : dict of str to list of float
-        By index angle [1].
-    chance : float
-        How often chance gives so much [1].
+    `gains`: by index angle [1]; `chance`: how often chance gives so much [1].
     """
     if not gains:
         return ()
@@ -185,12 +148,7 @@ def _alike(dwells: Dwells) -> IntArray | None:
 def without(dwells: Dwells, offsets: Mapping[str, float]) -> Dwells:
     """Take the offsets off the readings of the same stops.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    offsets : mapping of str to float
-        Index angle in degrees -> offset [rad/s].
+    `dwells`: readings [SI]; `offsets`: index angle in degrees -> offset [rad/s].
     """
     if not offsets or (dwells.turning is not None and dwells.turning.any()):
         return dwells
@@ -210,12 +168,7 @@ def _nearest(dwells: Dwells, stops: Mapping[str, object]) -> tuple[IntArray, Boo
 def spent(pairs: Pairs, setups: int = 1) -> Pairs:
     """Count some set-ups' redundant readings as used up by the offsets and gains.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups, the offsets taken off [SI].
-    setups : int, shape ()
-        So many [1].
+    `pairs`: set-ups, the offsets taken off [SI]; `setups`: so many [1].
     """
     dof = pairs.dof.copy()
     dof[:setups, 0] = 0
@@ -225,12 +178,8 @@ def spent(pairs: Pairs, setups: int = 1) -> Pairs:
 def words(offsets: Mapping[str, float], chance: float) -> tuple[Finding, ...]:
     """Say what was found, where it is significant.
 
-    Parameters
-    ----------
-    offsets : mapping of str to float
-        Index angle in degrees -> offset [rad/s].
-    chance : float
-        How often chance gives so much [1].
+    `offsets`: index angle in degrees -> offset [rad/s]; `chance`: how often chance gives so much
+    [1].
     """
     if not offsets or chance > SIGNIFICANT:
         return ()

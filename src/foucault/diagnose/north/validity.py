@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.estimate.north.attitude import Fixes
 from foucault.models.dwells import Dwells
 from foucault.models.rotation import turned
 from foucault.units import ZERO_CELSIUS
-
-FloatArray = npt.NDArray[np.float64]
 
 NEAR_STOP = np.radians(2.0)
 """Index angles that differ by less are the same stop [rad]."""
@@ -31,14 +29,8 @@ def other_conditions(
 ) -> tuple[Finding, ...]:
     """Compare stops and temperature with those of the calibration.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    temperature : ndarray, shape (n,), or None
-        Of the instrument [K].
-    validity : mapping
-        What the result of the calibration says of itself.
+    `dwells`: readings [SI]; `temperature` (n,) or None: of the instrument [K]; `validity`: what
+    the result of the calibration says of itself.
     """
     found = []
     calibrated = [float(a) for a in validity.get("index") or ()]
@@ -62,14 +54,8 @@ def contradicted(
 ) -> tuple[tuple[Finding, ...], ...]:
     """Compare every heading with the reference in the file, where there is one.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        With reference headings, NaN where there are none [rad].
-    fixes : Fixes
-        Solutions [rad].
-    heading_sd : float
-        Standard deviation of the references [rad].
+    `dwells`: with reference headings, NaN where there are none [rad]; `fixes`: solutions [rad];
+    `heading_sd`: standard deviation of the references [rad].
     """
     away = turned(fixes.angles[:, 0] - dwells.heading)
     size = np.abs(away) / np.sqrt(fixes.cov[:, 0, 0] + heading_sd**2)

@@ -9,9 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from foucault.tables import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from foucault.arrays import BoolArray, FloatArray
 
 APART = np.radians(12.0)
 """Two directions lie as far apart as two others when it differs by less [rad]."""
@@ -31,16 +29,9 @@ def attitudes(
 ) -> list[FloatArray]:
     """Return rotations from case to body axes that may explain the directions, the best first.
 
-    Parameters
-    ----------
-    up : ndarray, shape (n, 3)
-        Direction of up in each reading, body axes; NaN where unknown [1].
-    spin : ndarray of bool, shape (n,), or None
-        Which are spins, where the log can tell.
-    nominal : ndarray, shape (m, 3)
-        Direction of up in each position of the plan, case axes [1].
-    nominal_spin : ndarray of bool, shape (m,)
-        Which of them are spins.
+    `up` (n, 3): direction of up in each reading, body axes, NaN where unknown [1]; `spin` (n,) or
+    None: which are spins, where the log can tell; `nominal` (m, 3): direction of up in each
+    position of the plan, case axes [1]; `nominal_spin` (m,): which of them are spins.
     """
     usable = np.flatnonzero(np.isfinite(up).all(axis=1))
     kinds = np.zeros(len(up), bool) if spin is None else spin

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.positions.choice import nearest, rate_problem
 from foucault.diagnose.positions.rates import spin_rates
 from foucault.errors import Finding, error, finding
 from foucault.models.readings import Readings
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log
 
 UNKNOWN_ACCEL = 1e-6
 """Standard deviation of a mean whose noise nobody knows: readings weigh alike, and their scatter,
@@ -27,12 +28,8 @@ WHOLE = 0.01
 def averaged_readings(log: Log, commanded: FloatArray) -> Readings:
     """Take each row of a log for a reading.
 
-    Parameters
-    ----------
-    log : Log
-        Means [SI].
-    commanded : ndarray, shape (k,)
-        Sizes of the rates that the table was told; empty where unknown [rad/s].
+    `log`: means [SI]; `commanded` (k,): sizes of the rates that the table was told, empty where
+    unknown [rad/s].
     """
     assert log.averaged is not None
     n = len(log)

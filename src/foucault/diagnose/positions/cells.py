@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from foucault.tables import FloatArray, IntArray, Log, TableColumns
+from foucault.arrays import FloatArray, IntArray
+from foucault.tables import Log, TableColumns
 
 CELL = 0.25
 """Length of a cell [s]."""
@@ -29,10 +30,7 @@ HOLE = 0.25
 def longest_step(interval: float) -> float:
     """Return the longest time from a sample to the next without samples missing [s].
 
-    Parameters
-    ----------
-    interval : float
-        Sample interval [s].
+    `interval`: sample interval [s].
     """
     return max(HOLE, 1.5 * interval)
 
@@ -43,45 +41,29 @@ Source = Callable[[], Iterator[Log]]
 
 @dataclass(frozen=True)
 class Cells:
-    """A log, reduced.
+    """A log, reduced."""
 
-    Attributes
-    ----------
-    start, end : ndarray, shape (m,)
-        The time that the samples of each cell stand for [s].
-    first, last : ndarray, shape (m,)
-        Time of its first and of its last sample [s].
-    count : ndarray of int, shape (m,)
-        Its samples [1].
-    accel, gyro : ndarray, shape (m, 3)
-        Means; NaN where not logged [m/s^2] and [rad/s].
-    accel_var, gyro_var : ndarray, shape (m, 3)
-        Variance of the samples about the mean [SI].
-    from_angles, to_angles : ndarray, shape (m, 3)
-        Table angles at the first and last sample, the outer one without jumps; NaN where not
-        logged [rad].
-    wraps : ndarray, shape (m,)
-        What the outer angle at the first sample was in the log, less `from_angles` [rad].
-    label : ndarray of int, shape (m,)
-        Number of the position, -1 for none [1].
-    broken : ndarray of int, shape (m,)
-        1 where samples are missing before the cell [1].
-    """
-
+    # start, end: (m,) the time that the samples of each cell stand for [s]
     start: FloatArray
     end: FloatArray
+    # first, last: (m,) time of its first and of its last sample [s]
     first: FloatArray
     last: FloatArray
-    count: IntArray
+    count: IntArray  # (m,) its samples [1]
+    # accel, gyro: (m, 3) means; NaN where not logged [m/s^2] and [rad/s]
     accel: FloatArray
     gyro: FloatArray
+    # accel_var, gyro_var: (m, 3) variance of the samples about the mean [SI]
     accel_var: FloatArray
     gyro_var: FloatArray
+    # from_angles, to_angles: (m, 3) table angles at the first and last sample, the outer one
+    # without jumps; NaN where not logged [rad]
     from_angles: FloatArray
     to_angles: FloatArray
+    # (m,) what the outer angle at the first sample was in the log, less `from_angles` [rad]
     wraps: FloatArray
-    label: IntArray
-    broken: IntArray
+    label: IntArray  # (m,) number of the position, -1 for none [1]
+    broken: IntArray  # (m,) 1 where samples are missing before the cell [1]
 
     def __len__(self) -> int:
         return len(self.start)
@@ -89,39 +71,21 @@ class Cells:
 
 @dataclass(frozen=True)
 class Reduced:
-    """What the first pass over a log leaves.
-
-    Attributes
-    ----------
-    cells : Cells
-        The log.
-    interval : float
-        Sample interval [s].
-    increments : bool
-        Whether rows are means over the interval before their time.
-    has : frozenset of str
-        Which of accel, gyro, outer, middle, inner and label the log has.
-    findings : tuple of tuple of Finding
-        What the reader told of each block.
-    samples : dict of str to ndarray, each shape (k, 3)
-        Some samples from all over the log, accel and gyro [SI].
-    """
+    """What the first pass over a log leaves."""
 
     cells: Cells
-    interval: float
-    increments: bool
-    has: frozenset[str]
-    findings: tuple[tuple[Any, ...], ...]
+    interval: float  # sample interval [s]
+    increments: bool  # whether rows are means over the interval before their time
+    has: frozenset[str]  # which of accel, gyro, outer, middle, inner and label the log has
+    findings: tuple[tuple[Any, ...], ...]  # what the reader told of each block
+    # (k, 3) some samples from all over the log, accel and gyro [SI]
     samples: dict[str, FloatArray] = field(default_factory=dict)
 
 
 def held(log: Log) -> Log:
     """Copy a part of a block, so that the block itself can be freed.
 
-    Parameters
-    ----------
-    log : Log
-        The part [SI].
+    `log`: the part [SI].
     """
 
     def copied(x: FloatArray | None) -> FloatArray | None:
@@ -137,10 +101,7 @@ def held(log: Log) -> Log:
 def reduce(source: Source) -> Reduced:
     """Reduce a log to cells, block by block.
 
-    Parameters
-    ----------
-    source : callable
-        Gives the blocks of the log [SI].
+    `source`: gives the blocks of the log [SI].
     """
     parts: list[dict[str, Any]] = []
     findings: list[tuple[Any, ...]] = []

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.diagnose.positions.cells import CELL, Reduced, Source
 from foucault.diagnose.positions.rates import bias_across
 from foucault.diagnose.positions.shaken import runs_of
@@ -25,10 +25,7 @@ from foucault.diagnose.positions.stretches import (
 )
 from foucault.diagnose.positions.turns import TURN, Window, cells_of, reaches, whole_turns
 from foucault.errors import Finding, FoucaultError, error, finding
-from foucault.tables import FloatArray
 from foucault.units import plain
-
-BoolArray = npt.NDArray[np.bool_]
 
 OTHER_RATE = 1.2
 """Rates that differ by more than this factor are not the same rate [1]."""
@@ -54,39 +51,20 @@ LEFT_OVER = 0.25
 
 @dataclass(frozen=True)
 class Choice:
-    """The readings of a log before they are averaged.
+    """The readings of a log before they are averaged."""
 
-    Attributes
-    ----------
-    runs : list of Stretch
-        The time without change that each reading is taken from.
-    windows : list of Window
-        The time over which each is averaged.
-    pauses : ndarray of bool, shape (n,)
-        Which are rests next to a spin in the same position: they may be no more than pauses.
-    findings : tuple of Finding
-        What was left out.
-    """
-
-    runs: list[Stretch]
-    windows: list[Window]
+    runs: list[Stretch]  # the time without change that each reading is taken from
+    windows: list[Window]  # the time over which each is averaged
+    # (n,) which are rests next to a spin in the same position: they may be no more than pauses
     pauses: BoolArray
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # what was left out
 
 
 def choose(source: Source, data: Reduced, commanded: FloatArray, shortest: float) -> Choice:
     """Choose the rests and spins of a log.
 
-    Parameters
-    ----------
-    source : callable
-        Gives the blocks of the log [SI].
-    data : Reduced
-        The same log.
-    commanded : ndarray, shape (k,)
-        Sizes of the rates that the table was told; empty where unknown [rad/s].
-    shortest : float
-        Shortest rest [s].
+    `source`: gives the blocks of the log [SI]; `commanded` (k,): sizes of the rates that the
+    table was told, empty where unknown [rad/s]; `shortest`: shortest rest [s].
     """
     if "accel" not in data.has and "gyro" not in data.has:
         raise error("session.no_accel")
@@ -267,12 +245,8 @@ def _windows(
 def nearest(rate: float, commanded: FloatArray) -> float | None:
     """Return the commanded rate nearest to a measured one, None where none is like it [rad/s].
 
-    Parameters
-    ----------
-    rate : float
-        Rate as measured [rad/s].
-    commanded : ndarray, shape (k,)
-        Sizes of the rates that the table was told [rad/s].
+    `rate`: rate as measured [rad/s]; `commanded` (k,): sizes of the rates that the table was told
+    [rad/s].
     """
     if not len(commanded):
         return None
@@ -305,15 +279,9 @@ def _same_rate(data: Reduced, runs: list[Stretch], commanded: FloatArray) -> Non
 def rate_problem(code: str, ratio: float, told: float, measured: float) -> FoucaultError | None:
     """Name a rate of the table that is not that of the gyros, or return None.
 
-    Parameters
-    ----------
-    code : str
-        What it is where no unit explains it; "table.rate_differs" blames the columns of the table,
-        "spin.rate" the gyros.
-    ratio : float
-        Rate of the table over rate of the gyros [1].
-    told, measured : float
-        Both rates, for the text [rad/s].
+    `code`: what it is where no unit explains it, "table.rate_differs" blames the columns of the
+    table, "spin.rate" the gyros; `ratio`: rate of the table over rate of the gyros [1]; `told`,
+    `measured`: both rates, for the text [rad/s].
     """
     if 1 / OTHER_RATE < ratio < OTHER_RATE:
         return None

@@ -11,15 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.diagnose.positions.attitude import attitudes
 from foucault.models import turntable
 from foucault.models.readings import Readings
-from foucault.tables import IntArray
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 FAR = float(np.radians(25.0))
 """Directions further apart than this are different positions [rad]."""
@@ -45,29 +41,16 @@ LATE = 1e-4
 
 @dataclass(frozen=True)
 class Match:
-    """Readings and positions that belong together.
+    """Readings and positions that belong together."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (n,)
-        Position of the plan for each reading, -1 for none [1].
-    ordered : bool
-        Whether they follow each other as in the plan.
-    rotation : ndarray, shape (3, 3)
-        From case to body axes, as the directions tell [1].
-    """
-
-    row: IntArray
-    ordered: bool
-    rotation: FloatArray
+    row: IntArray  # (n,) position of the plan for each reading, -1 for none [1]
+    ordered: bool  # whether they follow each other as in the plan
+    rotation: FloatArray  # (3, 3) from case to body axes, as the directions tell [1]
 
     def unused(self, positions: int) -> IntArray:
         """Return the positions of a plan that no reading was taken in.
 
-        Parameters
-        ----------
-        positions : int, shape ()
-            Length of the plan [1].
+        `positions`: length of the plan [1].
         """
         return np.setdiff1d(np.arange(positions), self.row)
 
@@ -75,10 +58,7 @@ class Match:
 def directions(readings: Readings) -> FloatArray:
     """Return the direction of up in each reading, shape (n, 3) [1]; NaN where it is unknown.
 
-    Parameters
-    ----------
-    readings : Readings
-        Means of accelerometers, or of gyros in spins [SI].
+    `readings`: means of accelerometers, or of gyros in spins [SI].
     """
     if readings.accel is not None:
         return _unit(readings.accel)
@@ -96,10 +76,8 @@ def _unit(x: FloatArray) -> FloatArray:
 def rotation(up: FloatArray, nominal: FloatArray) -> FloatArray:
     """Return the rotation that takes `nominal` nearest to `up`, shape (3, 3) [1].
 
-    Parameters
-    ----------
-    up, nominal : ndarray, shape (n, 3)
-        Directions that belong together; with fewer than two it is the identity [1].
+    `up`, `nominal` (n, 3): directions that belong together, with fewer than two it is the
+    identity [1].
     """
     if len(up) == 0:
         return np.eye(3)
@@ -112,10 +90,7 @@ def rotation(up: FloatArray, nominal: FloatArray) -> FloatArray:
 def turned(C: FloatArray) -> float:
     """Return the angle of a rotation [rad].
 
-    Parameters
-    ----------
-    C : ndarray, shape (3, 3)
-        Rotation matrix [1].
+    `C` (3, 3): rotation matrix [1].
     """
     return float(np.arccos(np.clip((np.trace(C) - 1) / 2, -1.0, 1.0)))
 
@@ -131,22 +106,12 @@ def match(
 ) -> Match:
     """Find the position of each reading.
 
-    Parameters
-    ----------
-    up : ndarray, shape (n, 3)
-        Direction of up in each reading, body axes [1].
-    spin : ndarray of bool, shape (n,), or None
-        Which are spins, where the log can tell.
-    nominal : ndarray, shape (m, 3)
-        Direction of up in each position of the plan, case axes [1].
-    nominal_spin : ndarray of bool, shape (m,)
-        Which of them are spins.
-    in_order : bool
-        Whether the order must be that of the plan.
-    other_sense : ndarray of bool, shape (n, m), or None
-        Which readings are spins in the other sense than which positions, where the log can tell.
-    start : ndarray, shape (3, 3), or None
-        Attitude to start from, from case to body axes; None for that of the plan [1].
+    `up` (n, 3): direction of up in each reading, body axes [1]; `spin` (n,) or None: which are
+    spins, where the log can tell; `nominal` (m, 3): direction of up in each position of the plan,
+    case axes [1]; `nominal_spin` (m,): which of them are spins; `in_order`: whether the order
+    must be that of the plan; `other_sense` (n, m) or None: which readings are spins in the other
+    sense than which positions, where the log can tell; `start` (3, 3): attitude to start from,
+    from case to body axes, None for that of the plan [1].
     """
     first = C = np.eye(3) if start is None else start
     found = Match(np.full(len(up), -1), True, C)
@@ -225,17 +190,9 @@ def with_plan(
 ) -> Match:
     """Match readings with a plan.
 
-    Parameters
-    ----------
-    readings : Readings
-        What was read [SI].
-    plan : TablePlan
-        What was planned [SI].
-    spins_known : bool
-        Whether the readings tell spins from rests.
-    free : bool
-        Whether another order in another attitude may be told too: that is not certain, for regular
-        plans fit themselves in many attitudes.
+    `readings`: what was read [SI]; `plan`: what was planned [SI]; `free`: whether another order
+    in another attitude may be told too: that is not certain, for regular plans fit themselves in
+    many attitudes.
     """
     up, nominal = directions(readings), turntable.up_k(plan.angles)
     spin, planned = readings.spin if spins_known else None, plan.rate != 0
@@ -270,12 +227,7 @@ def with_plan(
 def fits(found: Match, positions: int) -> bool:
     """Tell whether most readings, or readings in most positions, have found their place.
 
-    Parameters
-    ----------
-    found : Match
-        What belongs together.
-    positions : int, shape ()
-        Length of the plan [1].
+    `positions`: length of the plan [1].
     """
     return bool((found.row >= 0).sum() >= MOST_OF_ALL * min(len(found.row), positions))
 
@@ -283,14 +235,8 @@ def fits(found: Match, positions: int) -> bool:
 def off(found: Match, up: FloatArray, nominal: FloatArray) -> FloatArray:
     """Return how far each reading is from its position, shape (n,) [rad]; NaN where it has none.
 
-    Parameters
-    ----------
-    found : Match
-        What belongs together.
-    up : ndarray, shape (n, 3)
-        Direction of up in each reading, body axes [1].
-    nominal : ndarray, shape (m, 3)
-        Direction of up in each position of the plan, case axes [1].
+    `up` (n, 3): direction of up in each reading, body axes [1]; `nominal` (m, 3): direction of up
+    in each position of the plan, case axes [1].
     """
     cosine = (up * (nominal[found.row] @ found.rotation.T)).sum(axis=1)
     return np.where(found.row >= 0, np.arccos(np.clip(cosine, -1.0, 1.0)), np.nan)

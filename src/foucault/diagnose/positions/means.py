@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.positions.cells import Source, held, longest_step
-from foucault.tables import FloatArray, IntArray, Log
+from foucault.tables import Log
 
 
 def means(
@@ -25,16 +26,8 @@ def means(
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Return the means of accelerometers and gyros over some windows, each shape (m, 3) [SI].
 
-    Parameters
-    ----------
-    source : callable
-        Gives the blocks of the log [SI].
-    windows : ndarray, shape (m, 2)
-        First and last time of each [s].
-    interval : float
-        Sample interval of the log [s].
-    see : callable
-        Is shown each block as it passes by.
+    `source`: gives the blocks of the log [SI]; `windows` (m, 2): first and last time of each [s];
+    `interval`: sample interval of the log [s]; `see`: is shown each block as it passes by.
     """
     sums: dict[str, FloatArray] = {}
     covered = np.zeros(len(windows))

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.positions.cells import Reduced
 from foucault.diagnose.positions.shaken import rounding
 from foucault.errors import Finding, finding
 from foucault.models.readings import Readings
-from foucault.tables import FloatArray
 from foucault.units import plain
 
 BEYOND_OTHERS = 8.0
@@ -28,14 +28,8 @@ LEAST_TILT = 2e-5
 def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> list[Finding]:
     """Name the rests in which the instrument moved.
 
-    Parameters
-    ----------
-    readings : Readings
-        Means [SI].
-    change : dict of str to ndarray, each shape (n, 3)
-        Mean of the second half of each reading less that of the first, accel and gyro [SI].
-    data : Reduced
-        The log.
+    `readings`: means [SI]; `change` (n, 3): mean of the second half of each reading less that of
+    the first, accel and gyro [SI].
     """
     rest = np.flatnonzero(~readings.spin)
     if len(rest) < 2:

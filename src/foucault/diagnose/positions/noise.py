@@ -17,12 +17,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.carried import white_and_carried
 from foucault.diagnose.positions.cells import Reduced, held
 from foucault.diagnose.positions.stretches import Stretch
 from foucault.diagnose.positions.turns import Window
 from foucault.diagnose.rests import Rests, measure_noise, resolution
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log
 
 HARMONICS = 2
 """Harmonics of the outer angle that are removed from a spin [1]."""
@@ -42,23 +43,12 @@ LEAST = 1e-24
 
 @dataclass
 class Glimpses:
-    """The first samples of each reading, and some of the whole log, kept while it passes by.
-
-    Attributes
-    ----------
-    windows : list of Window
-        The readings.
-    kept : list of list of Log
-        Of each the first samples.
-    some : list of Log
-        Samples of the whole log, thinned.
-    every, rows : int, shape ()
-        Of how many samples one is kept in `some`, and how many have passed by [1].
-    """
+    """The first samples of each reading, and some of the whole log, kept while it passes by."""
 
     windows: list[Window]
-    kept: list[list[Log]] = field(default_factory=list)
-    some: list[Log] = field(default_factory=list)
+    kept: list[list[Log]] = field(default_factory=list)  # of each the first samples
+    some: list[Log] = field(default_factory=list)  # samples of the whole log, thinned
+    # every, rows: of how many samples one is kept in `some`, and how many have passed by [1]
     every: int = 1
     rows: int = 0
 
@@ -82,11 +72,6 @@ class Glimpses:
         """Return the steps of the output, 0 where it is not rounded, shape (3,) [unit].
 
         A coarse axis does not move at rest; only with the moves and spins does it show its steps.
-
-        Parameters
-        ----------
-        name : {"accel", "gyro"}
-            Which triad.
         """
         if not self.some:
             return np.zeros(3)
@@ -98,23 +83,10 @@ class Glimpses:
     ) -> tuple[FloatArray, FloatArray]:
         """Return what rounding leaves in some readings.
 
-        Parameters
-        ----------
-        name : {"accel", "gyro"}
-            Which triad.
-        which : list of int
-            Numbers of the readings [1].
-        interval : float
-            Sample interval [s].
-        increments : bool
-            Whether rows are means over the interval before their time.
-
-        Returns
-        -------
-        rounding : ndarray, shape (3,)
-            Its constant error, sd [unit].
-        carried : ndarray, shape (3,)
-            Variance of what goes on to the next sample [unit^2 s^2].
+        `which`: numbers of the readings [1]; `interval`: sample interval [s]; `increments`:
+        whether rows are means over the interval before their time. Returns `rounding` (3,): its
+        constant error, sd [unit]; `carried` (3,): variance of what goes on to the next sample
+        [unit^2 s^2].
         """
         x = [
             np.concatenate([getattr(p, name) for p in self.kept[k]]) for k in which if self.kept[k]
@@ -132,11 +104,6 @@ class Glimpses:
         """Return with how many readings each shares its rounding, itself included, (n, 3) [1].
 
         Signals within a step of each other count as the same.
-
-        Parameters
-        ----------
-        name : {"accel", "gyro"}
-            Which triad.
         """
         steps, n = self.steps(name), len(self.kept)
         out = np.full((n, 3), float(n))
@@ -156,10 +123,7 @@ class Glimpses:
 def lattice(x: FloatArray) -> float:
     """Return the step of a rounded signal [unit], 0 where its values are not whole steps apart.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Readings of one axis, thinned beforehand [unit].
+    `x` (n,): readings of one axis, thinned beforehand [unit].
     """
     least = resolution(x, most=len(x) or 1)
     if least == 0:
@@ -191,21 +155,7 @@ def _halved(parts: list[Log]) -> list[Log]:
 def covariance(
     name: str, data: Reduced, runs: list[Stretch], windows: list[Window], seen: Glimpses
 ) -> FloatArray:
-    """Return the covariance of the mean of one triad in each reading, shape (n, 3, 3) [SI].
-
-    Parameters
-    ----------
-    name : {"accel", "gyro"}
-        Which triad.
-    data : Reduced
-        The log.
-    runs : list of Stretch
-        Where each reading was taken.
-    windows : list of Window
-        Over which times.
-    seen : Glimpses
-        Samples of each.
-    """
+    """Return the covariance of the mean of one triad in each reading, shape (n, 3, 3) [SI]."""
     out = np.zeros((len(runs), 3))
     spins = [k for k, window in enumerate(windows) if window.rate != 0]
     rests = [k for k, window in enumerate(windows) if window.rate == 0]

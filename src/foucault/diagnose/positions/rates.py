@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.rests import split, turning
-from foucault.tables import FloatArray
 
 SLOWEST = np.radians(0.01)
 """No spin is slower, unless it is told so; the Earth turns at 0.004 deg/s [rad/s]."""
@@ -21,16 +21,9 @@ def spin_rates(
 ) -> FloatArray:
     """Return the rate of each spin, without bias, shape (n,) [rad/s]; 0 at rest.
 
-    Parameters
-    ----------
-    w : ndarray, shape (n, 3)
-        Mean rates [rad/s].
-    f : ndarray, shape (n, 3), or None
-        Mean specific forces; without them the rate of a spin has no sign [m/s^2].
-    time : ndarray, shape (n,)
-        Length of each mean [s].
-    slowest : float or None
-        Slowest rate that was commanded, where known [rad/s].
+    `w` (n, 3): mean rates [rad/s]; `f` (n, 3) or None: mean specific forces, without them the
+    rate of a spin has no sign [m/s^2]; `time` (n,): length of each mean [s]; `slowest` or None:
+    slowest rate that was commanded, where known [rad/s].
     """
     if f is None:
         rate = np.linalg.norm(w, axis=1)
@@ -57,19 +50,9 @@ def spin_rates(
 def bias_across(w: FloatArray, up: FloatArray, time: FloatArray) -> FloatArray:
     """Fit the bias to the rates across up, which no spin about the vertical has.
 
-    Parameters
-    ----------
-    w : ndarray, shape (n, 3)
-        Mean rates at rest and in spins [rad/s].
-    up : ndarray, shape (n, 3)
-        Directions of up [1].
-    time : ndarray, shape (n,)
-        Length of each mean [s].
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        Bias; its part along up is zero where up has but one direction [rad/s].
+    `w` (n, 3): mean rates at rest and in spins [rad/s]; `up` (n, 3): directions of up [1]; `time`
+    (n,): length of each mean [s]. Returns (3,): bias; its part along up is zero where up has but
+    one direction [rad/s].
     """
     across = np.eye(3) - up[:, :, None] * up[:, None, :]
     weight = np.minimum(time, 30.0)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.positions import match as position_match
 from foucault.diagnose.positions.averaged import averaged_readings
 from foucault.diagnose.positions.cells import Reduced, Source, reduce
@@ -32,7 +33,7 @@ from foucault.errors import error
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.turntable import TablePlan
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -52,29 +53,13 @@ def find_readings(
 ) -> Readings:
     """Find the rests and spins of a log and average over them.
 
-    Parameters
-    ----------
-    log : Log
-        Readings with accelerometers, gyros or both; rows that are means already are taken as they
-        are [SI].
-    plan : TablePlan or None
-        What the table was told to do, where known: gives rates, and angles that the log has not.
-    noise : ImuNoise or None
-        Noise of the instrument; None measures it in the log [SI].
-    spin_rate : float or None
-        Size of the rate of all spins, where there is no plan [rad/s].
-    shortest : float
-        Shortest time that counts as a rest [s].
-
-    Returns
-    -------
-    Readings
-        In the order of the log; its findings do not repeat those of the log [SI].
-
-    Raises
-    ------
-    FoucaultError
-        No rest and no spin, a spin in both senses or of less than a turn, rates that cannot be.
+    `log`: readings with accelerometers, gyros or both, rows that are means already are taken as
+    they are [SI]; `plan` or None: what the table was told to do, where known: gives rates, and
+    angles that the log has not; `noise`: noise of the instrument, None measures it in the log
+    [SI]; `spin_rate` or None: size of the rate of all spins, where there is no plan [rad/s];
+    `shortest`: shortest time that counts as a rest [s]. Returns in the order of the log; its
+    findings do not repeat those of the log [SI]. Raises no rest and no spin, a spin in both
+    senses or of less than a turn, rates that cannot be.
     """
     _finite(log)
     if log.averaged is not None:
@@ -96,27 +81,11 @@ def stream_readings(
 ) -> Readings:
     """Find the rests and spins of a log on disk without holding more than a part of it.
 
-    Parameters
-    ----------
-    description : LogDescription
-        File, columns and units.
-    folder : str or Path
-        Folder that relative file names start from.
-    plan : TablePlan or None
-        What the table was told to do, where known.
-    noise : ImuNoise or None
-        Noise of the instrument; None measures it in the log [SI].
-    spin_rate : float or None
-        Size of the rate of all spins, where there is no plan [rad/s].
-    shortest : float
-        Shortest time that counts as a rest [s].
-    progress : callable or None
-        Called with the fraction done, from 0 to 1.
-
-    Returns
-    -------
-    Readings
-        As `find_readings` of the whole log gives them; its findings begin with those of the log.
+    `plan` or None: what the table was told to do, where known; `noise`: noise of the instrument,
+    None measures it in the log [SI]; `spin_rate` or None: size of the rate of all spins, where
+    there is no plan [rad/s]; `shortest`: shortest time that counts as a rest [s]; `progress` or
+    None: called with the fraction done, from 0 to 1. Returns as `find_readings` of the whole log
+    gives them; its findings begin with those of the log.
     """
     from foucault.logs import streaming
     from foucault.logs.reading import read
@@ -187,12 +156,8 @@ def _found(
 def commanded_rates(plan: TablePlan | None, spin_rate: float | None) -> FloatArray:
     """Return the sizes of the rates that the table was told to turn at, shape (k,) [rad/s].
 
-    Parameters
-    ----------
-    plan : TablePlan or None
-        What the table was told to do.
-    spin_rate : float or None
-        Size of the rate of all spins [rad/s].
+    `plan` or None: what the table was told to do; `spin_rate` or None: size of the rate of all
+    spins [rad/s].
     """
     if spin_rate is not None:
         return np.array([abs(spin_rate)])

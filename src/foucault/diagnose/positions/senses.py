@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.positions import rates as position_rates
 from foucault.diagnose.positions.choice import OTHER_RATE
 from foucault.diagnose.positions.match import Match, directions
 from foucault.errors import Finding, error, finding
 from foucault.models.readings import Readings
 from foucault.models.turntable import TablePlan, up_k
-from foucault.tables import FloatArray, IntArray
 from foucault.units import plain
 
 RATE_TOLERANCE = 1e-4
@@ -29,14 +29,7 @@ WORDS = {True: "counter-clockwise", False: "clockwise"}
 def numbered(readings: Readings, which: npt.NDArray[np.intp], most: int = 6) -> str:
     """Name readings as the report does, numbered from 1 among rests or spins.
 
-    Parameters
-    ----------
-    readings : Readings
-        What was read [SI].
-    which : ndarray of int, shape (k,)
-        Readings [1].
-    most : int, shape ()
-        Longest list [1].
+    `readings`: what was read [SI]; `which` (k,): readings [1]; `most`: longest list [1].
     """
     spin = readings.spin
     words = [
@@ -58,21 +51,11 @@ def senses(
 ) -> tuple[Readings, list[Finding]]:
     """Compare the sense and the size of the spins with what the gyros measure.
 
-    Parameters
-    ----------
-    readings : Readings
-        What was read [SI].
-    plan : TablePlan or None
-        What the table was told to do.
-    found : Match or None
-        Which positions of the plan the readings were taken in.
-    row : ndarray of int, shape (n,), or None
-        The same, with readings that repeat a position [1].
-    by_table : bool
-        Whether the log tells the rates of the spins.
-    table_rate_sd : float or None
-        Relative sd of the rate that was declared, where the angle over the stamps can be held
-        against it [1].
+    `readings`: what was read [SI]; `plan` or None: what the table was told to do; `found` or
+    None: which positions of the plan the readings were taken in; `row` (n,) or None: the same,
+    with readings that repeat a position [1]; `by_table`: whether the log tells the rates of the
+    spins; `table_rate_sd` or None: relative sd of the rate that was declared, where the angle
+    over the stamps can be held against it [1].
     """
     spin = np.flatnonzero(readings.spin)
     if readings.gyro is None or not len(spin):
@@ -163,10 +146,9 @@ def _rates(rate: FloatArray, planned: FloatArray, table_rate_sd: float | None) -
     ratio = np.abs(rate[some] / planned[some])
     measured, told = np.median(np.abs(rate[some])), np.median(np.abs(planned[some]))
     words = {k: plain(np.degrees(v), 6) for k, v in (("told", told), ("measured", measured))}
-    if not 1 / OTHER_RATE < measured / told < OTHER_RATE:
-        return [finding("spin.rate_plan", **words)]
-    if table_rate_sd is None:
-        return []
+    if table_rate_sd is None:  # of a plan that the table need not have followed
+        as_planned = 1 / OTHER_RATE < measured / told < OTHER_RATE
+        return [] if as_planned else [finding("spin.rate_plan", **words)]
     off = float(np.median(ratio)) - 1.0
     spread = 1.4826 * float(np.median(np.abs(ratio - np.median(ratio)))) / np.sqrt(len(ratio))
     sd = float(np.sqrt(max(table_rate_sd, RATE_TOLERANCE) ** 2 + spread**2))

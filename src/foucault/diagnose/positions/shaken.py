@@ -7,12 +7,9 @@ jumps from cell to cell, a tilt goes on: the second differences of the means tel
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.diagnose.positions.cells import CELL, Cells, Reduced
-from foucault.tables import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
 
 LONG = 8
 """Fewer cells than this do not tell noise from a change [1]."""
@@ -30,10 +27,7 @@ BLURRED = 0.7
 def runs_of(links: BoolArray) -> list[tuple[int, int]]:
     """Return first cell and the cell after the last of each run of linked cells.
 
-    Parameters
-    ----------
-    links : ndarray of bool, shape (m - 1,)
-        Whether a cell and the next one belong together.
+    `links` (m - 1,): whether a cell and the next one belong together.
     """
     edge = np.diff(np.concatenate([[0], links.astype(np.int8), [0]]))
     first, last = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1) + 1
@@ -43,14 +37,8 @@ def runs_of(links: BoolArray) -> list[tuple[int, int]]:
 def noise_steps(cells: Cells, even: BoolArray, turn: FloatArray) -> FloatArray:
     """Return the usual step of accelerometer means while the table turns evenly, shape (m - 1,).
 
-    Parameters
-    ----------
-    cells : Cells
-        The log.
-    even : ndarray of bool, shape (m - 1,)
-        Where gyros or table turn evenly from a cell to the next.
-    turn : ndarray, shape (m,)
-        Size of the rate [rad/s].
+    `even` (m - 1,): where gyros or table turn evenly from a cell to the next; `turn` (m,): size
+    of the rate [rad/s].
     """
     out = np.zeros(len(even))
     for a, b in runs_of(even):
@@ -63,15 +51,7 @@ def noise_steps(cells: Cells, even: BoolArray, turn: FloatArray) -> FloatArray:
 
 
 def rounding(name: str, data: Reduced) -> float:
-    """Return by how much a cell may differ from the next by the steps of the output alone [unit].
-
-    Parameters
-    ----------
-    name : {"accel", "gyro"}
-        Which triad.
-    data : Reduced
-        The log.
-    """
+    """Return by how much cells that follow may differ by the steps of the output alone [unit]."""
     # That module needs the stretches that are found with this one.
     from foucault.diagnose.positions.noise import lattice
 

@@ -11,15 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.diagnose.positions.cells import CELL, Cells, Reduced
 from foucault.diagnose.positions.rates import SLOWEST, spin_rates
 from foucault.diagnose.positions.shaken import noise_steps, rounding, runs_of
 from foucault.diagnose.rests import EDGE, quiet_sd, split
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 STEP = 5.0
 """Cells belong together when their means differ by less than this many usual steps [1]."""
@@ -60,62 +57,36 @@ PAUSE = 2.0
 
 @dataclass(frozen=True)
 class Stretch:
-    """A time without change.
+    """A time without change."""
 
-    Attributes
-    ----------
-    first, last : int, shape ()
-        First cell and the cell after the last [1].
-    rate : float
-        Rate of the outer axis, counter-clockwise from above; 0 at rest, NaN where the log cannot
-        tell [rad/s].
-    """
-
+    # first, last: first cell and the cell after the last [1]
     first: int
     last: int
+    # rate of the outer axis, counter-clockwise from above; 0 at rest, NaN where the log cannot tell
+    # [rad/s]
     rate: float
 
 
 @dataclass(frozen=True)
 class Steadiness:
-    """How steady each cell is, and which neighbours belong together.
+    """How steady each cell is, and which neighbours belong together."""
 
-    Attributes
-    ----------
-    level : ndarray, shape (m,)
-        Scatter of the samples, relative to the quiet cells [1].
-    quiet : ndarray of bool, shape (m,)
-        Whether the cell is quiet, or turns so that its scatter is small against its rate.
-    linked : ndarray of bool, shape (m - 1,)
-        Whether the cell and the next one belong together.
-    table_rate : ndarray, shape (m,)
-        Rate of the outer axis as the table tells it, NaN where it does not [rad/s].
-    gyro_step, table_step : float
-        Largest step of means that counts as no change [rad/s].
-    gyro_rounding : float
-        Step of means that rounding alone may make [rad/s].
-    even : ndarray of bool, shape (m - 1,)
-        Where the gyros turn, and do not change from a cell to the next; none without gyros.
-    """
-
-    level: FloatArray
+    level: FloatArray  # (m,) scatter of the samples, relative to the quiet cells [1]
+    # (m,) whether the cell is quiet, or turns so that its scatter is small against its rate
     quiet: BoolArray
-    linked: BoolArray
+    linked: BoolArray  # (m - 1,) whether the cell and the next one belong together
+    # (m,) rate of the outer axis as the table tells it, NaN where it does not [rad/s]
     table_rate: FloatArray
+    # gyro_step, table_step: largest step of means that counts as no change [rad/s]
     gyro_step: float
     table_step: float
-    gyro_rounding: float
+    gyro_rounding: float  # step of means that rounding alone may make [rad/s]
+    # (m - 1,) where the gyros turn, and do not change from a cell to the next; none without gyros
     even: BoolArray
 
 
 def steadiness(data: Reduced) -> Steadiness:
-    """Judge how steady the cells are.
-
-    Parameters
-    ----------
-    data : Reduced
-        The log.
-    """
+    """Judge how steady the cells are."""
     cells = data.cells
     rounded = {name: rounding(name, data) for name in ("accel", "gyro") if name in data.has}
     least = {"accel": LEAST_ACCEL[0], "gyro": LEAST_GYRO[0]}
@@ -243,14 +214,7 @@ def _held(cells: Cells) -> BoolArray:
 def stretches(data: Reduced, how: Steadiness, slowest: float | None) -> list[Stretch]:
     """Find the rests and spins.
 
-    Parameters
-    ----------
-    data : Reduced
-        The log.
-    how : Steadiness
-        How steady its cells are.
-    slowest : float or None
-        Slowest rate that was commanded, where known [rad/s].
+    `slowest` or None: slowest rate that was commanded, where known [rad/s].
     """
     cells = data.cells
     good = how.quiet[1:] & how.quiet[:-1] & how.linked
@@ -266,14 +230,7 @@ def stretches(data: Reduced, how: Steadiness, slowest: float | None) -> list[Str
 def mean(cells: Cells, x: FloatArray, run: Stretch) -> FloatArray:
     """Return the mean of `x` over a stretch.
 
-    Parameters
-    ----------
-    cells : Cells
-        The log.
-    x : ndarray, shape (m,) or (m, 3)
-        Means of the cells [unit].
-    run : Stretch
-        The stretch.
+    `x` (m,) or (m, 3): means of the cells [unit].
     """
     part = slice(run.first, run.last)
     return np.asarray(np.average(x[part], axis=0, weights=cells.count[part]))

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.positions.cells import CELL, Reduced, Source, held
 from foucault.diagnose.positions.stretches import Stretch, mean
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log
 
 TURN = 2 * np.pi
 
@@ -31,43 +32,27 @@ OFF_GYRO = 2e-6
 
 @dataclass(frozen=True)
 class Reach:
-    """Where uniform rotation begins and ends.
+    """Where uniform rotation begins and ends."""
 
-    Attributes
-    ----------
-    start, end : float
-        First and last time of it [s].
-    time, angle : ndarray, shape (k,)
-        Times beyond the cells of the spin, and the outer angle then, without jumps [s], [rad].
-    """
-
+    # start, end: first and last time of it [s]
     start: float
     end: float
+    # time, angle: (k,) times beyond the cells of the spin, and the outer angle then, without jumps
+    # [s], [rad]
     time: FloatArray = field(default_factory=lambda: np.empty(0))
     angle: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
 class Window:
-    """The time over which a reading is averaged.
+    """The time over which a reading is averaged."""
 
-    Attributes
-    ----------
-    start, end : float
-        First and last time [s].
-    rate : float
-        Rate of the outer axis over it, 0 at rest [rad/s].
-    turns : float
-        Turns in it, whole; 0 at rest [1].
-    whole : float
-        Turns of the spin that it was taken from [1].
-    """
-
+    # start, end: first and last time [s]
     start: float
     end: float
-    rate: float = 0.0
-    turns: float = 0.0
-    whole: float = 0.0
+    rate: float = 0.0  # rate of the outer axis over it, 0 at rest [rad/s]
+    turns: float = 0.0  # turns in it, whole; 0 at rest [1]
+    whole: float = 0.0  # turns of the spin that it was taken from [1]
 
 
 def cells_of(data: Reduced, run: Stretch) -> Reach:
@@ -78,16 +63,8 @@ def cells_of(data: Reduced, run: Stretch) -> Reach:
 def whole_turns(data: Reduced, run: Stretch, rate: float | None, reach: Reach) -> Window:
     """Choose the whole turns of a spin, as many as there are, from its middle.
 
-    Parameters
-    ----------
-    data : Reduced
-        The log.
-    run : Stretch
-        The spin.
-    rate : float or None
-        Size of the rate as commanded, where known [rad/s].
-    reach : Reach
-        Where uniform rotation begins and ends [s].
+    `rate` or None: size of the rate as commanded, where known [rad/s]; `reach`: where uniform
+    rotation begins and ends [s].
     """
     start, end = reach.start, reach.end
     if "outer" in data.has:
@@ -115,14 +92,7 @@ def whole_turns(data: Reduced, run: Stretch, rate: float | None, reach: Reach) -
 def line(data: Reduced, run: Stretch, reach: Reach) -> tuple[FloatArray, FloatArray]:
     """Return the outer angle of a spin, without jumps, and its times, both shape (k,) [rad], [s].
 
-    Parameters
-    ----------
-    data : Reduced
-        The log.
-    run : Stretch
-        The spin.
-    reach : Reach
-        Where uniform rotation begins and ends; the first and last point are there [s].
+    `reach`: where uniform rotation begins and ends, the first and last point are there [s].
     """
     cells, part = data.cells, slice(run.first, run.last)
     time = np.stack([cells.first[part], cells.last[part]], axis=1).ravel()
@@ -143,14 +113,7 @@ def reaches(source: Source, data: Reduced, runs: list[Stretch]) -> list[Reach]:
 
     A spin of exactly whole turns between its ramps would lose a turn by the length of a cell.
 
-    Parameters
-    ----------
-    source : callable
-        Gives the blocks of the log [SI].
-    data : Reduced
-        The same log.
-    runs : list of Stretch
-        The spins.
+    `source`: gives the blocks of the log [SI].
     """
     cells = data.cells
     inner = [cells_of(data, run) for run in runs]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.checks import (
     drift_check,
     judge_prior,
@@ -29,8 +29,6 @@ from foucault.models.rate_steps import Steps
 from foucault.result import Check, Estimate, Problem
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-
 ENOUGH = 6
 """Fewer readings beyond those that the coefficients need hardly show a bad step [1]."""
 
@@ -43,42 +41,18 @@ LARGE_TERM = 0.05
 
 @dataclass(frozen=True)
 class RateEvidence:
-    """Everything the checks look at.
+    """Everything the checks look at."""
 
-    Attributes
-    ----------
-    steps : Steps
-        What was measured [SI].
-    names : tuple of str
-        The coefficients.
-    trust : Trust
-        What was believed of table, fixture and place, with the scatter that was added.
-    problem : Problem
-        What was solved.
-    estimate : Estimate
-        Its solution.
-    site : Site
-        Gravity and latitude; None for a latitude that does not count.
-    declared : bool
-        Whether the noise was declared.
-    unknown : bool
-        Whether the noise was taken from the residuals.
-    before : tuple of float
-        Sum of squares without added scatter, and its limits [1].
-    added : float
-        Relative scatter of the steps that was added [1].
-    """
-
-    steps: Steps
+    steps: Steps  # what was measured [SI]
     names: tuple[str, ...]
-    trust: Trust
+    trust: Trust  # what was believed of table, fixture and place, with the scatter that was added
     problem: Problem
     estimate: Estimate
-    site: Site
-    declared: bool
-    unknown: bool
-    before: tuple[float, float, float]
-    added: float
+    site: Site  # gravity and latitude; None for a latitude that does not count
+    declared: bool  # whether the noise was declared
+    unknown: bool  # whether the noise was taken from the residuals
+    before: tuple[float, float, float]  # sum of squares without added scatter, and its limits [1]
+    added: float  # relative scatter of the steps that was added [1]
 
     @property
     def model(self) -> ImuModel:
@@ -106,13 +80,7 @@ def limits(estimate: Estimate) -> tuple[float, float, float]:
 
 
 def checks(e: RateEvidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason.
-
-    Parameters
-    ----------
-    e : RateEvidence
-        Data, estimate and diagnostics.
-    """
+    """Return every test of the result; a failed one carries its reason."""
     vector = e.estimate.coefficients
     out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
     out += judge_prior(e.estimate)
@@ -213,13 +181,7 @@ def _moved(trust: Trust) -> str:
 
 
 def hints(e: RateEvidence) -> list[Finding]:
-    """Return findings about the session: outliers, scatter, an unknown latitude.
-
-    Parameters
-    ----------
-    e : RateEvidence
-        Data, estimate and diagnostics.
-    """
+    """Return findings about the session: outliers, scatter, an unknown latitude."""
     out = []
     weights = e.estimate.weights
     norms = gauss_newton.block_norms(e.estimate.residuals, e.estimate.blocks, weights)

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.diagnose.information import information
+from foucault.arrays import FloatArray
+from foucault.diagnose import information
 from foucault.diagnose.rate_table.checks import RateEvidence
 from foucault.estimate.rate_table.likelihood import (
     Trust,
@@ -20,18 +20,11 @@ from foucault.estimate.rate_table.likelihood import (
 )
 from foucault.tables import AXES
 
-FloatArray = npt.NDArray[np.float64]
-
 
 def step_table(e: RateEvidence, start: FloatArray) -> dict[str, Any]:
     """Return the table "rate_steps".
 
-    Parameters
-    ----------
-    e : RateEvidence
-        Data, estimate and diagnostics.
-    start : ndarray, shape (n,)
-        When each step began [s].
+    `start` (n,): when each step began [s].
     """
     s, n = e.steps, len(e.steps)
     rows, axis = np.arange(n), e.steps.axis
@@ -98,43 +91,22 @@ def standard_figures(e: RateEvidence) -> dict[str, dict[str, float]]:
     ``scale_factor``: slope of the straight line through all steps [1]; ``nonlinearity``: largest
     deviation from it, as a fraction of full scale [1]; ``asymmetry``: difference of the slopes for
     positive and negative rates over their mean [1]; ``full_scale``: largest rate [rad/s].
-
-    Parameters
-    ----------
-    e : RateEvidence
-        Data, estimate and diagnostics.
     """
     return _lines(e)[1]
 
 
 def bound(e: RateEvidence) -> dict[str, Any]:
-    """Return the Cramer-Rao bound of the noise alone, and what is seen worst, for result.json.
-
-    Parameters
-    ----------
-    e : RateEvidence
-        Data, estimate and diagnostics.
-    """
+    """Return the Cramer-Rao bound of the noise alone, and what is seen worst, for result.json."""
     alone = Trust(latitude=0.0 if e.trust.latitude is None else e.trust.latitude)
     state = e.estimate.state
     if not wanders(e.steps, alone):
         state = replace(state, drift=None)
     problem = build(e.steps, e.names, alone, start=state)
-    info = information(problem.linearise(problem.start, np.ones(len(e.steps))), problem.layout)
-    return {
-        "bound": [float(v) for v in info.sd],
-        "weakest": [c.words for c in info.weakest()],
-    }
+    return information.bound(problem, problem.start)
 
 
 def drift_figures(e: RateEvidence) -> dict[str, Any]:
-    """Return how the bias moved, for result.json: ``sd`` [rad/s], ``time`` [s], ``kind``.
-
-    Parameters
-    ----------
-    e : RateEvidence
-        Data, estimate and diagnostics.
-    """
+    """Return how the bias moved, for result.json: ``sd`` [rad/s], ``time`` [s], ``kind``."""
     trust = e.trust
     if not trust.bias_sd:
         return {"sd": 0.0, "kind": "none"}
@@ -145,13 +117,7 @@ def drift_figures(e: RateEvidence) -> dict[str, Any]:
 
 
 def budget(e: RateEvidence) -> dict[str, list[float]]:
-    """Split the variance of the coefficients by source, for result.json.
-
-    Parameters
-    ----------
-    e : RateEvidence
-        Data, estimate and diagnostics.
-    """
+    """Split the variance of the coefficients by source, for result.json."""
     n, k = len(e.names), len(e.steps)
     kinds = covariance(e.steps, e.trust)
     root = whitening(list(kinds.values())) * np.sqrt(e.estimate.weights)[:, None, None]

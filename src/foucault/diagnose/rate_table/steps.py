@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, error, finding
 from foucault.estimate import gauss_newton
 from foucault.models.earth import Site
@@ -21,9 +21,6 @@ from foucault.models.readings import Readings, wander_variance
 from foucault.result import Problem
 from foucault.tables import AXES
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 ON_AXIS = np.cos(np.radians(30.0))
 """An axis whose direction cosine to the vertical is less is not along it [1]."""
@@ -43,17 +40,11 @@ BLURRED = 1000.0
 
 @dataclass(frozen=True)
 class Commanded:
-    """What the campaign says of the session.
+    """What the campaign says of the session."""
 
-    Attributes
-    ----------
-    rates : ndarray, shape (k,)
-        Rates of the table in each placement, in order; empty where not given [rad/s].
-    axes : tuple of str
-        Axis along the vertical and its sense, such as "x up", in order; empty where not given.
-    """
-
+    # (k,) rates of the table in each placement, in order; empty where not given [rad/s]
     rates: FloatArray
+    # axis along the vertical and its sense, such as "x up", in order; empty where not given
     axes: tuple[str, ...] = ()
 
 
@@ -62,22 +53,10 @@ def rate_steps(
 ) -> tuple[Steps, list[Finding]]:
     """Find axis, sense and rate of every step.
 
-    Parameters
-    ----------
-    readings : Readings
-        One mean per constant rate [SI].
-    commanded : Commanded
-        Rates and placements as the campaign gives them [SI].
-    told : bool
-        Whether the log carries the rate of the table.
-    site : Site
-        Gravity.
-
-    Raises
-    ------
-    FoucaultError
-        No gyros, no rates, an axis that is not vertical, other placements than declared, a sense
-        reversed, a wrong unit, a rate that was not commanded.
+    `readings`: one mean per constant rate [SI]; `commanded`: rates and placements as the campaign
+    gives them [SI]; `told`: whether the log carries the rate of the table. Raises no gyros, no
+    rates, an axis that is not vertical, other placements than declared, a sense reversed, a wrong
+    unit, a rate that was not commanded.
     """
     if readings.gyro is None:
         raise error("rate_table.no_gyro")
@@ -106,6 +85,7 @@ def rate_steps(
     steps = Steps(
         up, placement, rate, readings.time, readings.gyro, cov,
         mean_force_of_steps(up, placement, rate, readings.accel, site), readings.start, slow,
+        readings.angles[:, 0],
     )  # fmt: skip
     return steps, findings
 
@@ -304,14 +284,7 @@ def _missing(
 def require_determined(steps: Steps, names: tuple[str, ...], problem: Problem) -> None:
     """Refuse steps that cannot separate the coefficients.
 
-    Parameters
-    ----------
-    steps : Steps
-        What was measured [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    problem : Problem
-        The same as a least-squares problem.
+    `steps`: what was measured [SI].
     """
     at = problem.linearise(problem.start, np.ones(problem.n_blocks))
     at = gauss_newton.with_prior(problem, problem.start, at)

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
 from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
@@ -29,8 +29,6 @@ from foucault.models.deflection import DeflectionModel
 from foucault.navigate.increments import Increments
 from foucault.result import Check
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 EACH = FALSE_ALARM / 8
 """False-alarm rate of each of eight tests, so that all together keep 1 % [1]."""
@@ -70,52 +68,23 @@ WANTED = {
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything the checks look at.
+    """Everything the checks look at."""
 
-    Attributes
-    ----------
-    increments : Increments
-        The session as measured.
-    rests : tuple of (int, int)
-        First and last row of each rest that was used [1].
-    run : FilterRun
-        The last pass of the filter.
-    coefficients : CoefficientVector
-        The states that are coefficients, with covariance and prior [SI].
-    mean : ndarray, shape (p,)
-        Mean of their prior [SI].
-    usual : ndarray, shape (p,)
-        Standard deviation of each where the user says nothing [SI].
-    legs : Legs
-        Velocities at the end of every rest.
-    status : Status
-        How the passes ended.
-    noise : NoiseAtRest
-        What the readings at rest show of the noise.
-    earth : EarthSeen or None
-        What the session says of the Earth's rate.
-    """
-
-    increments: Increments
-    rests: tuple[tuple[int, int], ...]
-    run: FilterRun
+    increments: Increments  # the session as measured
+    rests: tuple[tuple[int, int], ...]  # first and last row of each rest that was used [1]
+    run: FilterRun  # the last pass of the filter
+    # the states that are coefficients, with covariance and prior [SI]
     coefficients: CoefficientVector
-    mean: FloatArray
-    usual: FloatArray
-    legs: Legs
-    status: Status
-    noise: NoiseAtRest
-    earth: EarthSeen | None = None
+    mean: FloatArray  # (p,) mean of their prior [SI]
+    usual: FloatArray  # (p,) standard deviation of each where the user says nothing [SI]
+    legs: Legs  # velocities at the end of every rest
+    status: Status  # how the passes ended
+    noise: NoiseAtRest  # what the readings at rest show of the noise
+    earth: EarthSeen | None = None  # what the session says of the Earth's rate
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason.
-
-    Parameters
-    ----------
-    e : Evidence
-        Session, filter and coefficients.
-    """
+    """Return every test of the result; a failed one carries its reason."""
     pull = (e.mean - e.coefficients.values) / e.coefficients.prior_sd
     miss = from_prior(e.coefficients, e.mean)
     earth = earth_checks(e.earth, 2 * EACH)
@@ -144,13 +113,7 @@ def _innovations(e: Evidence) -> Check:
 
 
 def squares(e: Evidence) -> tuple[FloatArray, FloatArray]:
-    """Return the sum of squared normalised innovations of each rest, and their number.
-
-    Parameters
-    ----------
-    e : Evidence
-        Session, filter and coefficients.
-    """
+    """Return the sum of squared normalised innovations of each rest, and their number."""
     time = e.increments.time
     total, count = np.zeros((2, len(e.rests)))
     for k, (a, b) in enumerate(e.rests):
@@ -206,10 +169,7 @@ def hardly(coefficients: CoefficientVector) -> list[str]:
 def only_sums(coefficients: CoefficientVector) -> list[str]:
     """Return the axes of which asymmetry and quadratic term are seen as a sum alone.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        With covariance, and prior standard deviations that were not correlated [SI].
+    `coefficients`: with covariance, and prior standard deviations that were not correlated [SI].
     """
     assert coefficients.cov is not None
     out = []
@@ -226,32 +186,19 @@ def only_sums(coefficients: CoefficientVector) -> list[str]:
 
 @dataclass(frozen=True)
 class Unseen:
-    """What the session does not show.
+    """What the session does not show."""
 
-    Attributes
-    ----------
-    names : list of str
-        Coefficients that are hardly better known than is usual.
-    sums : list of str
-        Axes of which asymmetry and quadratic term are seen as a sum alone.
-    known : list of str
-        Coefficients hardly better known than before, which the user knows better than is usual.
-    """
-
-    names: list[str]
-    sums: list[str]
+    names: list[str]  # coefficients that are hardly better known than is usual
+    sums: list[str]  # axes of which asymmetry and quadratic term are seen as a sum alone
+    # coefficients hardly better known than before, which the user knows better than is usual
     known: list[str]
 
     @classmethod
     def of(cls, c: CoefficientVector, usual: FloatArray) -> Unseen:
         """Sort what is hardly seen.
 
-        Parameters
-        ----------
-        c : CoefficientVector
-            With covariance and prior [SI].
-        usual : ndarray, shape (p,)
-            Standard deviation of each where the user says nothing [SI].
+        `c`: with covariance and prior [SI]; `usual` (p,): standard deviation of each where the
+        user says nothing [SI].
         """
         told = c.prior_sd < usual * (1.0 - 1e-9)
         better = {name for name, yes in zip(c.names, told, strict=True) if yes}
@@ -288,25 +235,15 @@ def _summed(axes: Sequence[str]) -> str:
 
 
 def findings(e: Evidence) -> list[Finding]:
-    """Return what the user should know: another Earth, and what the sequence does not show.
-
-    Parameters
-    ----------
-    e : Evidence
-        Session, filter and coefficients.
-    """
+    """Return what the user should know: another Earth, and what the sequence does not show."""
     return earth_findings(e.earth, 2 * EACH) + unseen_of(e.coefficients, e.usual)
 
 
 def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Finding]:
     """Say which coefficients are hardly better known than before, and what would show them.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        With covariance and prior [SI].
-    usual : ndarray, shape (p,)
-        Standard deviation of each where the user says nothing [SI].
+    `coefficients`: with covariance and prior [SI]; `usual` (p,): standard deviation of each where
+    the user says nothing [SI].
     """
     unseen, out = Unseen.of(coefficients, usual), []
     if unseen.names:
@@ -324,12 +261,7 @@ def unseen_of(coefficients: CoefficientVector, usual: FloatArray) -> list[Findin
 def told_of(coefficients: CoefficientVector, names: Sequence[str]) -> tuple[int, list[str]]:
     """Return how many combinations of deflections a session tells, and the others in words.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        With covariance, and prior standard deviations that were not correlated [SI].
-    names : sequence of str
-        The deflections among them.
+    `coefficients`: with covariance, and prior standard deviations that were not correlated [SI].
     """
     part = [coefficients.layout.index(name) for name in names]
     assert coefficients.cov is not None
@@ -348,14 +280,8 @@ def require_deflection(
 ) -> list[Finding]:
     """Refuse a model of deflection that the session cannot see.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The result [SI].
-    model : DeflectionModel
-        The model.
-    known : bool
-        Whether the user has said what is known of its parameters beforehand: then it is only said.
+    `coefficients`: the result [SI]; `known`: whether the user has said what is known of its
+    parameters beforehand: then it is only said.
     """
     rank, blind = told_of(coefficients, model.layout.names)
     if not blind:

@@ -44,15 +44,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.systematic.checks import EACH, WANTED, WORTH
 from foucault.errors import error
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.models.deflection import MODELS, DeflectionModel, deflection_model
-
-FloatArray = npt.NDArray[np.float64]
 
 GENERAL18 = deflection_model("general18")
 
@@ -69,10 +67,7 @@ UNIT = np.radians(1.0 / 3600.0) / 9.80665
 def candidates(chirality: int = -1) -> tuple[DeflectionModel, ...]:
     """Return every model, in both senses where these are not the same but for signs.
 
-    Parameters
-    ----------
-    chirality : int, shape ()
-        The sense that is listed first, and of models that have only one [1].
+    `chirality`: the sense that is listed first, and of models that have only one [1].
     """
     out: list[DeflectionModel] = []
     for name in MODELS:
@@ -83,42 +78,23 @@ def candidates(chirality: int = -1) -> tuple[DeflectionModel, ...]:
 
 
 def in_general(model: DeflectionModel) -> FloatArray:
-    """Return B: what parameters of a model make of those of "general18", shape (18, p) [1].
-
-    Parameters
-    ----------
-    model : DeflectionModel
-        The model.
-    """
+    """Return B: what parameters of a model make of those of "general18", shape (18, p) [1]."""
     return np.asarray(GENERAL18.basis.reshape(18, 27) @ model.basis.reshape(len(model), 27).T)
 
 
 @dataclass(frozen=True)
 class Told:
-    """What a session says of the 18 bendings.
+    """What a session says of the 18 bendings."""
 
-    Attributes
-    ----------
-    information : ndarray, shape (18, 18)
-        J [(m/s^2)^2/rad^2].
-    score : ndarray, shape (18,)
-        y [(m/s^2)/rad].
-    """
-
-    information: FloatArray
-    score: FloatArray
+    information: FloatArray  # (18, 18) J [(m/s^2)^2/rad^2]
+    score: FloatArray  # (18,) y [(m/s^2)/rad]
 
     @classmethod
     def of(cls, states: CoefficientVector, mean: FloatArray) -> Told:
         """Take out what was known of the bendings beforehand.
 
-        Parameters
-        ----------
-        states : CoefficientVector
-            Found with the model "general18": with covariance, and prior standard deviations that
-            were not correlated [SI].
-        mean : ndarray, shape (18,)
-            Mean of the prior of the bendings [SI].
+        `states`: found with the model "general18": with covariance, and prior standard deviations
+        that were not correlated [SI]; `mean` (18,): mean of the prior of the bendings [SI].
         """
         part = [states.layout.index(name) for name in GENERAL18.layout.names]
         assert states.cov is not None
@@ -131,34 +107,18 @@ class Told:
 
 @dataclass(frozen=True)
 class Candidate:
-    """How well one model explains a session.
-
-    Attributes
-    ----------
-    model : DeflectionModel
-        The model.
-    sided : bool
-        Whether its other sense is another model.
-    rank : int
-        How many combinations of its parameters the session tells better than `WORTH` [1].
-    square : float
-        Twice the gain in log-likelihood by the best values of these combinations [1].
-    chance : float
-        Probability of so large a gain where nothing bends [1].
-    log_odds : float
-        Logarithm of how many times likelier the readings are with it than without any, averaged
-        over its parameters [1].
-    bound : float
-        No parameter is larger, with the probability `CONFIDENCE`; infinite where not all
-        combinations are seen [rad/(m/s^2)].
-    """
+    """How well one model explains a session."""
 
     model: DeflectionModel
-    sided: bool
-    rank: int
-    square: float
-    chance: float
+    sided: bool  # whether its other sense is another model
+    rank: int  # how many combinations of its parameters the session tells better than `WORTH` [1]
+    square: float  # twice the gain in log-likelihood by the best values of these combinations [1]
+    chance: float  # probability of so large a gain where nothing bends [1]
+    # logarithm of how many times likelier the readings are with it than without any, averaged over
+    # its parameters [1]
     log_odds: float
+    # no parameter is larger, with the probability `CONFIDENCE`; infinite where not all combinations
+    # are seen [rad/(m/s^2)]
     bound: float
 
     @property
@@ -178,18 +138,8 @@ def candidate(
 ) -> Candidate:
     """Judge one model.
 
-    Parameters
-    ----------
-    told : Told
-        What the session says.
-    model : DeflectionModel
-        The model.
-    prior : CoefficientVector
-        What was known of its parameters beforehand: values and prior_sd [SI].
-    sided : bool
-        Whether its other sense is another model.
-    known : bool
-        Whether the prior is what the user knows, and not only the most that is usual.
+    `prior`: what was known of its parameters beforehand: values and prior_sd [SI]; `known`:
+    whether the prior is what the user knows, and not only the most that is usual.
     """
     from scipy.special import chdtrc, ndtri
 
@@ -224,22 +174,13 @@ def _log_odds(
 
 @dataclass(frozen=True)
 class Choice:
-    """All models side by side, and the one that is used.
-
-    Attributes
-    ----------
-    candidates : tuple of Candidate
-        Every model.
-    known : bool
-        Whether the user has said what is known of the parameters beforehand: then models that
-        are not seen whole can be used too.
-    used : Candidate or None
-        The one that the result has; None where nothing is seen to bend.
-    """
+    """All models side by side, and the one that is used."""
 
     candidates: tuple[Candidate, ...]
+    # whether the user has said what is known of the parameters beforehand: then models that are not
+    # seen whole can be used too
     known: bool
-    used: Candidate | None
+    used: Candidate | None  # the one that the result has; None where nothing is seen to bend
 
     @property
     def chance(self) -> float:
@@ -298,17 +239,9 @@ def judged(
 ) -> Choice:
     """Return all models side by side; none is used yet.
 
-    Parameters
-    ----------
-    told : Told
-        What the session says.
-    priors : mapping of str to (float, float)
-        Mean and standard deviation of parameters or groups of them; those of other models may be
-        among them [SI].
-    chirality : int, shape ()
-        The sense that is listed first [1].
-    known : bool
-        Whether the user has said what is known of the parameters beforehand.
+    `priors`: mean and standard deviation of parameters or groups of them, those of other models
+    may be among them [SI]; `chirality`: the sense that is listed first [1]; `known`: whether the
+    user has said what is known of the parameters beforehand.
     """
     models = candidates(chirality)
     names = [m.name for m in models]
@@ -324,12 +257,7 @@ def known_of(
 ) -> dict[str, tuple[float, float]]:
     """Return what of `given` is about the coefficients of a layout.
 
-    Parameters
-    ----------
-    layout : Layout
-        The coefficients.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     names = layout.names
     return {k: v for k, v in given.items() if any(n == k or n.startswith(f"{k}.") for n in names)}
@@ -338,15 +266,7 @@ def known_of(
 def chosen(choice: Choice) -> Candidate | None:
     """Choose: of the models that can be used and gain too much for chance the likeliest.
 
-    Parameters
-    ----------
-    choice : Choice
-        All models.
-
-    Raises
-    ------
-    FoucaultError
-        ``systematic.choice_unseen`` where the session sees no model whole.
+    Raises ``systematic.choice_unseen`` where the session sees no model whole.
     """
     some = [c for c in choice.candidates if choice.usable(c)]
     if not some:

@@ -13,13 +13,7 @@ from foucault.result import Check
 
 
 def check(choice: Choice) -> Check:
-    """Return the check `deflection`: is what is used at odds with the session?
-
-    Parameters
-    ----------
-    choice : Choice
-        All models, and the one used.
-    """
+    """Return the check `deflection`: is what is used at odds with the session?"""
     words = verdict(choice)
     if choice.used is None:
         return Check("deflection", choice.chance, FALSE_ALARM, None, not choice.bends, words)
@@ -27,13 +21,7 @@ def check(choice: Choice) -> Check:
 
 
 def verdict(choice: Choice) -> str:
-    """Say in plain words whether the gyros bend, how, and how sure that is.
-
-    Parameters
-    ----------
-    choice : Choice
-        All models, and the one used.
-    """
+    """Say in plain words whether the gyros bend, how, and how sure that is."""
     used = choice.used
     if used is None:
         if not choice.bends:
@@ -77,10 +65,7 @@ def _bounds(choice: Choice) -> str:
 def likely(chance: float) -> str:
     """Write a probability that may be very small.
 
-    Parameters
-    ----------
-    chance : float, shape ()
-        The probability [1].
+    `chance`: the probability [1].
     """
     return f"{chance:.1g}" if chance > 1e-99 else "less than 1e-99"
 
@@ -92,12 +77,8 @@ def _times(log_odds: float) -> str:
 def findings(choice: Choice, *, asked: bool) -> list[Finding]:
     """Return what the user should know: a model that fits better, or others that fit as well.
 
-    Parameters
-    ----------
-    choice : Choice
-        All models, and the one used.
-    asked : bool
-        Whether the model was to be chosen; one that was named needs no choice between equals.
+    `asked`: whether the model was to be chosen, one that was named needs no choice between
+    equals.
     """
     used = choice.used
     if used is not None and choice.beaten:
@@ -120,13 +101,7 @@ def findings(choice: Choice, *, asked: bool) -> list[Finding]:
 
 
 def summary(choice: Choice) -> dict[str, Any]:
-    """Return the verdict and all models for result.json, no deflection first.
-
-    Parameters
-    ----------
-    choice : Choice
-        All models, and the one used.
-    """
+    """Return the verdict and all models for result.json, no deflection first."""
     none = {
         "model": "none", "chirality": None, "label": "none", "parameters": 0, "rank": 0,
         "log_likelihood": 0.0, "chance": None, "log_odds": 0.0, "bound": None, "usable": True,

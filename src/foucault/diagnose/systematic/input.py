@@ -10,8 +10,8 @@ the turns are compared with a sequence, so that the table is not blamed for colu
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.alignment.input import SURE
 from foucault.diagnose.axes import SUSPICIOUS, explain_turns, mistake
 from foucault.diagnose.force_at_rest import one_axis_off, wrong_force
@@ -21,8 +21,6 @@ from foucault.models.earth import EARTH_RATE, Site
 from foucault.navigate.increments import GAP
 from foucault.tables import AXES, Log
 from foucault.units import plain, span
-
-FloatArray = npt.NDArray[np.float64]
 
 RATES = {
     3600.0: "arcsec were declared as deg, or deg/h as deg/s",
@@ -42,20 +40,8 @@ the second times the largest angle between the ups of two rests [1]."""
 def check_readings(log: Log, found: FoundSequence, site: Site) -> tuple[Finding, ...]:
     """Refuse readings of a wrong unit, axis or sign.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    found : FoundSequence
-        Rests and turns of the log.
-    site : Site
-        Where it stood; the latitude must be known.
-
-    Raises
-    ------
-    FoucaultError
-        Samples are missing, a mistake explains the readings, or gyros and accelerometers contradict
-        one another.
+    `log`: readings [SI]; `site`: where it stood, the latitude must be known. Raises samples are
+    missing, a mistake explains the readings, or gyros and accelerometers contradict one another.
     """
     _check_gaps(log)
     off = one_axis_off(found.accel, site.gravity)
@@ -75,10 +61,7 @@ def check_readings(log: Log, found: FoundSequence, site: Site) -> tuple[Finding,
 def require_readings(log: Log) -> None:
     """Refuse a log in which a sensor reads one value from the first row to the last.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of both triads [SI].
+    `log`: readings of both triads [SI].
     """
     stuck = [
         f"{name} {axis}"
@@ -116,6 +99,8 @@ def _check_gaps(log: Log) -> None:
 
 
 def _check_turns(log: Log, found: FoundSequence, up: FloatArray, told: FloatArray) -> None:
+    if len(told) < 2:
+        return
     miss = np.arccos(np.clip(np.sum(told[:-1] * told[1:], axis=1), -1.0, 1.0))
     worst = int(np.argmax(miss))
     # Written so that a miss that is not a number passes no further.

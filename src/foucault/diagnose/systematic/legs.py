@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.ins_filter import FilterRun, Updates, run
 from foucault.estimate.smoother import smooth
 from foucault.estimate.systematic.fit import AtRest
@@ -28,43 +28,28 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
 from foucault.navigate.strapdown import navigate
 
-FloatArray = npt.NDArray[np.float64]
-
 EPOCH = 10.0
 """Noise is taken in so often [s]."""
 
 
 @dataclass(frozen=True)
 class Legs:
-    """Navigation from rest to rest.
+    """Navigation from rest to rest."""
 
-    Attributes
-    ----------
-    rest : ndarray of int, shape (m,)
-        Number among the rests used of the one that each leg ends with [1].
-    start, end : ndarray, shape (m,)
-        When it begins and ends [s].
-    before, after : ndarray, shape (m, 3)
-        Velocity at its end without and with the calibration: east, north, up [m/s].
-    sd : ndarray, shape (m, 3)
-        What is promised of `after` [m/s].
-    C_nb : ndarray, shape (m, 3, 3)
-        Attitude at its end [1].
-    begin : ndarray, shape (3, 3)
-        Attitude in the rest that the first leg begins in [1].
-    anew : bool
-        Whether velocities are those gained since the rest began.
-    """
-
+    # (m,) number among the rests used of the one that each leg ends with [1]
     rest: npt.NDArray[np.int64]
+    # start, end: (m,) when it begins and ends [s]
     start: FloatArray
     end: FloatArray
+    # before, after: (m, 3) velocity at its end without and with the calibration: east, north, up
+    # [m/s]
     before: FloatArray
     after: FloatArray
-    sd: FloatArray
-    C_nb: FloatArray
-    begin: FloatArray
-    anew: bool
+    sd: FloatArray  # (m, 3) what is promised of `after` [m/s]
+    # (k,) numbers among the rests used of those that the filter went through [1]
+    seen: npt.NDArray[np.int64]
+    C_nb: FloatArray  # (k, 3, 3) attitudes at their ends [1]
+    anew: bool  # whether velocities are those gained since the rest began
 
 
 def legs_of(
@@ -77,20 +62,10 @@ def legs_of(
 ) -> Legs:
     """Navigate from each rest to the next.
 
-    Parameters
-    ----------
-    increments : Increments
-        The session as measured [SI].
-    rests : sequence of (int, int)
-        First and last row of each rest, in order [1].
-    site : Site
-        Where it stood; the latitude must be known.
-    found : FilterRun
-        The last pass of the filter, made with ``keep=True``.
-    noise : ImuNoise
-        White noise [SI].
-    at_rest : AtRest
-        What the filter took for granted at rest.
+    `increments`: the session as measured [SI]; `rests`: first and last row of each rest, in order
+    [1]; `site`: where it stood, the latitude must be known; `found`: the last pass of the filter,
+    made with ``keep=True``; `noise`: white noise [SI]; `at_rest`: what the filter took for
+    granted at rest.
     """
     assert site.latitude is not None
     seen = smooth(found)
@@ -103,7 +78,10 @@ def legs_of(
     rows = [increments.row_at(float(t)) for t in found.time[epoch[there]]]
     each = max(1, round(EPOCH / float(np.median(increments.dt))))
     before, after, sd = [], [], []
-    for k, (a, b) in enumerate(pairwise(rows)):
+    recording = np.searchsorted(found.begins, epoch[there], side="right")
+    legs = [k for k in range(len(rows) - 1) if recording[k] == recording[k + 1]]
+    for k in legs:
+        a, b = rows[k], rows[k + 1]
         state = State.at_rest(C_nb[k], site.latitude, 0.0, site.height)
         raw = navigate(increments, state, first=a, last=b, gravity_offset=offset).velocity_n
         start = max(rests[there[k + 1]][0], a) + 1
@@ -118,14 +96,13 @@ def legs_of(
             updates.position[anew] = site.latitude, 0.0, site.height
             updates.sd[anew] = np.repeat([at_rest.velocity_sd, at_rest.position_sd], 3)
         free = run(
-            increments, state, found.sensors, updates, P, noise, first=a,
+            increments, state, found.sensors.during(int(recording[k])), updates, P, noise, first=a,
             estimate=seen.coefficients[epoch[there[k]]], gravity_offset=offset,
         )  # fmt: skip
         after.append(free.trajectory.velocity_n[-1])
         sd.append(free.sd[-1, 3:6])
     time = increments.time[rows]
     before_n, after_n, sd_n = (np.reshape(v, (-1, 3)) for v in (before, after, sd))
-    return Legs(
-        there[1:], time[:-1], time[1:], before_n, after_n, sd_n, C_nb[1:], C_nb[0],
-        at_rest.decorrelate,
-    )  # fmt: skip
+    last = np.array(legs, np.int64) + 1
+    return Legs(there[last], time[last - 1], time[last], before_n, after_n, sd_n, there, C_nb,
+                at_rest.decorrelate)  # fmt: skip

@@ -17,20 +17,14 @@ WAYS = ("east", "north", "up")
 def tables(e: Evidence, numbers: npt.NDArray[np.int64]) -> dict[str, dict[str, npt.NDArray[Any]]]:
     """Return the tables of the report.
 
-    Parameters
-    ----------
-    e : Evidence
-        Session, filter and coefficients.
-    numbers : ndarray of int, shape (m,)
-        Which rests of the log were used, from 0 [1].
+    `numbers` (m,): which rests of the log were used, from 0 [1].
     """
     time, legs = e.increments.time, e.legs
     total, count = squares(e)
-    begun = len(e.rests) - len(legs.rest) - 1  # the published second step begins later
-    C_nb = np.concatenate([legs.begin[None], legs.C_nb])
-    used = np.arange(begun, len(e.rests))
-    attitudes = {"rest": used} | {
-        f"{axis}.{way}": C_nb[:, i, k] for k, axis in enumerate(AXES) for i, way in enumerate(WAYS)
+    attitudes = {"rest": legs.seen} | {
+        f"{axis}.{way}": legs.C_nb[:, i, k]
+        for k, axis in enumerate(AXES)
+        for i, way in enumerate(WAYS)
     }
     velocities: dict[str, npt.NDArray[Any]] = {
         "rest": legs.rest, "start": legs.start, "end": legs.end,
@@ -51,12 +45,7 @@ def tables(e: Evidence, numbers: npt.NDArray[np.int64]) -> dict[str, dict[str, n
 def unseen(site: Site, decorrelated: bool) -> list[str]:
     """Say what this procedure cannot see in principle, for result.json.
 
-    Parameters
-    ----------
-    site : Site
-        Where it stood.
-    decorrelated : bool
-        Whether every rest started anew with velocity and position.
+    `decorrelated`: whether every rest started anew with velocity and position.
     """
     sd = site.gravity_sd
     known = (

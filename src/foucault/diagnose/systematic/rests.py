@@ -12,20 +12,19 @@ gyros, by least squares. A rest that does not fit, or that tilts while it lasts,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.diagnose.rests import Rests, find_rests
 from foucault.errors import Finding, error, finding
 from foucault.models.rotation import exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.tables import Log
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 SHORTEST = 5.0
 """Shortest rest [s]."""
@@ -51,71 +50,73 @@ ALIKE = np.radians(5.0)
 
 @dataclass(frozen=True)
 class Move:
-    """One turn about one axis.
+    """One turn about one axis."""
 
-    Attributes
-    ----------
-    first, last : int
-        Its first sample and the sample after its last [1].
-    start, end : float
-        When it begins and ends [s].
-    after : int
-        Number of the rest before it [1].
-    axis_b : ndarray, shape (3,)
-        Axis, body axes, such that the turn is counter-clockwise [1].
-    angle : float
-        Angle turned; whole turns count [rad].
-    peak : float
-        Largest rate [rad/s].
-    straight : float
-        Magnitude of the integral of the rate over the integral of the magnitude: 1 about one
-        fixed axis [1].
-    """
-
+    # first, last: its first sample and the sample after its last [1]
     first: int
     last: int
+    # start, end: when it begins and ends [s]
     start: float
     end: float
-    after: int
-    axis_b: FloatArray
-    angle: float
-    peak: float
+    after: int  # number of the rest before it [1]
+    axis_b: FloatArray  # (3,) axis, body axes, such that the turn is counter-clockwise [1]
+    angle: float  # angle turned; whole turns count [rad]
+    peak: float  # largest rate [rad/s]
+    # magnitude of the integral of the rate over the integral of the magnitude: 1 about one fixed
+    # axis [1]
     straight: float
 
 
 @dataclass(frozen=True)
 class FoundSequence:
-    """Rests and turns of a log.
+    """Rests and turns of a log."""
 
-    Attributes
-    ----------
-    rests : Rests
-        All rests, moving ones included.
-    still : ndarray of bool, shape (n,)
-        Which of them do not move.
-    accel, gyro : ndarray, shape (n, 3)
-        Their mean readings [m/s^2], [rad/s].
-    C_0k : ndarray, shape (n, 3, 3)
-        Attitude of each rest relative to the first: maps its body axes to those [1].
-    moves : tuple of Move
-        The turns in order.
-    earth_b : ndarray, shape (3,), or None
-        The Earth's rate in body axes of the first rest; None where the rests cannot tell [rad/s].
-    earth_cov : ndarray, shape (3, 3), or None
-        Its covariance [(rad/s)^2].
-    findings : tuple of Finding
-        Rests that move.
-    """
-
-    rests: Rests
-    still: BoolArray
+    rests: Rests  # all rests, moving ones included
+    still: BoolArray  # (n,) which of them do not move
+    # accel, gyro: (n, 3) their mean readings [m/s^2], [rad/s]
     accel: FloatArray
     gyro: FloatArray
+    # (n, 3, 3) attitude of each rest relative to the first: maps its body axes to those [1]
     C_0k: FloatArray
-    moves: tuple[Move, ...]
+    moves: tuple[Move, ...]  # the turns in order
+    # (3,) the Earth's rate in body axes of the first rest; None where the rests cannot tell [rad/s]
     earth_b: FloatArray | None = None
-    earth_cov: FloatArray | None = None
+    earth_cov: FloatArray | None = None  # (3, 3) its covariance [(rad/s)^2]
     findings: tuple[Finding, ...] = ()
+
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[int, FoundSequence]]) -> FoundSequence:
+        """Return the rests and turns of recordings that began anew as those of one log.
+
+        Attitudes, and the Earth's rate, stay those relative to the first rest of each recording.
+
+        `parts`: first row of each recording [1], and what was found in it.
+        """
+        if len(parts) == 1:
+            return parts[0][1]
+        some = [found for _, found in parts]
+        before = np.cumsum([0, *(len(found.rests) for found in some[:-1])]).tolist()
+        rests = replace(
+            some[0].rests,
+            first=np.concatenate([row + found.rests.first for row, found in parts]),
+            last=np.concatenate([row + found.rests.last for row, found in parts]),
+            level=np.concatenate([found.rests.level for found in some]),
+            accel_level=np.concatenate([found.rests.accel_level for found in some]),
+            gyro_level=np.concatenate([found.rests.gyro_level for found in some]),
+        )
+        moves = tuple(
+            replace(m, first=m.first + row, last=m.last + row, after=m.after + shift)
+            for (row, found), shift in zip(parts, before, strict=True) for m in found.moves
+        )  # fmt: skip
+        return cls(
+            rests,
+            np.concatenate([found.still for found in some]),
+            np.concatenate([found.accel for found in some]),
+            np.concatenate([found.gyro for found in some]),
+            np.concatenate([found.C_0k for found in some]),
+            moves, some[0].earth_b, some[0].earth_cov,
+            tuple(f for found in some for f in found.findings),
+        )  # fmt: skip
 
     def intervals(self) -> npt.NDArray[np.int64]:
         """Return first sample and sample after the last of each rest that is still, (m, 2)."""
@@ -126,30 +127,19 @@ class FoundSequence:
 def require_triads(log: Log) -> None:
     """Refuse a log without gyros or without accelerometers.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
+    `log`: readings [SI].
     """
     missing = [name for name in ("gyro", "accel") if getattr(log, name) is None]
     if missing:
         raise error("systematic.triads", missing=" and no ".join(missing))
 
 
-def find_sequence(log: Log, *, shortest: float = SHORTEST) -> FoundSequence:
+def find_sequence(log: Log, *, shortest: float = SHORTEST, fewest: int = 2) -> FoundSequence:
     """Find the rests and the turns of a session.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of both triads [SI].
-    shortest : float
-        Shortest rest [s].
-
-    Raises
-    ------
-    FoucaultError
-        A triad is missing, there are fewer than two rests, or all turns are about the vertical.
+    `log`: readings of both triads [SI]; `shortest`: shortest rest [s]; `fewest`: fewest rests
+    that do [1]. Raises A triad is missing, there are fewer rests, or all turns are about the
+    vertical.
     """
     require_triads(log)
     assert log.gyro is not None
@@ -157,7 +147,7 @@ def find_sequence(log: Log, *, shortest: float = SHORTEST) -> FoundSequence:
     rests = find_rests(log, shortest=shortest)
     # What is quiet and turns steadily is a turn here, and expected.
     rests = replace(rests, findings=())
-    if len(rests) < 2:
+    if len(rests) < fewest:
         raise error("systematic.no_rests", given=len(rests), shortest=f"{shortest:g}")
     spans = list(zip(rests.first.tolist(), rests.last.tolist(), strict=True))
     accel = np.array([log.accel[a:b].mean(axis=0) for a, b in spans])
@@ -217,10 +207,7 @@ def _turns(log: Log, w: FloatArray, a: int, rest: int) -> list[Move]:
 def net_rotation(dtheta_b: FloatArray) -> FloatArray:
     """Return ``Exp(d_1) Exp(d_2) ... Exp(d_n)``, shape (3, 3) [1].
 
-    Parameters
-    ----------
-    dtheta_b : ndarray, shape (n, 3)
-        Increments of angle [rad].
+    `dtheta_b` (n, 3): increments of angle [rad].
     """
     C = exp(dtheta_b) if len(dtheta_b) else np.eye(3)[None]
     while len(C) > 1:  # neighbours together, half as many in each round

@@ -7,13 +7,14 @@ explains every turn, it is named.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.systematic.rests import FoundSequence, Move
 from foucault.errors import Finding, error, finding
 from foucault.models.rotation import exp
@@ -21,8 +22,6 @@ from foucault.plans.manoeuvres import TABLE_AXES, Rotate
 from foucault.plans.systematic.built_in import BUILT_IN
 from foucault.plans.systematic.sequence import CalibrationSequence, Position, pointing
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 START = np.radians(20.0)
 """The first rest may lean this far from its declared orientation [rad]."""
@@ -39,43 +38,35 @@ HEADING = np.radians(5.0)
 
 @dataclass(frozen=True)
 class Matched:
-    """A log against its sequence.
+    """A log against its sequence."""
 
-    Attributes
-    ----------
-    positions : tuple of Position
-        The rests of the sequence that the log has.
-    rests : ndarray of int, shape (m,)
-        The number of the rest of the log that each of them is.
-    angle_err : ndarray, shape (k,)
-        Angle of each turn as the gyros say, minus the one of the sequence [rad].
-    axis_err : ndarray, shape (k,)
-        Angle between the axis of each turn and the one of the sequence [rad].
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    positions: tuple[Position, ...]
-    rests: npt.NDArray[np.int64]
+    positions: tuple[Position, ...]  # the rests of the sequence that the log has
+    rests: npt.NDArray[np.int64]  # (m,) the number of the rest of the log that each of them is
+    # (k,) angle of each turn as the gyros say, minus the one of the sequence [rad]
     angle_err: FloatArray
+    # (k,) angle between the axis of each turn and the one of the sequence [rad]
     axis_err: FloatArray
     findings: tuple[Finding, ...]
+
+    @classmethod
+    def joined(cls, parts: Sequence[Matched]) -> Matched | None:
+        """Return recordings against their sequences as one; None for none."""
+        if len(parts) < 2:
+            return parts[0] if parts else None
+        return cls(
+            tuple(p for part in parts for p in part.positions),
+            np.concatenate([part.rests for part in parts]),
+            np.concatenate([part.angle_err for part in parts]),
+            np.concatenate([part.axis_err for part in parts]),
+            tuple(f for part in parts for f in part.findings),
+        )  # fmt: skip
 
 
 def match_sequence(found: FoundSequence, sequence: CalibrationSequence) -> Matched:
     """Check that a log is one of `sequence`, and say which rest is which.
 
-    Parameters
-    ----------
-    found : FoundSequence
-        Rests and turns of the log.
-    sequence : CalibrationSequence
-        What was to be done.
-
-    Raises
-    ------
-    FoucaultError
-        The start, the number of turns, their axes or their angles are not those of the sequence.
+    Raises the start, the number of turns, their axes or their angles are not those of the
+    sequence.
     """
     _check_start(found, sequence)
     _check_moves(found, sequence)

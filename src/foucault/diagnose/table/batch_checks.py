@@ -19,18 +19,10 @@ def explained(
 ) -> Check:
     """Check that the residuals of an instrument are like those of the fleet.
 
-    Parameters
-    ----------
-    triad : int, shape ()
-        0 for the accelerometers, 1 for the gyros [1].
-    chi_square : float
-        Sum of squared residuals over their variances [1].
-    high : float
-        Largest that chance explains [1].
-    redundancy : float
-        Redundant readings of the instrument [1].
-    shared : float or None
-        Redundant readings of the whole fleet, where the noise is known from nothing else [1].
+    `triad`: 0 for the accelerometers, 1 for the gyros [1]; `chi_square`: sum of squared residuals
+    over their variances [1]; `high`: largest that chance explains [1]; `redundancy`: redundant
+    readings of the instrument [1]; `shared` or None: redundant readings of the whole fleet, where
+    the noise is known from nothing else [1].
     """
     what = _RESIDUALS[triad]
     name = f"noise of {what}"
@@ -60,12 +52,8 @@ def explained(
 def scatter(triad: int, sd: float) -> Check:
     """Check that the readings belong together at all.
 
-    Parameters
-    ----------
-    triad : int, shape ()
-        0 for the accelerometers, 1 for the gyros [1].
-    sd : float
-        Scatter of the readings about the model, per axis [SI].
+    `triad`: 0 for the accelerometers, 1 for the gyros [1]; `sd`: scatter of the readings about
+    the model, per axis [SI].
     """
     kind, what = TRIADS[triad], _SCATTER[triad]
     scale, unit = UNITS[kind]

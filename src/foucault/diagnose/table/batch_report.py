@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.norm import norm_with_cov, rate_norm_sd
 from foucault.models import turntable
@@ -16,24 +16,15 @@ from foucault.models.imu import ImuModel
 from foucault.models.readings import Readings
 from foucault.tables import AXES
 
-FloatArray = npt.NDArray[np.float64]
-
 
 def readings_table(
     r: Readings, coefficients: CoefficientVector, lever_arm: FloatArray, site: Site
 ) -> dict[str, FloatArray]:
     """Return the table "readings" of the report, see `tables.READINGS`.
 
-    Parameters
-    ----------
-    r : Readings
-        Means with the covariance of their noise, accelerometers and gyros [SI].
-    coefficients : CoefficientVector
-        The estimate with its covariance [SI].
-    lever_arm : ndarray, shape (3,)
-        The accelerometers from the centre of the table, frame b [m].
-    site : Site
-        Gravity and latitude.
+    `r`: means with the covariance of their noise, accelerometers and gyros [SI]; `coefficients`:
+    the estimate with its covariance [SI]; `lever_arm` (3,): the accelerometers from the centre of
+    the table, frame b [m].
     """
     assert r.accel is not None and r.gyro is not None
     model = ImuModel.from_coefficients(coefficients)
@@ -93,12 +84,8 @@ def _residual_columns(
 def rig_table(lever_arm: FloatArray, cov: FloatArray) -> dict[str, Any]:
     """Return the table "rig" of the report: the lever arm, where it was estimated.
 
-    Parameters
-    ----------
-    lever_arm : ndarray, shape (3,) or (0,)
-        The accelerometers from the centre of the table, frame b [m].
-    cov : ndarray, shape (3, 3) or (0, 0)
-        Its covariance [m^2].
+    `lever_arm` (3,) or (0,): the accelerometers from the centre of the table, frame b [m]; `cov`
+    (3, 3) or (0, 0): its covariance [m^2].
     """
     known = {c.name: c for c in turntable.RIG.coefficients}
     names = [f"lever_arm.{a}" for a in AXES[: len(lever_arm)]]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import (
     drift_check,
@@ -39,9 +39,6 @@ from foucault.result import Check, Level, Linearised
 from foucault.tables import AXES
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 UNITS = {
     "accel": (1 / 9.80665e-6, "ug"),
     "gyro": (180 / np.pi * 3600, "deg/h"),
@@ -65,34 +62,16 @@ of the rate [1]."""
 
 @dataclass(frozen=True)
 class TableEvidence:
-    """Everything the checks look at.
+    """Everything the checks look at."""
 
-    Attributes
-    ----------
-    readings : Readings
-        What was observed [SI].
-    site : Site
-        Gravity and latitude.
-    fit : TableFit
-        The solution.
-    coverage : Coverage
-        Directions of up at the rests.
-    """
-
-    readings: Readings
+    readings: Readings  # what was observed [SI]
     site: Site
     fit: TableFit
-    coverage: Coverage
+    coverage: Coverage  # directions of up at the rests
 
 
 def checks(e: TableEvidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason.
-
-    Parameters
-    ----------
-    e : TableEvidence
-        Readings, solution and diagnostics.
-    """
+    """Return every test of the result; a failed one carries its reason."""
     estimate = e.fit.estimate
     out = [
         status_check(estimate.status, estimate.weakest),
@@ -117,8 +96,6 @@ def checks(e: TableEvidence) -> tuple[Check, ...]:
 
 def _clearest_drift(e: TableEvidence) -> Drift | None:
     """Return the drift of a coefficient that the residuals show most clearly."""
-    if e.readings.slow is not None:
-        return None  # readings that a declared wander ties together follow time by themselves
     time = np.tile(e.readings.start + e.readings.time / 2, 2)
     return find_drift(_linearised(e), e.fit.options.names, time, kinds=_kinds(e))
 
@@ -154,12 +131,7 @@ def _kinds(e: TableEvidence) -> IntArray:
 def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:
     """Compare another solution with the likelihood's: a bias of its own shows in no residual.
 
-    Parameters
-    ----------
-    coefficients : CoefficientVector
-        The solution, with covariance [SI].
-    likelihood : CoefficientVector
-        That of the likelihood [SI].
+    `coefficients`: the solution, with covariance [SI]; `likelihood`: that of the likelihood [SI].
     """
     own = np.array([likelihood.value(name) for name in coefficients.names])
     off = np.abs(coefficients.values - own) / coefficients.sd
@@ -281,20 +253,11 @@ def _scatter(e: TableEvidence) -> list[Check]:
 
 @dataclass(frozen=True)
 class Slope:
-    """How the rates at rest depend on orientation: g-sensitivity where it is not the Earth's rate.
+    """How rates at rest depend on orientation: g-sensitivity where it is not the Earth's rate."""
 
-    Attributes
-    ----------
-    slope : float
-        Largest change of an axis per g [rad/s].
-    sd : float
-        Its standard deviation [rad/s].
-    shift : float
-        What it does to gyro scale factors, 0 where spins in both senses tell the two apart [1].
-    """
-
-    slope: float
-    sd: float
+    slope: float  # largest change of an axis per g [rad/s]
+    sd: float  # its standard deviation [rad/s]
+    # what it does to gyro scale factors, 0 where spins in both senses tell the two apart [1]
     shift: float
 
     @property
@@ -319,13 +282,7 @@ def _earth_at_rest(e: TableEvidence) -> Check | None:
 
 
 def rest_slope(e: TableEvidence) -> Slope | None:
-    """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated.
-
-    Parameters
-    ----------
-    e : TableEvidence
-        Readings and solution.
-    """
+    """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated."""
     r, state = e.readings, e.fit.estimate.state
     rest = ~r.spin
     if r.gyro is None or rest.sum() < 9 or "gyro.g_sensitivity.xx" in e.fit.options.names:
@@ -376,12 +333,7 @@ def _g_sensitivity(e: TableEvidence) -> list[Check]:
 def name_of(readings: Readings, block: int) -> str:
     """Return what reading a number of an observation means, in words.
 
-    Parameters
-    ----------
-    readings : Readings
-        The readings.
-    block : int, shape ()
-        Number of the observation, see `estimate.table.likelihood.build` [1].
+    `block`: number of the observation, see `estimate.table.likelihood.build` [1].
     """
     n = len(readings)
     what = "specific force" if block < n else "rate"
@@ -391,12 +343,7 @@ def name_of(readings: Readings, block: int) -> str:
 def reading_name(readings: Readings, j: int) -> str:
     """Return what people call a reading.
 
-    Parameters
-    ----------
-    readings : Readings
-        The readings.
-    j : int, shape ()
-        Its number [1].
+    `j`: its number [1].
     """
     kind = "spin" if readings.spin[j] else "rest"
     number = int(np.sum(readings.spin[: j + 1] == readings.spin[j]))
@@ -461,13 +408,7 @@ def _controlled(e: TableEvidence) -> Check:
 
 
 def detectable(e: TableEvidence) -> FloatArray:
-    """Return the smallest error of each observation that would be noticed, shape (k,) [SI].
-
-    Parameters
-    ----------
-    e : TableEvidence
-        Readings and solution.
-    """
+    """Return the smallest error of each observation that would be noticed, shape (k,) [SI]."""
     s, o = e.fit.snooping, e.fit.observed
     roots = np.concatenate([o.accel_root, o.gyro_root])[s.blocks]
     size = np.linalg.norm(np.linalg.solve(roots, s.direction[:, :, None])[:, :, 0], axis=1)

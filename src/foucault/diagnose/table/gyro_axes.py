@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.axes import Match, exchange_words, exchanges
 from foucault.errors import error
 from foucault.models.readings import Readings
-from foucault.tables import AXES, FloatArray
+from foucault.tables import AXES
 
 SUSPICIOUS = np.radians(20.0)
 """A miss of up that no calibration error explains, rms [rad]."""
@@ -31,19 +32,9 @@ SLOW = 20.0
 def explain_spins(f: FloatArray, w: FloatArray, h: FloatArray) -> list[Match]:
     """Compare the directions of rates and specific forces under all exchanges of gyro axes.
 
-    Parameters
-    ----------
-    f : ndarray, shape (n, 3)
-        Mean specific force of each spin [m/s^2].
-    w : ndarray, shape (n, 3)
-        Mean rate of each spin, without bias [rad/s].
-    h : ndarray, shape (n,)
-        Rate of the table, positive counter-clockwise seen from above [rad/s].
-
-    Returns
-    -------
-    list of Match
-        The gyro axes as declared first, then the 48 exchanges, the best first [1].
+    `f` (n, 3): mean specific force of each spin [m/s^2]; `w` (n, 3): mean rate of each spin,
+    without bias [rad/s]; `h` (n,): rate of the table, positive counter-clockwise seen from above
+    [rad/s]. Returns the gyro axes as declared first, then the 48 exchanges, the best first [1].
     """
     up = np.sign(h)[:, None] * _unit(f)
     axis = _unit(w)
@@ -68,15 +59,8 @@ def check_gyro_axes(readings: Readings) -> None:
     All three gyros reversed look like a table that turns the other way and are left to the check
     of its sense.
 
-    Parameters
-    ----------
-    readings : Readings
-        One mean per rest and spin, the rates with the sense that the table or the plan says [SI].
-
-    Raises
-    ------
-    FoucaultError
-        An exchange of gyro axes explains the spins, and the declared axes do not.
+    `readings`: one mean per rest and spin, the rates with the sense that the table or the plan
+    says [SI]. Raises an exchange of gyro axes explains the spins, and the declared axes do not.
     """
     spin = readings.spin
     if readings.gyro is None or readings.accel is None or not spin.any():
@@ -107,10 +91,7 @@ def check_gyro_axes(readings: Readings) -> None:
 def plainly(exchange: FloatArray) -> str:
     """Say in words what an exchange of gyro axes does.
 
-    Parameters
-    ----------
-    exchange : ndarray, shape (3, 3)
-        Signed permutation that takes the gyro columns to body axes [1].
+    `exchange` (3, 3): signed permutation that takes the gyro columns to body axes [1].
     """
     order = np.argmax(np.abs(exchange), axis=1)
     moved = [AXES[i] for i in np.flatnonzero(order != np.arange(3))]

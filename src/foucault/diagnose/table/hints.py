@@ -14,13 +14,7 @@ from foucault.units import plain
 
 
 def hints(e: TableEvidence) -> list[Finding]:
-    """Return findings about the session: outliers, scatter, a wrong g.
-
-    Parameters
-    ----------
-    e : TableEvidence
-        Readings, solution and diagnostics.
-    """
+    """Return findings about the session: outliers, scatter, a wrong g."""
     norms = e.fit.snooping
     out = []
     for block in e.fit.outliers:

@@ -13,22 +13,19 @@ from itertools import permutations, product
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.diagnose.positions import match as position_match
 from foucault.diagnose.positions.match import SMALL, Match, directions, rotation, turned
 from foucault.diagnose.positions.senses import numbered, senses
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models.readings import Readings
 from foucault.models.turntable import TablePlan, up_k
-from foucault.tables import IntArray, Log, TableColumns
+from foucault.tables import Log, TableColumns
 from foucault.units import plain
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 FITS = np.radians(15.0)
 """Directions that miss by less at the median fit [rad]."""
@@ -53,34 +50,15 @@ def check_readings(
 ) -> Readings:
     """Refuse readings that cannot be right, and tell what is odd about the others.
 
-    Parameters
-    ----------
-    readings : Readings
-        What `find_readings` has found [SI].
-    plan : TablePlan or None
-        What the table was told to do.
-    log : Log, LogDescription or None
-        The log, or what is known of it: whether it has table angles and rates of its own [SI].
-    angles_matter : bool
-        Whether table angles are used; if not, neither other positions than planned nor an
-        instrument mounted turned are a mistake.
-    shortest : float
-        Length that was asked of a rest, for the texts [s].
-    table_rate_sd : float or None
-        Relative sd of the rate of the plan, where it was declared; the outer angle over the time
-        of the log is held against it then [1].
-
-    Returns
-    -------
-    Readings
-        The same with more findings; spins have the sense that the gyros measure, repeated
-        positions the angles of the plan [SI].
-
-    Raises
-    ------
-    FoucaultError
-        Angles in the wrong order or unit, an instrument mounted turned or upside down, gyros and
-        table that turn in opposite senses.
+    `readings`: what `find_readings` has found [SI]; `plan` or None: what the table was told to
+    do; `log` or None: the log, or what is known of it: whether it has table angles and rates of
+    its own [SI]; `angles_matter`: whether table angles are used, if not, neither other positions
+    than planned nor an instrument mounted turned are a mistake; `shortest`: length that was asked
+    of a rest, for the texts [s]; `table_rate_sd` or None: relative sd of the rate of the plan,
+    where it was declared, the outer angle over the time of the log is held against it then [1].
+    Returns the same with more findings; spins have the sense that the gyros measure, repeated
+    positions the angles of the plan [SI]. Raises angles in the wrong order or unit, an instrument
+    mounted turned or upside down, gyros and table that turn in opposite senses.
     """
     up = directions(readings)
     usable = np.isfinite(up).all(axis=1)
@@ -153,14 +131,8 @@ def _outer(log: Log | LogDescription | None) -> bool:
 def enough_readings(readings: Readings, rests: int, spins: int, what: str = "") -> None:
     """Refuse fewer readings than coefficients.
 
-    Parameters
-    ----------
-    readings : Readings
-        What was found [SI].
-    rests, spins : int, shape ()
-        How many directions of each are needed [1].
-    what : str
-        More words for the text, where there is more to tell.
+    `readings`: what was found [SI]; `rests`, `spins`: how many directions of each are needed [1];
+    `what`: more words for the text, where there is more to tell.
     """
     spin = readings.spin
     # A spin tells the direction of gravity too.

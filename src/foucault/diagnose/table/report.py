@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.diagnose.information import information
+from foucault.arrays import FloatArray
+from foucault.diagnose import information
 from foucault.diagnose.norm import norm_with_cov, rate_norm_sd
 from foucault.diagnose.table.checks import TableEvidence, detectable
 from foucault.estimate.table.fit import Options, TableFit, inflated
@@ -19,18 +19,13 @@ from foucault.models.references import gravity_error, rate_slope
 from foucault.models.table_geometry import Angles, Trust
 from foucault.models.table_state import State
 from foucault.models.turntable import RIG
-from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
+from foucault.tables import AXES, Log, temperature_range
 
 
 def noise_source(readings: Readings) -> str:
     """Say where the noise of readings is from: rows of a log that are means do not tell it.
 
-    Parameters
-    ----------
-    readings : Readings
-        Means with the covariance of their noise [SI].
+    `readings`: means with the covariance of their noise [SI].
     """
     if readings.declared:
         return "declared"
@@ -40,16 +35,8 @@ def noise_source(readings: Readings) -> str:
 def bound(readings: Readings, site: Site, state: State, options: Options) -> dict[str, Any]:
     """Return the Cramer-Rao bound of a known noise, and what is seen worst, for result.json.
 
-    Parameters
-    ----------
-    readings : Readings
-        Means with the covariance of their noise [SI].
-    site : Site
-        Gravity and latitude.
-    state : State
-        Where to evaluate it: the solution.
-    options : Options
-        How it was fitted; a prior on the coefficients is left out.
+    `readings`: means with the covariance of their noise [SI]; `options`: how it was fitted, a
+    prior on the coefficients is left out.
     """
     if noise_source(readings).startswith("unknown"):
         return {}  # made-up weights of accelerometers against gyros say nothing
@@ -60,12 +47,7 @@ def bound(readings: Readings, site: Site, state: State, options: Options) -> dic
         observed, options.names, state, lever_arm=options.lever_arm, level=options.level,
         offset=options.offset,
     )  # fmt: skip
-    at = problem.linearise(state, np.ones(problem.n_blocks))
-    info = information(at, problem.layout)
-    return {
-        "bound": [float(v) for v in info.sd],
-        "weakest": [c.words for c in info.weakest()],
-    }
+    return information.bound(problem, state)
 
 
 def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[float]]:
@@ -73,19 +55,8 @@ def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[fl
 
     The estimate is linear in the readings near the solution, with the gain ``P J'``.
 
-    Parameters
-    ----------
-    fit : TableFit
-        The solution.
-    site : Site
-        Gravity and its uncertainty.
-    table_rate_sd : float
-        Relative sd of an error that all spin rates share [1].
-
-    Returns
-    -------
-    dict of str to list of float
-        Source -> variance of each coefficient [unit^2].
+    `table_rate_sd`: relative sd of an error that all spin rates share [1]. Returns source ->
+    variance of each coefficient [unit^2].
     """
     estimate, observed, r = fit.estimate, fit.observed, fit.observed.readings
     count = len(estimate.coefficients)
@@ -129,13 +100,7 @@ def _scatter_cov(fit: TableFit) -> FloatArray:
 
 
 def readings_table(e: TableEvidence) -> dict[str, Any]:
-    """Return the table "readings" of the report, see `tables.READINGS`.
-
-    Parameters
-    ----------
-    e : TableEvidence
-        Readings, solution and diagnostics.
-    """
+    """Return the table "readings" of the report, see `tables.READINGS`."""
     r, fit, n = e.readings, e.fit, len(e.readings)
     state: State = fit.estimate.state
     out: dict[str, Any] = {
@@ -201,13 +166,7 @@ def _residual_columns(e: TableEvidence, n: int) -> dict[str, FloatArray]:
 
 
 def rig_table(fit: TableFit) -> dict[str, Any]:
-    """Return the table "rig" of the report: what was found beside the coefficients.
-
-    Parameters
-    ----------
-    fit : TableFit
-        The solution.
-    """
+    """Return the table "rig" of the report: what was found beside the coefficients."""
     estimate = fit.estimate
     state: State = estimate.state
     at = len(estimate.coefficients)
@@ -258,14 +217,7 @@ def rig_table(fit: TableFit) -> dict[str, Any]:
 def validity(readings: Readings, log: Log | None, site: Site) -> dict[str, Any]:
     """Return the ranges that the session covered: outside them the result is extrapolated.
 
-    Parameters
-    ----------
-    readings : Readings
-        What was observed [SI].
-    log : Log or None
-        Where it came from; None where it stayed on disk.
-    site : Site
-        Gravity.
+    `readings`: what was observed [SI]; `log`: where it came from, None where it stayed on disk.
     """
     out: dict[str, Any] = {"accel": [-site.gravity, site.gravity]}
     if log is not None:
@@ -275,10 +227,7 @@ def validity(readings: Readings, log: Log | None, site: Site) -> dict[str, Any]:
     if readings.gyro is not None:
         largest = float(np.abs(readings.gyro).max())
         out["gyro"] = [-largest, largest]
-    if log is not None and log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out
+    return out if log is None else out | temperature_range(log)
 
 
 def unseen(
@@ -286,18 +235,9 @@ def unseen(
 ) -> list[str]:
     """Say what a procedure on a table cannot see in principle, for result.json.
 
-    Parameters
-    ----------
-    readings : Readings
-        What was observed [SI].
-    site : Site
-        Gravity and its uncertainty.
-    table_rate_sd : float
-        Relative sd of an error that all spin rates share [1].
-    trust : Trust or None
-        What is believed of the table; None for nothing.
-    quadratic : bool
-        Whether the quadratic terms of the accelerometers are estimated.
+    `readings`: what was observed [SI]; `table_rate_sd`: relative sd of an error that all spin
+    rates share [1]; `trust`: what is believed of the table, None for nothing; `quadratic`:
+    whether the quadratic terms of the accelerometers are estimated.
     """
     g = (
         f"its standard uncertainty, {site.gravity_sd / 1e-5:.3g} mGal, is part of every uncertainty"

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg, special
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
@@ -18,56 +18,25 @@ from foucault.models import size_effect
 from foucault.result import Check
 from foucault.units import ZERO_CELSIUS
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 ORDERS = ("constant", "straight line", "parabola", "cubic")
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A fit and what it was made from.
+    """A fit and what it was made from."""
 
-    Attributes
-    ----------
-    layout : Layout
-        The n coefficients fitted.
-    families : tuple of str
-        Their families.
-    family : ndarray of int, shape (n,)
-        The family of each [1].
-    unit : ndarray, shape (n,)
-        Unit of the fit [SI].
-    spaces : Spaces
-        Functions there were to choose from.
-    evidence : tuple of Evidence
-        Sessions, then parts of ramps.
-    choice : Choice
-        The fit.
-    names : tuple of str
-        Names of the sessions.
-    temperature : ndarray, shape (m,)
-        Mean temperature of every session [K].
-    counts : ndarray of int, shape (families,)
-        At how many temperatures sessions tell each family [1].
-    knots : ndarray, shape (p,) or (0,)
-        Knots of piecewise linear functions [K].
-    turning : bool
-        Whether heating and cooling are to be compared.
-    """
-
-    layout: Layout
+    layout: Layout  # the n coefficients fitted
     families: tuple[str, ...]
-    family: IntArray
-    unit: FloatArray
-    spaces: Spaces
-    evidence: tuple[Evidence, ...]
+    family: IntArray  # (n,) the family of each [1]
+    unit: FloatArray  # (n,) unit of the fit [SI]
+    spaces: Spaces  # functions there were to choose from
+    evidence: tuple[Evidence, ...]  # sessions, then parts of ramps
     choice: Choice
-    names: tuple[str, ...]
-    temperature: FloatArray
-    counts: IntArray
-    knots: FloatArray
-    turning: bool
+    names: tuple[str, ...]  # names of the sessions
+    temperature: FloatArray  # (m,) mean temperature of every session [K]
+    counts: IntArray  # (families,) at how many temperatures sessions tell each family [1]
+    knots: FloatArray  # (p,) or (0,) knots of piecewise linear functions [K]
+    turning: bool  # whether heating and cooling are to be compared
 
     @property
     def ramps(self) -> bool:
@@ -77,10 +46,7 @@ class Seen:
     def label(self, order: int) -> str:
         """Name one of the nested functions.
 
-        Parameters
-        ----------
-        order : int, shape ()
-            Its number [1].
+        `order`: its number [1].
         """
         if self.knots.size and order == 2:
             return f"line through {self.knots.size} knots"
@@ -141,34 +107,17 @@ class Seen:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """One temperature predicted without its sessions.
+    """One temperature predicted without its sessions."""
 
-    Attributes
-    ----------
-    sessions : ndarray of int, shape (k,)
-        Its sessions [1].
-    z : ndarray, shape (k, n)
-        What they found minus what the others predict, over its standard deviation [1].
-    p : float
-        Smallest probability of any family by chance [1].
-    family : int
-        That family [1].
-    """
-
-    sessions: IntArray
+    sessions: IntArray  # (k,) its sessions [1]
+    # (k, n) what they found minus what the others predict, over its standard deviation [1]
     z: FloatArray
-    p: float
-    family: int
+    p: float  # smallest probability of any family by chance [1]
+    family: int  # that family [1]
 
 
 def checks(seen: Seen) -> tuple[Check, ...]:
-    """Return every test of the functions.
-
-    Parameters
-    ----------
-    seen : Seen
-        The fit.
-    """
+    """Return every test of the functions."""
     some = (_freedom(seen), _terms(seen), _chi_square(seen), _left_out(seen), _hysteresis(seen),
             _one_temperature(seen))  # fmt: skip
     return tuple(check for check in some if check is not None)
@@ -284,13 +233,7 @@ def _one_temperature(seen: Seen) -> Check | None:
 
 
 def findings(seen: Seen) -> tuple[Finding, ...]:
-    """Return what should be known of the fit.
-
-    Parameters
-    ----------
-    seen : Seen
-        The fit.
-    """
+    """Return what should be known of the fit."""
     count = len(seen.families)
     untold = [n for n, u in zip(seen.families, seen.choice.untold[:count], strict=True) if u]
     out = [finding("temperature.no_scatter", families=", ".join(untold))] if untold else []

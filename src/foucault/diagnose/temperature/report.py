@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.temperature.checks import Seen
 from foucault.estimate.temperature.order import Test
 from foucault.models.temperature import TemperatureModel
-
-FloatArray = npt.NDArray[np.float64]
 
 CURVE = 61
 """Points of the curves that reports draw [1]."""
@@ -23,15 +22,7 @@ POINTS = ("session", "temperature", "coefficient", "value", "sd", "sd_total", "r
 
 
 def facts(seen: Seen, model: TemperatureModel) -> dict[str, Any]:
-    """Return the families with their functions and tests, as plain JSON values.
-
-    Parameters
-    ----------
-    seen : Seen
-        The fit.
-    model : TemperatureModel
-        Its functions.
-    """
+    """Return the families with their functions and tests, as plain JSON values."""
     choice = seen.choice
     needed = {t.family: t for t in choice.needed}
     missing = {t.family: t for t in choice.missing}
@@ -63,13 +54,7 @@ def _said(test: Test | None, seen: Seen) -> dict[str, Any] | None:
 
 
 def points(seen: Seen) -> dict[str, npt.NDArray[Any]]:
-    """Return one row per session and coefficient: what was found, and how far off it is.
-
-    Parameters
-    ----------
-    seen : Seen
-        The fit.
-    """
+    """Return one row per session and coefficient: what was found, and how far off it is."""
     alone = np.full((len(seen.names), len(seen.layout)), np.nan)
     for one in seen.left_out:
         alone[one.sessions] = one.z
@@ -88,13 +73,7 @@ def points(seen: Seen) -> dict[str, npt.NDArray[Any]]:
 
 
 def curves(model: TemperatureModel) -> dict[str, npt.NDArray[Any]]:
-    """Return the functions at temperatures from end to end, one row for each coefficient.
-
-    Parameters
-    ----------
-    model : TemperatureModel
-        The functions.
-    """
+    """Return the functions at temperatures from end to end, one row for each coefficient."""
     T = np.unique(np.concatenate([np.linspace(model.low, model.high, CURVE), model.knots]))
     T = T[~model.outside(T)]
     n = len(model.layout)
@@ -113,15 +92,8 @@ def ramp_points(
 ) -> dict[str, npt.NDArray[Any]]:  # fmt: skip
     """Return one row per part of a ramp and sensor: the bias there, as function and residual.
 
-    Parameters
-    ----------
-    seen : Seen
-        The fit.
-    model : TemperatureModel
-        Its functions.
-    parts : sequence of (str, ndarray, ndarray, tuple of str)
-        Name of each ramp, temperature of its parts, shape (k,) [K], unit of each sensor's
-        evidence, shape (s,) [SI], and the name of the bias of each sensor.
+    `parts`: name of each ramp, temperature of its parts, shape (k,) [K], unit of each sensor's
+    evidence, shape (s,) [SI], and the name of the bias of each sensor.
     """
     rows: dict[str, list[Any]] = {"ramp": [], "temperature": [], "coefficient": [], "value": []}
     e = len(seen.names)

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer.checks import Evidence, Spread, spreads, standardised, whiteness
 from foucault.errors import Finding, finding
@@ -23,8 +23,6 @@ from foucault.estimate.transfer.fit import solve
 from foucault.estimate.transfer.flexure import likeliest_flexure
 from foucault.models.rotation import cross_matrix, exp
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 FAR = 10.0
 """A lever arm of which nothing is said is known so well [m]."""
@@ -66,23 +64,12 @@ LOOSE = 100.0
 
 @dataclass(frozen=True)
 class LeverArm:
-    """What the velocities say of the lever arm.
+    """What the velocities say of the lever arm."""
 
-    Attributes
-    ----------
-    arm : ndarray, shape (3,)
-        From the master to the slave, in the master's axes [m].
-    cov : ndarray, shape (3, 3)
-        Its covariance, by how the innovations scatter [m^2].
-    gain : float
-        By how much the log-likelihood is higher than with the one that was given [1].
-    ratio, high : float
-        Root mean square of the velocities' innovations, standardised, and its limit [1].
-    """
-
-    arm: FloatArray
-    cov: FloatArray
-    gain: float
+    arm: FloatArray  # (3,) from the master to the slave, in the master's axes [m]
+    cov: FloatArray  # (3, 3) its covariance, by how the innovations scatter [m^2]
+    gain: float  # by how much the log-likelihood is higher than with the one that was given [1]
+    # ratio, high: root mean square of the velocities' innovations, standardised, and its limit [1]
     ratio: float
     high: float
 
@@ -94,23 +81,14 @@ class LeverArm:
     def off(self, other: FloatArray) -> float:
         """Return how far another arm is, squared, in standard deviations [1].
 
-        Parameters
-        ----------
-        other : ndarray, shape (3,)
-            The other arm [m].
+        `other` (3,): the other arm [m].
         """
         d = self.arm - other
         return float(d @ np.linalg.solve(self.cov, d))
 
 
 def lever_arm(e: Evidence) -> LeverArm | None:
-    """Find the lever arm beside all that was estimated; None where velocities are not used.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Find the lever arm beside all that was estimated; None where velocities are not used."""
     if not np.isfinite(e.matching.velocity_sd):
         return None
     s, n = e.found.free.system, len(e.found.free.layout)
@@ -138,15 +116,7 @@ def lever_arm(e: Evidence) -> LeverArm | None:
 def leverage(e: Evidence) -> FloatArray:
     """Return ``C_nm [w x]`` at the messages, which a lever arm is multiplied by.
 
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-
-    Returns
-    -------
-    ndarray, shape (m, 3, 3)
-        Velocity per length [1/s].
+    Returns (m, 3, 3): velocity per length [1/s].
     """
     free, at, x = e.found.free, e.found.at, e.slave.increments
     names = e.slave.sensors.layout.names
@@ -158,13 +128,7 @@ def leverage(e: Evidence) -> FloatArray:
 
 
 def of_lever(e: Evidence) -> list[Finding]:
-    """Say so where the velocities show another lever arm than was given.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Say so where the velocities show another lever arm than was given."""
     found, given = lever_arm(e), e.mount.lever_m
     if found is None or found.off(given) < chi_square_limits(3, 2 * SURELY)[1]:
         return []
@@ -210,16 +174,8 @@ def _named(found: LeverArm, given: FloatArray) -> str:
 def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
     """Return the priors that what is found contradicts, where the innovations fit without them.
 
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-
-    Returns
-    -------
-    list of (str, CoefficientVector)
-        Group, and what the messages alone say of its coefficients; none where all is as it was said
-        to be, or where innovations are too large without priors too [SI].
+    Returns group, and what the messages alone say of its coefficients; none where all is as it
+    was said to be, or where innovations are too large without priors too [SI].
     """
     suspects = contradicted(e)
     if not suspects and all(s.ratio <= s.high for s in spreads(e).values()):
@@ -239,11 +195,6 @@ def contradicted(e: Evidence) -> list[str]:
     With u the estimate less its prior mean in units of its sd, and ``V = I - P`` with P its
     covariance in these units, ``u' V^+ u`` is chi-square where the prior is right [1]_: a prior
     that is narrow draws the estimate to itself, and makes u and V small alike.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
 
     References
     ----------
@@ -294,15 +245,7 @@ def _freed(e: Evidence, groups: Sequence[str]) -> list[tuple[str, CoefficientVec
 
 
 def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> list[Finding]:
-    """Name the priors without which the innovations would fit.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    priors : sequence of (str, CoefficientVector)
-        Result of `narrow`.
-    """
+    """Name the priors without which the innovations would fit."""
     out = []
     for group, alone in priors:
         at = [e.states.layout.index(name) for name in alone.names]
@@ -323,13 +266,7 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
 
 
 def of_flexure(e: Evidence) -> list[Finding]:
-    """Offer the bending of the mount that makes the innovations likeliest, where one is seen.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Offer the bending of the mount that makes the innovations likeliest, where one is seen."""
     if not e.nominal or not np.isfinite(e.matching.attitude_sd):
         return []
     layout, now = e.found.free.layout, e.found.run.log_likelihood
@@ -350,13 +287,7 @@ def of_flexure(e: Evidence) -> list[Finding]:
 
 
 def of_outliers(e: Evidence) -> list[Finding]:
-    """Name the few messages that are off, where the others fit.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Name the few messages that are off, where the others fit."""
     u = standardised(e)
     with np.errstate(invalid="ignore"):
         off = np.asarray((np.abs(u) > OUTLIER).any(axis=1))

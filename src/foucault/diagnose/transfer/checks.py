@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import prior_check, status_check
 from foucault.errors import Status
@@ -24,8 +24,6 @@ from foucault.estimate.transfer.fit import DelayFit, Transfer
 from foucault.estimate.transfer.measured import Known, Slave
 from foucault.models.transfer import Matching, Messages, Mount
 from foucault.result import Check
-
-FloatArray = npt.NDArray[np.float64]
 
 EACH = FALSE_ALARM / 4
 """False-alarm rate of each of four tests, so that all together keep 1 % [1]."""
@@ -46,67 +44,28 @@ BLOCKS = {"velocity": slice(0, 3), "attitude": slice(3, 6)}
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything the checks look at.
-
-    Attributes
-    ----------
-    slave : Slave
-        The slave's log.
-    master : Messages
-        What the master said.
-    mount : Mount
-        How they are fixed together.
-    matching : Matching
-        What of the messages is used.
-    found : Transfer
-        The last pass.
-    states : CoefficientVector
-        Coefficients and what is found besides, with covariance and prior [SI].
-    prior : Known
-        What was known beforehand.
-    mean : ndarray, shape (p,)
-        Mean of the prior of `states` [SI].
-    sd : ndarray, shape (n,)
-        How well all states were known [SI].
-    status : Status
-        How the passes ended.
-    nominal : bool
-        Whether the covariance is meant to be that of the error: of a Kalman filter.
-    delay : Delay or None
-        What rate matching has found.
-    longest : float
-        End of the bracket of the delay [s].
-    fit : DelayFit or None
-        The likeliest delay.
-    aside : tuple of str
-        Groups of coefficients that the motion need not show.
-    """
+    """Everything the checks look at."""
 
     slave: Slave
-    master: Messages
-    mount: Mount
-    matching: Matching
+    master: Messages  # what the master said
+    mount: Mount  # how they are fixed together
+    matching: Matching  # what of the messages is used
     found: Transfer
+    # coefficients and what is found besides, with covariance and prior [SI]
     states: CoefficientVector
-    prior: Known
-    mean: FloatArray
-    sd: FloatArray
-    status: Status
-    nominal: bool
-    delay: Delay | None
-    longest: float
+    prior: Known  # what was known beforehand
+    mean: FloatArray  # (p,) mean of the prior of `states` [SI]
+    sd: FloatArray  # (n,) how well all states were known [SI]
+    status: Status  # how the passes ended
+    nominal: bool  # whether the covariance is meant to be that of the error: of a Kalman filter
+    delay: Delay | None  # what rate matching has found
+    longest: float  # end of the bracket of the delay [s]
     fit: DelayFit | None
-    aside: tuple[str, ...] = ()
+    aside: tuple[str, ...] = ()  # groups of coefficients that the motion need not show
 
 
 def standardised(e: Evidence) -> FloatArray:
-    """Return the innovations over their standard deviations, shape (m, 6); NaN where none [1].
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Return the innovations over their standard deviations, shape (m, 6); NaN where none [1]."""
     run = e.found.run
     with np.errstate(invalid="ignore"):
         return np.asarray(run.innovation / np.sqrt(run.variance))
@@ -115,12 +74,7 @@ def standardised(e: Evidence) -> FloatArray:
 def autocorrelation(u: FloatArray, lags: int) -> FloatArray:
     """Return the autocorrelation of a sequence at lags 1 to `lags`, shape (lags,) [1].
 
-    Parameters
-    ----------
-    u : ndarray, shape (m,)
-        Values about zero [unit].
-    lags : int, shape ()
-        Number of lags [1].
+    `u` (m,): values about zero [unit]; `lags`: number of lags [1].
     """
     total = float(u @ u)
     return np.array([u[k:] @ u[:-k] / total for k in range(1, lags + 1)])
@@ -129,10 +83,7 @@ def autocorrelation(u: FloatArray, lags: int) -> FloatArray:
 def effective(u: FloatArray) -> float:
     """Return as how many independent values the squares of a sequence scatter [1].
 
-    Parameters
-    ----------
-    u : ndarray, shape (m,)
-        Values about zero [unit].
+    `u` (m,): values about zero [unit].
     """
     m = len(u)
     rho = autocorrelation(u, min(LAGS, m // 4))
@@ -142,34 +93,21 @@ def effective(u: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Spread:
-    """Innovations of one kind against what is expected of them.
+    """Innovations of one kind against what is expected of them."""
 
-    Attributes
-    ----------
-    ratio, low, high : float
-        Root mean square of what is standardised, and its limits [1].
-    count : int
-        Number of innovations [1].
-    independent : float
-        As how many independent ones their squares scatter [1].
-    """
-
+    # ratio, low, high: root mean square of what is standardised, and its limits [1]
     ratio: float
     low: float
     high: float
-    count: int
-    independent: float
+    count: int  # number of innovations [1]
+    independent: float  # as how many independent ones their squares scatter [1]
 
     @classmethod
     def of(cls, u: FloatArray, tests: int) -> Spread | None:
         """Judge standardised innovations.
 
-        Parameters
-        ----------
-        u : ndarray, shape (m, q)
-            Innovations over their standard deviations, NaN where there is none [1].
-        tests : int, shape ()
-            How many kinds are judged [1].
+        `u` (m, q): innovations over their standard deviations, NaN where there is none [1];
+        `tests`: how many kinds are judged [1].
         """
         columns = [c[np.isfinite(c)] for c in u.T if np.isfinite(c).sum() > LAGS]
         if not columns:
@@ -183,26 +121,14 @@ class Spread:
 
 
 def spreads(e: Evidence) -> dict[str, Spread]:
-    """Return the innovations of velocities and of attitudes against what is expected of them.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Return the innovations of velocities and of attitudes against what is expected of them."""
     u = standardised(e)
     made = {name: Spread.of(u[:, block], len(BLOCKS)) for name, block in BLOCKS.items()}
     return {name: one for name, one in made.items() if one is not None}
 
 
 def spread(e: Evidence) -> dict[str, Any]:
-    """Return the innovations of velocities and attitudes in numbers, for result.json.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Return the innovations of velocities and attitudes in numbers, for result.json."""
     u = standardised(e)
     axes = np.sqrt(np.nansum(u**2, axis=0) / np.maximum(np.isfinite(u).sum(axis=0), 1))
     return {
@@ -213,13 +139,7 @@ def spread(e: Evidence) -> dict[str, Any]:
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason.
-
-    Parameters
-    ----------
-    e : Evidence
-        Filter and coefficients.
-    """
+    """Return every test of the result; a failed one carries its reason."""
     miss = (e.states.values - e.mean) / e.states.prior_sd
     return (
         status_check(e.status, ()), *(_innovations(e, *item) for item in spreads(e).items()),
@@ -230,15 +150,7 @@ def checks(e: Evidence) -> tuple[Check, ...]:
 def bracket(e: Evidence) -> tuple[float, float] | None:
     """Return between what the delay is expected, as well as it is known; None where it is given.
 
-    Parameters
-    ----------
-    e : Evidence
-        Filter and coefficients.
-
-    Returns
-    -------
-    (float, float) or None
-        Limits [s].
+    Returns limits [s].
     """
     if "master.delay" not in e.states.layout:
         return None
@@ -276,13 +188,7 @@ def _innovations(e: Evidence, name: str, s: Spread) -> Check:
 
 
 def whiteness(e: Evidence) -> tuple[float, float]:
-    """Return how much innovations depend on those before them, and what is allowed [1].
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Return how much innovations depend on those before them, and what is allowed [1]."""
     u = standardised(e)
     columns = [c[np.isfinite(c)] for c in u.T if np.isfinite(c).sum() > LAGS]
     sums = np.array([len(c) * np.sum(autocorrelation(c, FEW) ** 2) for c in columns])
@@ -305,26 +211,13 @@ def _white(e: Evidence) -> Check:
 def hardly(e: Evidence) -> list[str]:
     """Return the coefficients that the motion shows hardly anything of.
 
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-
-    Notes
-    -----
     What the motion shows, and what is only counted with hides again, is `hidden`.
     """
     return _unknown(e, motion=True)
 
 
 def hidden(e: Evidence) -> list[str]:
-    """Return the coefficients that the motion shows, were it not for what is counted with.
-
-    Parameters
-    ----------
-    e : Evidence
-        The last pass.
-    """
+    """Return the coefficients that the motion shows, were it not for what is counted with."""
     unseen = hardly(e)
     return [n for n in _unknown(e, motion=False) if n not in unseen]
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.estimate.delay.fit import SEEN, UNLIKE, Delay
 from foucault.models.rotation import log as rotation_vector
 from foucault.tables import AXES
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 NEAR = 1e-3
 """A delay below this is none [s]."""
@@ -44,16 +42,9 @@ def checked(
 ) -> tuple[Finding, ...]:
     """Return what is doubtful about an offset.
 
-    Parameters
-    ----------
-    found : Delay
-        What was found.
-    C_ms : ndarray, shape (3, 3), or None
-        Mounting that was said [1].
-    messages : bool
-        Whether the second log holds messages of a master, which arrive late.
-    elsewhere : Delay or None
-        A better one outside of the bracket.
+    `C_ms` (3, 3) or None: mounting that was said [1]; `messages`: whether the second log holds
+    messages of a master, which arrive late; `elsewhere` or None: a better one outside of the
+    bracket.
     """
     told = [*_seen(found), *_place(found, elsewhere)]
     told += of_size(found)
@@ -68,12 +59,7 @@ def checked(
 def of_size(found: Delay, dt: float = np.nan) -> list[Finding]:
     """Tell where one turns more than the other: a unit.
 
-    Parameters
-    ----------
-    found : Delay
-        What was found.
-    dt : float
-        Usual time between the samples of the slave, where known [s].
+    `dt`: usual time between the samples of the slave, where known [s].
     """
     off = abs(found.scale - 1.0)
     if found.likeness < UNLIKE or off < max(OTHER_SIZE, SURELY * found.scale_sd):
@@ -83,13 +69,7 @@ def of_size(found: Delay, dt: float = np.nan) -> list[Finding]:
 
 
 def of_wild(found: Delay) -> list[Finding]:
-    """Tell of turns that no body makes.
-
-    Parameters
-    ----------
-    found : Delay
-        What was found.
-    """
+    """Tell of turns that no body makes."""
     if not found.wild.any():
         return []
     size = np.degrees(np.linalg.norm(found.turns.phi_m, axis=1))
@@ -153,13 +133,7 @@ def _clocks(found: Delay) -> list[Finding]:
 
 
 def of_wandering(found: Delay) -> list[Finding]:
-    """Tell a delay that jumps or wanders, beside what a drift of the clocks makes of it.
-
-    Parameters
-    ----------
-    found : Delay
-        What was found.
-    """
+    """Tell a delay that jumps or wanders, beside what a drift of the clocks makes of it."""
     from scipy.special import chdtrc
 
     sd = np.sqrt(np.diag(found.part_cov))
@@ -198,10 +172,7 @@ def _mounting(found: Delay, C_ms: FloatArray | None) -> list[Finding]:
 def signed_axes(C: FloatArray) -> str:
     """Name along which axis each column of a rotation or reflection lies, more or less.
 
-    Parameters
-    ----------
-    C : ndarray, shape (3, 3)
-        The matrix [1].
+    `C` (3, 3): the matrix [1].
     """
     place = np.argmax(np.abs(C), axis=0)
     return ", ".join(("-" if C[k, i] < 0 else "") + AXES[k] for i, k in enumerate(place))

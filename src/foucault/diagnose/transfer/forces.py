@@ -17,8 +17,8 @@ from itertools import permutations, product
 from math import inf
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.estimate.delay.fit import Delay
 from foucault.models.attitude import angles_of, matrix_of
@@ -26,8 +26,6 @@ from foucault.models.transfer import Messages
 from foucault.navigate.increments import Increments
 from foucault.tables import AXES
 from foucault.units import STANDARD_GRAVITY, plain
-
-FloatArray = npt.NDArray[np.float64]
 
 OVER = 2.0
 """Accelerations are means over so long [s]."""
@@ -72,34 +70,18 @@ SPEEDS = {3.6: "km/h", 1 / 0.514444: "knots", 1 / 0.3048: "ft/s", 100.0: "cm/s"}
 
 @dataclass(frozen=True)
 class Felt:
-    """What moves both, from message to message.
+    """What moves both, from message to message."""
 
-    Attributes
-    ----------
-    dvel_s : ndarray, shape (k, 3)
-        Integral of the slave's specific force, in its axes [m/s].
-    C_ns : ndarray, shape (k, 3, 3)
-        Attitude by the master and the nominal mounting [1].
-    dt : ndarray, shape (k,)
-        How long it took [s].
-    dv_n : ndarray, shape (k, 3)
-        How the master's velocity has changed [m/s].
-    """
-
-    dvel_s: FloatArray
-    C_ns: FloatArray
-    dt: FloatArray
-    dv_n: FloatArray
+    dvel_s: FloatArray  # (k, 3) integral of the slave's specific force, in its axes [m/s]
+    C_ns: FloatArray  # (k, 3, 3) attitude by the master and the nominal mounting [1]
+    dt: FloatArray  # (k,) how long it took [s]
+    dv_n: FloatArray  # (k, 3) how the master's velocity has changed [m/s]
 
     def left(self, axes: FloatArray, velocities: FloatArray) -> float:
         """Return what is left over, root mean square [m/s^2].
 
-        Parameters
-        ----------
-        axes : ndarray, shape (3, 3)
-            From what the slave says to what it feels [1].
-        velocities : ndarray, shape (3, 3)
-            From what velocities are to what the master says [1].
+        `axes` (3, 3): from what the slave says to what it feels [1]; `velocities` (3, 3): from
+        what velocities are to what the master says [1].
         """
         dv = (self.C_ns @ (self.dvel_s @ axes.T)[:, :, None])[:, :, 0]
         dv[:, 2] -= STANDARD_GRAVITY * self.dt
@@ -119,10 +101,7 @@ class Felt:
     def mirrored(self, C_ms: FloatArray) -> Iterator[tuple[str, Felt]]:
         """Yield what it were if an angle of the master counted the other way, and that in words.
 
-        Parameters
-        ----------
-        C_ms : ndarray, shape (3, 3)
-            Nominal mounting [1].
+        `C_ms` (3, 3): nominal mounting [1].
         """
         for k, name in enumerate(("heading", "pitch", "roll")):
             angles = angles_of(self.C_ns @ C_ms.T)
@@ -140,16 +119,7 @@ class Felt:
 def felt(increments: Increments, said: Messages, delay: float, C_ms: FloatArray) -> Felt | None:
     """Bring both to the times of the messages; None where there are too few.
 
-    Parameters
-    ----------
-    increments : Increments
-        The slave.
-    said : Messages
-        The master.
-    delay : float
-        How late its messages are [s].
-    C_ms : ndarray, shape (3, 3)
-        Nominal mounting [1].
+    `delay`: how late its messages are [s]; `C_ms` (3, 3): nominal mounting [1].
     """
     valid, t = said.time - delay, increments.time
     inside = np.flatnonzero((valid > t[0]) & (valid < t[-1]))
@@ -170,16 +140,7 @@ def forces(
 ) -> list[Finding]:
     """Return what contradicts units, signs and axes of accelerometers and velocities.
 
-    Parameters
-    ----------
-    increments : Increments
-        The slave.
-    said : Messages
-        The master.
-    found : Delay or None
-        What rate matching has found.
-    C_ms : ndarray, shape (3, 3)
-        Nominal mounting [1].
+    `found` or None: what rate matching has found; `C_ms` (3, 3): nominal mounting [1].
     """
     both = felt(increments, said, found.delay if found is not None and found.seen else 0.0, C_ms)
     if both is None:

@@ -46,16 +46,8 @@ def tables(
 ) -> dict[str, TableData]:
     """Return the tables of the report.
 
-    Parameters
-    ----------
-    e : Evidence
-        Filter and coefficients.
-    names : sequence of str
-        Coefficients of the result.
-    backward : LinearSmoothed or None
-        The run as seen from its end.
-    undelayed : Transfer or None
-        The same run, had the delay been ignored.
+    `backward` or None: the run as seen from its end; `undelayed` or None: the same run, had the
+    delay been ignored.
     """
     out = {"innovations": _innovations(e), "estimates": estimates(e.found, names)}
     if backward is not None:
@@ -92,15 +84,7 @@ def _innovations(e: Evidence) -> Table:
 
 
 def estimates(found: Transfer, names: Iterable[str]) -> Table:
-    """Return coefficients along the run with their standard deviations.
-
-    Parameters
-    ----------
-    found : Transfer
-        The run.
-    names : iterable of str
-        Of the coefficients.
-    """
+    """Return coefficients along the run with their standard deviations."""
     layout, run = found.free.layout, found.run
     out = {"time": found.free.time}
     for name in names:
@@ -142,15 +126,7 @@ def _delayed(e: Evidence, backward: LinearSmoothed) -> Table:
 
 
 def hand_over(handed: HandOver, increments: Increments) -> dict[str, Any]:
-    """Return the state in which the slave goes on alone, for result.json.
-
-    Parameters
-    ----------
-    handed : HandOver
-        The state.
-    increments : Increments
-        The slave's log.
-    """
+    """Return the state in which the slave goes on alone, for result.json."""
     s = handed.state
     return {
         "time": float(increments.time[handed.row]),
@@ -166,12 +142,7 @@ def hand_over(handed: HandOver, increments: Increments) -> dict[str, Any]:
 def mounting(mount: Mount, found: CoefficientVector) -> dict[str, Any]:
     """Return how the slave is turned on its master, for result.json.
 
-    Parameters
-    ----------
-    mount : Mount
-        What was said of it.
-    found : CoefficientVector
-        The coefficients, those of the installation among them.
+    `found`: the coefficients, those of the installation among them.
     """
     C_ms = mount.C_ms @ exp(found["installation"].values)
     return {
@@ -185,14 +156,8 @@ def mounting(mount: Mount, found: CoefficientVector) -> dict[str, Any]:
 def unseen(mount: Mount, *, left_out: bool = True, misalignments: bool = False) -> list[str]:
     """Say what this procedure cannot see in principle, for result.json.
 
-    Parameters
-    ----------
-    mount : Mount
-        How slave and master are fixed together.
-    left_out : bool
-        Whether what is not in the result is counted with.
-    misalignments : bool
-        Whether misalignments and scale factors are in the result.
+    `left_out`: whether what is not in the result is counted with; `misalignments`: whether
+    misalignments and scale factors are in the result.
     """
     out = [
         "Errors of the master: what it says is taken as true but for noise, and a bias of its "

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.transfer import Messages
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 KINDS = ("straight", "accelerated", "turning")
 """What a stretch is called."""
@@ -28,13 +26,7 @@ SHORTEST = 4.0
 
 
 def kinds_of(said: Messages) -> IntArray:
-    """Return what the vehicle does at each message, as a number of `KINDS`, shape (k,).
-
-    Parameters
-    ----------
-    said : Messages
-        What the master says.
-    """
+    """Return what the vehicle does at each message, as a number of `KINDS`, shape (k,)."""
     t = said.time
     a = np.searchsorted(t, t - OVER / 2)
     b = np.minimum(np.searchsorted(t, t + OVER / 2), len(t) - 1)
@@ -46,13 +38,7 @@ def kinds_of(said: Messages) -> IntArray:
 
 
 def stretches(said: Messages) -> list[tuple[int, int, int]]:
-    """Return first message, the one after the last, and kind of each stretch.
-
-    Parameters
-    ----------
-    said : Messages
-        What the master says.
-    """
+    """Return first message, the one after the last, and kind of each stretch."""
     kind, t = kinds_of(said), said.time
     edges = np.flatnonzero(np.diff(kind, prepend=-1, append=-1))
     out: list[tuple[int, int, int]] = []
@@ -68,12 +54,7 @@ def stretches(said: Messages) -> list[tuple[int, int, int]]:
 def table(said: Messages, sd: Mapping[str, FloatArray]) -> dict[str, npt.NDArray[Any]]:
     """Return one row per stretch: begin, end, kind, turn, change of speed, and sds at its end.
 
-    Parameters
-    ----------
-    said : Messages
-        The messages that were used.
-    sd : mapping of str to ndarray, each shape (k,)
-        Standard deviation of each coefficient after each message [SI].
+    `sd` (k,): standard deviation of each coefficient after each message [SI].
     """
     found = stretches(said)
     first = np.array([a for a, _, _ in found])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.transfer import delay as delay_checks
 from foucault.errors import Finding, finding
 from foucault.estimate.delay.fit import Delay, delay_of
@@ -14,8 +14,6 @@ from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.transfer import Messages
 from foucault.navigate.increments import Increments
-
-FloatArray = npt.NDArray[np.float64]
 
 ALIKE = 0.9
 """Of what a slave turns on its master, the master turns at least so much too, as a variance [1]."""
@@ -43,18 +41,8 @@ def turning(
 ) -> list[Finding]:  # fmt: skip
     """Return what contradicts mounting, units, axes, and the sense of angles.
 
-    Parameters
-    ----------
-    increments : Increments
-        The slave.
-    said : Messages
-        The master.
-    found : Delay or None
-        What rate matching has found from the nominal mounting.
-    C_ms : ndarray, shape (3, 3)
-        Nominal mounting [1].
-    bracket : (float, float)
-        Where the delay was looked for [s].
+    `found` or None: what rate matching has found from the nominal mounting; `C_ms` (3, 3):
+    nominal mounting [1]; `bracket`: where the delay was looked for [s].
     """
     if found is None:
         return []
@@ -65,7 +53,7 @@ def turning(
     if far is not None and _agrees(far, C_ms) and not bracket[0] < far.delay < bracket[1]:
         return [finding("transfer.clock", delay=f"{far.delay:+.3f}",
                         sd=f"{max(far.delay_sd, 5e-4):.3f}", low=f"{bracket[0]:g}",
-                        high=f"{bracket[1]:g}", behind=f"{far.delay:.3f}")]  # fmt: skip
+                        high=f"{bracket[1]:g}", cure=_set_right(far.delay))]  # fmt: skip
     for k, (name, cure) in enumerate(ANGLES.items()):
         angles = angles_of(said.C_nm)
         angles[:, k] *= -1.0
@@ -77,6 +65,13 @@ def turning(
     return _mounted(increments, said, found, C_ms, bracket) or [
         *delay_checks.of_size(found, dt), *_mirrored(increments, said, C_ms, bracket)
     ]  # fmt: skip
+
+
+def _set_right(delay: float) -> str:
+    """Say what is to be done with stamps that are ahead by `delay` [s]."""
+    size = f"{abs(delay):.3f} s"
+    return f"take {size} from the master's stamps" if delay > 0 else (
+        f"add {size} to the master's stamps")  # fmt: skip
 
 
 def _mounted(

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
 from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
@@ -26,8 +26,6 @@ from foucault.models.cluster import CONSTANTS, angles_of
 from foucault.models.rotation import log
 from foucault.result import Check
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 STRETCHES = 12
 """The log is tested in so many stretches [1]."""
@@ -47,36 +45,18 @@ LOOSE = np.radians(0.5)
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything the checks look at.
-
-    Attributes
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What was known beforehand.
-    fit : Fit
-        The solution, with its white rows.
-    coefficients : CoefficientVector
-        The same, named [SI].
-    believed : ndarray, shape (3,)
-        Outer, middle and inner angle where the start was believed to be [rad].
-    slow : bool
-        Whether noise that is not white was declared: residuals may then be larger and related.
-    advice : str
-        How a published filter ended, in its own words.
-    earth : EarthSeen or None
-        What the session says of the Earth's rate.
-    """
+    """Everything the checks look at."""
 
     tumble: Tumble
-    prior: Prior
-    fit: Fit
-    coefficients: CoefficientVector
+    prior: Prior  # what was known beforehand
+    fit: Fit  # the solution, with its white rows
+    coefficients: CoefficientVector  # the same, named [SI]
+    # (3,) outer, middle and inner angle where the start was believed to be [rad]
     believed: FloatArray
+    # whether noise that is not white was declared: residuals may then be larger and related
     slow: bool = False
-    advice: str = ""
-    earth: EarthSeen | None = None
+    advice: str = ""  # how a published filter ended, in its own words
+    earth: EarthSeen | None = None  # what the session says of the Earth's rate
 
     @property
     def residuals(self) -> FloatArray:
@@ -108,17 +88,8 @@ class Evidence:
     def sums(self, parts: int) -> tuple[FloatArray, FloatArray]:
         """Return sums of the residuals over parts of the log, and their covariance.
 
-        Parameters
-        ----------
-        parts : int, shape ()
-            Into so many the log is cut [1].
-
-        Returns
-        -------
-        sums : ndarray, shape (3 k,)
-            Over the square root of the number of terms [1].
-        cov : ndarray, shape (3 k, 3 k)
-            What it is where noise and model are right [1].
+        `parts`: into so many the log is cut [1]. Returns `sums` (3 k,): over the square root of
+        the number of terms [1]; `cov` (3 k, 3 k): what it is where noise and model are right [1].
         """
         pieces = [p for p in np.array_split(np.arange(len(self.residuals)), parts) if len(p)]
         total = [np.sum(self.residuals[p], axis=0) / np.sqrt(len(p)) for p in pieces]
@@ -128,13 +99,7 @@ class Evidence:
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason.
-
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    """
+    """Return every test of the result; a failed one carries its reason."""
     ended = status_check(e.fit.status, ())
     if e.advice:
         ended = replace(ended, sentence=e.advice)
@@ -167,13 +132,7 @@ def _square(e: Evidence, part: FloatArray, leverage: FloatArray, tests: int) -> 
 
 
 def whole_square(e: Evidence) -> list[float]:
-    """Return the chi-square of all residuals, its limits, and its degrees of freedom.
-
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    """
+    """Return the chi-square of all residuals, its limits, and its degrees of freedom."""
     return _square(e, e.residuals, e.leverage, 1)
 
 
@@ -300,13 +259,7 @@ def _delay(e: Evidence) -> Check:
 
 
 def findings(e: Evidence) -> list[Finding]:
-    """Return what the user should know: delay, start, a singular attitude, poor condition.
-
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    """
+    """Return what the user should know: delay, start, a singular attitude, poor condition."""
     out, (late, sd) = earth_findings(e.earth, 2 * EACH), e.fit.late
     if e.fit.status is Status.CONVERGED and not e.slow and not _delay(e).passed:
         out.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.tumble.motion import motion_findings as motion_findings
 from foucault.diagnose.tumble.motion import nearest
 from foucault.errors import Finding, error, finding
@@ -13,8 +14,6 @@ from foucault.models.cluster import attitude_of
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.plans.tumble.torquing import Nominal, TorquingPlan
 from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
 
 WRONG_SIZE = 0.05
 """Readings whose mean size is this far from gravity have a wrong unit [1]."""
@@ -44,14 +43,8 @@ SHIFTED = 120
 def require_readings(log: Log, site: Site, rate_limit: float | None) -> None:
     """Refuse a log without command, accelerometers, latitude, or with impossible values.
 
-    Parameters
-    ----------
-    log : Log
-        Command in the gyro columns, and readings [SI].
-    site : Site
-        Gravity and latitude.
-    rate_limit : float or None
-        Largest rate about an axis that the rig allows [rad/s].
+    `log`: command in the gyro columns, and readings [SI]; `rate_limit` or None: largest rate
+    about an axis that the rig allows [rad/s].
     """
     if log.accel is None:
         raise error("tumble.no_accel")
@@ -78,14 +71,8 @@ def require_readings(log: Log, site: Site, rate_limit: float | None) -> None:
 def require_gravity(log: Log, site: Site, start: FloatArray) -> None:
     """Refuse readings that have not the size of gravity, or point down.
 
-    Parameters
-    ----------
-    log : Log
-        Command and readings [SI].
-    site : Site
-        Gravity.
-    start : ndarray, shape (3,)
-        Outer, middle and inner angle at the first row, as believed [rad].
+    `log`: command and readings [SI]; `start` (3,): outer, middle and inner angle at the first
+    row, as believed [rad].
     """
     assert log.accel is not None
     good = log.accel[np.isfinite(log.accel).all(axis=1)]
@@ -124,16 +111,8 @@ def plan_findings(
 ) -> list[Finding]:
     """Compare the command of a log with that of its plan.
 
-    Parameters
-    ----------
-    log : Log
-        Command in the gyro columns [SI].
-    plan : TorquingPlan
-        What was to be done.
-    told : Nominal
-        What the plan commands.
-    from_its_time : bool
-        Whether the command of a row begins at its time.
+    `log`: command in the gyro columns [SI]; `from_its_time`: whether the command of a row begins
+    at its time.
     """
     assert log.gyro is not None
     out = []
@@ -195,10 +174,7 @@ def _shift(command: FloatArray, wanted: FloatArray) -> int:
 def gap_findings(log: Log) -> list[Finding]:
     """Tell of intervals in which the command is not known.
 
-    Parameters
-    ----------
-    log : Log
-        Command and readings [SI].
+    `log`: command and readings [SI].
     """
     assert log.gyro is not None
     dt, limit = np.diff(log.time), LONG * log.interval
@@ -222,14 +198,8 @@ def gap_findings(log: Log) -> list[Finding]:
 def edges(time: FloatArray, command: FloatArray, after: float) -> npt.NDArray[np.bool_]:
     """Return which intervals end within `after` [s] of a step of the command, shape (n,).
 
-    Parameters
-    ----------
-    time : ndarray, shape (n + 1,)
-        Of the rows [s].
-    command : ndarray, shape (n, 3)
-        Rate commanded in every interval [rad/s].
-    after : float
-        How long the angular acceleration of a step may last [s].
+    `time` (n + 1,): of the rows [s]; `command` (n, 3): rate commanded in every interval [rad/s];
+    `after`: how long the angular acceleration of a step may last [s].
     """
     step = np.linalg.norm(np.diff(command, axis=0, prepend=np.zeros((1, 3))), axis=1)
     steps = time[:-1][step > STEP * np.linalg.norm(command, axis=1).max()]
@@ -248,12 +218,8 @@ def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
     reading; a command that steps bends the readings, by no
     more than a third of the step times gravity and the interval.
 
-    Parameters
-    ----------
-    log : Log
-        Command, and readings that move slowly against their rate [SI].
-    sd : float, shape ()
-        Of a reading by its noise: what is less is no jump [m/s^2].
+    `log`: command, and readings that move slowly against their rate [SI]; `sd`: of a reading by
+    its noise: what is less is no jump [m/s^2].
     """
     from scipy.interpolate import CubicSpline
     from scipy.special import ndtri
@@ -304,10 +270,7 @@ def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
 def measured_white(log: Log) -> float:
     """Measure the white noise of the accelerometers by third differences [m/s^2/sqrt(Hz)].
 
-    Parameters
-    ----------
-    log : Log
-        Readings that move slowly against their rate [SI].
+    `log`: readings that move slowly against their rate [SI].
     """
     assert log.accel is not None
     good = log.accel[np.isfinite(log.accel).all(axis=1)]

@@ -15,11 +15,10 @@ from itertools import permutations, product
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding
 from foucault.models.earth import EARTH_RATE
 from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
 
 TURN = 0.2
 """Windows in which the cluster turns by less than this tell how it moves [rad]."""
@@ -70,14 +69,8 @@ def _most(steps: FloatArray) -> float:
 def motion_findings(log: Log, from_its_time: bool, delay_sd: float = 0.0) -> list[Finding]:
     """Compare how the readings move with the command; refuse wrong units, senses and axes.
 
-    Parameters
-    ----------
-    log : Log
-        Command and readings [SI].
-    from_its_time : bool
-        Whether the command of a row begins at its time.
-    delay_sd : float, shape ()
-        Sd of a delay that is estimated later; 0 for none [s].
+    `log`: command and readings [SI]; `from_its_time`: whether the command of a row begins at its
+    time; `delay_sd`: sd of a delay that is estimated later, 0 for none [s].
     """
     # Windows short enough for the rule above by the command, or whatever the command says.
     motion = next((m for m in _windows(log, from_its_time) if m.within(TURN, np.inf)), None)
@@ -258,14 +251,7 @@ def _as_readings(matrix: FloatArray) -> str:
 def nearest(known: dict[float, str], factor: float, otherwise: str) -> str:
     """Return the words of the known factor that is within a tenth of this one.
 
-    Parameters
-    ----------
-    known : dict of float to str
-        Words of factors [1].
-    factor : float
-        The factor [1].
-    otherwise : str
-        The words where none is near.
+    `known`: words of factors [1]; `factor`: the factor [1].
     """
     near = min(known, key=lambda size: abs(np.log(factor / size)))
     return known[near] if abs(np.log(factor / near)) < 0.1 else otherwise

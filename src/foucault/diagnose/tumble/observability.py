@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.diagnose.information import Information
 from foucault.diagnose.observability import LinearSegment, Observability, observability
@@ -15,8 +15,6 @@ from foucault.estimate.tumble.fit import STATES, Fit, Prior, State, Tumble, sens
 from foucault.models.cluster import CONSTANTS
 from foucault.models.rotation import cross_matrix, exp
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 STATE = Layout(
     (
@@ -38,16 +36,7 @@ STATE = Layout(
 def curves(tumble: Tumble, at: State, gravity: float, normalised: FloatArray) -> Sensitivity:
     """Return d(reading)/d(state) along the motion: attitude at the start, then 42 constants.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    at : State
-        About which to linearise.
-    gravity : float
-        Local gravity [m/s^2].
-    normalised : ndarray, shape (42,)
-        Factors that turn SI into packed units.
+    `gravity`: local gravity [m/s^2]; `normalised` (42,): factors that turn SI into packed units.
     """
     scale = np.concatenate([np.ones(3), normalised, [1.0]])
     time, slopes = sensitivities(tumble, at, scale)
@@ -58,15 +47,7 @@ def curves(tumble: Tumble, at: State, gravity: float, normalised: FloatArray) ->
 
 
 def information_of(fit: Fit, prior: Prior) -> Information:
-    """Return what the data alone say: of the attitude at the start, and of the constants.
-
-    Parameters
-    ----------
-    fit : Fit
-        The solution.
-    prior : Prior
-        In whose sd the solution counts.
-    """
+    """Return what the data alone say: of the attitude at the start, and of the constants."""
     n = STATES - 1
     values, vectors = np.linalg.eigh(fit.information[:n, :n])
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
@@ -79,18 +60,9 @@ def piecewise(
 ) -> Observability:  # fmt: skip
     """Return the stripped observability of a plan of constant segments.
 
-    Parameters
-    ----------
-    rates : sequence of ndarray, shape (3,)
-        Rate of each segment, frame p [rad/s].
-    attitudes : sequence of ndarray, shape (3, 3)
-        C_pn in the middle of each segment [1].
-    times : sequence of float
-        How long each takes [s].
-    prior : Prior
-        Its mean is where the model is linearised.
-    reading_sd : float
-        Standard deviation of a reading [local g].
+    `rates` (3,): rate of each segment, frame p [rad/s]; `attitudes` (3, 3): C_pn in the middle of
+    each segment [1]; `times`: how long each takes [s]; `prior`: its mean is where the model is
+    linearised; `reading_sd`: standard deviation of a reading [local g].
     """
     segments = [
         _segment(prior.mean.constants, rate, C_pn, time)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.observability import Observability
 from foucault.diagnose.tumble import checks as tumble_checks
 from foucault.diagnose.tumble import observability
@@ -23,8 +24,6 @@ from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, noise_json
 from foucault.result import TableData
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 DRAWN = 400
 """Rows of a table that is drawn as curves [1]."""
@@ -45,14 +44,7 @@ WEAKEST, STRONG = 6, 0.9
 def diagnostics(e: Evidence, site: Site, noise: ImuNoise) -> dict[str, Any]:
     """Return what result.json tells beside coefficients and checks.
 
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise
-        White noise that was weighed [SI].
+    `noise`: white noise that was weighed [SI].
     """
     C_pn = e.fit.C_np.T
     return {
@@ -77,13 +69,7 @@ def diagnostics(e: Evidence, site: Site, noise: ImuNoise) -> dict[str, Any]:
 
 
 def observability_json(e: Evidence) -> dict[str, Any]:
-    """Return what the motion shows and what it leaves, in words and numbers.
-
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    """
+    """Return what the motion shows and what it leaves, in words and numbers."""
     information = observability.information_of(e.fit, e.prior)
     prior_sd = e.prior.sd[: len(STATE)]
     motion, until = piecewise(e)
@@ -116,13 +102,7 @@ def _alone(newly: Sequence[Sequence[str]]) -> list[int]:
 
 
 def piecewise(e: Evidence) -> tuple[Observability, list[float]]:
-    """Return the stripped observability of the motion as it was, and when each short turn ends.
-
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    """
+    """Return the stripped observability of the motion as it was, and when each short turn ends."""
     rates, path, times = segments(e)
     reading_sd = float(np.sqrt(e.tumble.accel_variance / e.tumble.block))
     motion = observability.piecewise(rates, path, times, e.prior, reading_sd)
@@ -130,13 +110,7 @@ def piecewise(e: Evidence) -> tuple[Observability, list[float]]:
 
 
 def segments(e: Evidence) -> tuple[list[FloatArray], list[FloatArray], list[float]]:
-    """Return rate, C_pn in the middle and time of each part of the motion.
-
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    """
+    """Return rate, C_pn in the middle and time of each part of the motion."""
     t = e.tumble
     turned = np.concatenate([[0.0], np.cumsum(np.linalg.norm(t.command, axis=1) * t.dt)])
     part = max(SUBDIVIDED, float(turned[-1]) / MOST_SEGMENTS)
@@ -154,13 +128,7 @@ def segments(e: Evidence) -> tuple[list[FloatArray], list[FloatArray], list[floa
 
 
 def legs(t: Tumble) -> list[dict[str, Any]]:
-    """Return start, end [s] and mean command [rad/s] of every leg of the motion: what is drawn.
-
-    Parameters
-    ----------
-    t : Tumble
-        The log.
-    """
+    """Return start, end [s] and mean command [rad/s] of every leg of the motion: what is drawn."""
     time = _time(t)
     kept = [0]
     for edge in _jumps(t)[1:-1]:
@@ -190,15 +158,7 @@ def _time(t: Tumble) -> FloatArray:
 
 
 def tables(e: Evidence, site: Site) -> dict[str, TableData]:
-    """Return the tables of the report.
-
-    Parameters
-    ----------
-    e : Evidence
-        Log, prior and solution.
-    site : Site
-        Gravity.
-    """
+    """Return the tables of the report."""
     return {
         "course": _course(e, site),
         "residuals": _residuals(e),

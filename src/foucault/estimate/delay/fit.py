@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay import offsets
 from foucault.estimate.delay.matching import (
     BIAS,
@@ -38,9 +38,6 @@ from foucault.estimate.delay.matching import (
 )
 from foucault.estimate.delay.turned import SlaveAttitude, Turns, inside, turns_of
 from foucault.navigate.increments import Increments
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 BRACKET = (-1.0, 1.0)
 """Where an offset is looked for if nothing is said [s]."""
@@ -84,55 +81,28 @@ RIVAL = 1.5
 
 @dataclass(frozen=True)
 class Delay:
-    """The time offset of two instruments on one body. It and its drift hold at `middle`.
+    """The time offset of two instruments on one body. It and its drift hold at `middle`."""
 
-    Attributes
-    ----------
-    match : Match
-        What matching has found, the drift of the clocks taken out [SI].
-    turns : Turns
-        What the master turned, by its own stamps.
-    C_ms : ndarray, shape (3, 3)
-        The mounting, slave to master [1].
-    middle : float
-        When the delay is known best, by the master's stamps [s].
-    drift, drift_sd : float
-        Growth of the delay: how much the clock of the stamps is fast; 0 where it is not seen [1].
-    part_start, part_end : ndarray, shape (p,)
-        Parts of the log, by the master's stamps [s].
-    part_delay : ndarray, shape (p,)
-        Delay in the middle of each [s].
-    part_cov : ndarray, shape (p, p)
-        Its covariance [s^2].
-    bracket : (float, float)
-        Where it was looked for [s].
-    edge : bool
-        Whether the best is at an end of that.
-    rivals : ndarray, shape (r,)
-        Other offsets that fit nearly as well [s].
-    wild : ndarray of bool, shape (k,)
-        Turns of the master that no body makes.
-    likeness : float
-        Part of the slave's turning that the master has too, whatever its size, as a variance [1].
-    scale, scale_sd : float
-        How many times as much the slave turns [1].
-    """
-
-    match: Match
-    turns: Turns
-    C_ms: FloatArray
-    middle: float
+    match: Match  # what matching has found, the drift of the clocks taken out [SI]
+    turns: Turns  # what the master turned, by its own stamps
+    C_ms: FloatArray  # (3, 3) the mounting, slave to master [1]
+    middle: float  # when the delay is known best, by the master's stamps [s]
+    # drift, drift_sd: growth of the delay: how much the clock of the stamps is fast; 0 where it is
+    # not seen [1]
     drift: float
     drift_sd: float
+    # part_start, part_end: (p,) parts of the log, by the master's stamps [s]
     part_start: FloatArray
     part_end: FloatArray
-    part_delay: FloatArray
-    part_cov: FloatArray
-    bracket: tuple[float, float]
-    edge: bool
-    rivals: FloatArray
-    wild: BoolArray
+    part_delay: FloatArray  # (p,) delay in the middle of each [s]
+    part_cov: FloatArray  # (p, p) its covariance [s^2]
+    bracket: tuple[float, float]  # where it was looked for [s]
+    edge: bool  # whether the best is at an end of that
+    rivals: FloatArray  # (r,) other offsets that fit nearly as well [s]
+    wild: BoolArray  # (k,) turns of the master that no body makes
+    # part of the slave's turning that the master has too, whatever its size, as a variance [1]
     likeness: float
+    # scale, scale_sd: how many times as much the slave turns [1]
     scale: float
     scale_sd: float
 
@@ -185,26 +155,12 @@ def delay_of(
 ) -> Delay | None:
     """Find the offset of a slave's clock from the stamps of a master.
 
-    Parameters
-    ----------
-    increments : Increments
-        What the slave's gyros added up [SI].
-    time : ndarray, shape (k,)
-        Stamps of the master, rising [s].
-    C_nb : ndarray, shape (k, 3, 3)
-        Its attitude; NaN where it is not known [1].
-    w_in_n : ndarray, shape (k, 3), or None
-        Rate of frame n, of Earth and transport [rad/s]; None where n does not turn.
-    C_ms : ndarray, shape (3, 3), or None
-        How the slave is mounted, to within some 10 deg; None where nobody knows.
-    bracket : (float, float) or None
-        Where the delay lies [s]; None for as far as the logs overlap at all.
-
-    Returns
-    -------
-    Delay or None
-        None where fewer than `FEWEST` intervals are common to both. Whether the delay is seen, it
-        says itself.
+    `increments`: what the slave's gyros added up [SI]; `time` (k,): stamps of the master, rising
+    [s]; `C_nb` (k, 3, 3): its attitude, NaN where it is not known [1]; `w_in_n` (k, 3): rate of
+    frame n, of Earth and transport [rad/s], None where n does not turn; `C_ms` (3, 3): how the
+    slave is mounted, to within some 10 deg, None where nobody knows; `bracket`: where the delay
+    lies [s], None for as far as the logs overlap at all. Returns None where fewer than `FEWEST`
+    intervals are common to both. Whether the delay is seen, it says itself.
     """
     # A clock that counts from 1970 is good to 0.2 us only, too coarse for the iteration to settle.
     start = float(increments.time[0])
@@ -250,15 +206,7 @@ def _delay_of(
 
 
 def possible(slave: SlaveAttitude, turns: Turns) -> BoolArray:
-    """Return which turns a body can have made that turned like the slave, shape (k,).
-
-    Parameters
-    ----------
-    slave : SlaveAttitude
-        The slave.
-    turns : Turns
-        The master.
-    """
+    """Return which turns a body can have made that turned like the slave, shape (k,)."""
     x = slave.increments
     fastest = float(np.max(np.linalg.norm(x.dtheta_b, axis=1) / x.dt))
     limit = 1.5 * fastest * turns.dt + np.radians(3.0)

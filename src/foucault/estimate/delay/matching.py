@@ -24,14 +24,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay.spectral_weights import filtered, shared, spectrum_of, whitening
 from foucault.estimate.delay.turned import SlaveAttitude, Turns, inside
 from foucault.models.rotation import cross_matrix, exp
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 ITERATIONS = 20
 """Most steps of Gauss-Newton in one pass [1]."""
@@ -55,38 +52,18 @@ TAU, MU, BIAS = 0, slice(1, 4), slice(4, 7)
 
 @dataclass(frozen=True)
 class Match:
-    """What matching has found.
+    """What matching has found."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (7,)
-        Delay [s], mounting mu relative to the start (3) [rad], bias (3) [rad/s].
-    cov : ndarray, shape (7, 7)
-        Covariance [SI].
-    C_ms : ndarray, shape (3, 3)
-        Mounting, mu included [1].
-    used : ndarray of bool, shape (k,)
-        Which intervals of the master.
-    residual : ndarray, shape (k, 3)
-        phi_s less what was expected, in s; zero where not used [rad].
-    slope : ndarray, shape (k, 3, 7)
-        Its derivatives by x.
-    phi_s : ndarray, shape (k, 3)
-        What the slave turned, zero where not used [rad].
-    converged : bool
-        Whether the iteration has settled.
-    spectrum : ndarray, shape (f, 3), or None
-        Spectrum by which the residuals were weighted, as the square of a Fourier transform [rad^2].
-    """
-
-    x: FloatArray
-    cov: FloatArray
-    C_ms: FloatArray
-    used: BoolArray
-    residual: FloatArray
-    slope: FloatArray
-    phi_s: FloatArray
-    converged: bool
+    x: FloatArray  # (7,) delay [s], mounting mu relative to the start (3) [rad], bias (3) [rad/s]
+    cov: FloatArray  # (7, 7) covariance [SI]
+    C_ms: FloatArray  # (3, 3) mounting, mu included [1]
+    used: BoolArray  # (k,) which intervals of the master
+    residual: FloatArray  # (k, 3) phi_s less what was expected, in s; zero where not used [rad]
+    slope: FloatArray  # (k, 3, 7) its derivatives by x
+    phi_s: FloatArray  # (k, 3) what the slave turned, zero where not used [rad]
+    converged: bool  # whether the iteration has settled
+    # (f, 3) spectrum by which the residuals were weighted, as the square of a Fourier transform
+    # [rad^2]
     spectrum: FloatArray | None = None
 
     @property
@@ -101,18 +78,8 @@ def match(
 ) -> Match:  # fmt: skip
     """Find delay, mounting and bias from a start that is near, all residuals of equal weight.
 
-    Parameters
-    ----------
-    slave : SlaveAttitude
-        The slave.
-    turns : Turns
-        The master.
-    delay : float
-        Start of the delay, within a part of the shortest period of the motion [s].
-    C_ms : ndarray, shape (3, 3)
-        Start of the mounting [1].
-    among : ndarray of bool, shape (k,), or None
-        Intervals that may be used; None for all.
+    `delay`: start of the delay, within a part of the shortest period of the motion [s]; `C_ms`
+    (3, 3): start of the mounting [1]; `among` (k,): intervals that may be used, None for all.
     """
     x = np.zeros(7)
     x[TAU] = delay
@@ -124,16 +91,8 @@ def weigh(
 ) -> Match:
     """Find them again, weighted by the spectrum of the residuals of a match.
 
-    Parameters
-    ----------
-    slave : SlaveAttitude
-        The slave.
-    turns : Turns
-        The master; its stamps may have moved a little.
-    found : Match
-        Where to start from.
-    among : ndarray of bool, shape (k,), or None
-        Intervals that may be used; None for all.
+    `turns`: the master, its stamps may have moved a little; `among` (k,): intervals that may be
+    used, None for all.
     """
     used = found.used if among is None else found.used & among
     spectrum = spectrum_of(np.where(used[:, None], found.residual, 0.0))
@@ -195,12 +154,7 @@ def _weighed(now: Match, weights: tuple[FloatArray | None, FloatArray | None]) -
 def whitened(found: Match, slope: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
     """Return residuals (m, 3) and slopes (m, 3, p) divided by their amplitude [1]; m >= k.
 
-    Parameters
-    ----------
-    found : Match
-        What was found.
-    slope : ndarray, shape (k, 3, p), or None
-        Slopes by other unknowns; None for those of the match.
+    `slope` (k, 3, p): slopes by other unknowns, None for those of the match.
     """
     slope = found.slope if slope is None else slope
     if found.spectrum is None:
@@ -226,19 +180,9 @@ def _step(found: Match) -> tuple[FloatArray, float, float]:
 def residual_step(found: Match, delays: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far unknowns of the delay are from zero, and their covariance with the others.
 
-    Parameters
-    ----------
-    found : Match
-        What was found.
-    delays : ndarray, shape (k, 3, p)
-        Slopes by unknowns that stand in for the delay [rad/s] times their unit.
-
-    Returns
-    -------
-    step : ndarray, shape (p + 6,)
-        Step, the unknowns in place of the delay first.
-    cov : ndarray, shape (p + 6, p + 6)
-        Its covariance.
+    `delays` (k, 3, p): slopes by unknowns that stand in for the delay [rad/s] times their unit.
+    Returns `step` (p + 6,): step, the unknowns in place of the delay first; `cov` (p + 6, p + 6):
+    its covariance.
     """
     p = delays.shape[2]
     e, J = whitened(found, np.concatenate([delays, found.slope[:, :, 1:]], axis=2))
@@ -258,16 +202,9 @@ def covariance(
     ``dx_r = A^-1 J_r' (I - J_r A^-1 J_r')^-1 e_r``, ``cov = sum dx dx'``; [1]. It holds where rows
     differ in noise. What is not seen is infinite.
 
-    Parameters
-    ----------
-    e : ndarray, shape (k, 3)
-        Whitened residuals of the solution [1].
-    J : ndarray, shape (k, 3, p)
-        Their slopes [1].
-    held : ndarray, shape (p, p), or None
-        Information that is known beside [1].
-    rows : int, shape ()
-        Rows that are left out together: those that have an error in common [1].
+    `e` (k, 3): whitened residuals of the solution [1]; `J` (k, 3, p): their slopes [1]; `held`
+    (p, p) or None: information that is known beside [1]; `rows`: rows that are left out together:
+    those that have an error in common [1].
     """
     p = J.shape[2]
     held = np.zeros((p, p)) if held is None else held

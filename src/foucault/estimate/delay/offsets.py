@@ -10,13 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay.turned import Turns
 from foucault.navigate.increments import Increments
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 FINER = 4
 """Offsets lie so many times closer than the intervals, over which all is averaged [1]."""
@@ -39,24 +36,13 @@ NEARLY = 0.1
 
 @dataclass(frozen=True)
 class Offsets:
-    """How well each offset fits.
+    """How well each offset fits."""
 
-    Attributes
-    ----------
-    tau : ndarray, shape (n,)
-        Offsets, rising [s].
-    likeness : ndarray, shape (n,)
-        Correlation at each, with the best mounting or the known one; at most 1 [1].
-    products : ndarray, shape (n, 3, 3)
-        Sums of s m' [rad^2].
-    ratio : ndarray, shape (n,)
-        How many times as much the slave turns [1].
-    """
-
-    tau: FloatArray
+    tau: FloatArray  # (n,) offsets, rising [s]
+    # (n,) correlation at each, with the best mounting or the known one; at most 1 [1]
     likeness: FloatArray
-    products: FloatArray
-    ratio: FloatArray
+    products: FloatArray  # (n, 3, 3) sums of s m' [rad^2]
+    ratio: FloatArray  # (n,) how many times as much the slave turns [1]
 
     @property
     def size(self) -> float:
@@ -96,10 +82,7 @@ class Offsets:
     def at_edge(self, tau: float) -> bool:
         """Tell whether an offset lies at an end.
 
-        Parameters
-        ----------
-        tau : float
-            The offset [s].
+        `tau`: the offset [s].
         """
         step = self.tau[1] - self.tau[0] if len(self.tau) > 1 else 0.0
         return bool(min(tau - self.low, self.high - tau) < step / 2)
@@ -107,10 +90,7 @@ class Offsets:
     def mounting(self, tau: float) -> FloatArray:
         """Return the mounting C_ms that fits best at an offset, shape (3, 3).
 
-        Parameters
-        ----------
-        tau : float
-            The offset [s].
+        `tau`: the offset [s].
         """
         row = int(np.argmin(np.abs(self.tau - tau)))
         U, _, Vt = np.linalg.svd(self.products[row])
@@ -124,23 +104,9 @@ def scan(
 ) -> Offsets | None:  # fmt: skip
     """Return how well each offset of a bracket fits.
 
-    Parameters
-    ----------
-    increments : Increments
-        The slave [SI].
-    turns : Turns
-        The master.
-    usable : ndarray of bool, shape (k,)
-        Which of its turns count.
-    C_ms : ndarray, shape (3, 3), or None
-        The mounting, where it is known.
-    bracket : (float, float) or None
-        Where to look [s]; None for as far as they overlap, more coarsely.
-
-    Returns
-    -------
-    Offsets or None
-        None where they have too little in common at every offset.
+    `increments`: the slave [SI]; `usable` (k,): which of its turns count; `C_ms` (3, 3) or None:
+    the mounting, where it is known; `bracket`: where to look [s], None for as far as they
+    overlap, more coarsely. Returns None where they have too little in common at every offset.
     """
     h, begin, end = turns.interval, float(turns.start[0]), float(turns.end[-1])
     first, last = float(increments.time[0]), float(increments.time[-1])

@@ -18,7 +18,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
+
 ComplexArray = npt.NDArray[np.complex128]
 
 LEAST = 4
@@ -34,10 +35,7 @@ def spectrum_of(residual: FloatArray) -> FloatArray:
     White noise of phi and of attitude, ``S = c (1 - r + r (2 sin(w/2))^2)``, are fitted first; what
     is left over is smoothed.
 
-    Parameters
-    ----------
-    residual : ndarray, shape (k, 3)
-        Residuals [rad].
+    `residual` (k, 3): residuals [rad].
     """
     k = len(residual)
     power = np.abs(waves(residual)) ** 2
@@ -58,12 +56,8 @@ def shared(turned: FloatArray, spectrum: FloatArray) -> FloatArray:
 
     Where the slave bends or is noisy its own rate says too much of what a delay would change.
 
-    Parameters
-    ----------
-    turned : ndarray, shape (k, 3)
-        What the slave turned [rad].
-    spectrum : ndarray, shape (f, 3)
-        Spectrum of the residuals [rad^2].
+    `turned` (k, 3): what the slave turned [rad]; `spectrum` (f, 3): spectrum of the residuals
+    [rad^2].
     """
     power = np.abs(waves(turned)) ** 2
     smooth = np.stack([_smoothed(p[1:], _most(len(turned))) for p in power.T], axis=1)
@@ -73,12 +67,7 @@ def shared(turned: FloatArray, spectrum: FloatArray) -> FloatArray:
 def filtered(x: FloatArray, gain: FloatArray | ComplexArray) -> FloatArray:
     """Return series through a filter, as long as a Fourier transform likes, not shorter.
 
-    Parameters
-    ----------
-    x : ndarray, shape (k, 3) or (k, 3, p)
-        Series [any unit].
-    gain : ndarray, shape (f, 3)
-        Gain by frequency and axis [1].
+    `x` (k, 3) or (k, 3, p): series [any unit]; `gain` (f, 3): gain by frequency and axis [1].
     """
     return _in_time(waves(x) * (gain if x.ndim == 2 else gain[..., None]))
 
@@ -86,10 +75,7 @@ def filtered(x: FloatArray, gain: FloatArray | ComplexArray) -> FloatArray:
 def whitening(spectrum: FloatArray) -> ComplexArray:
     """Return the filter that makes residuals white, looking back only, shape (f, 3); [2].
 
-    Parameters
-    ----------
-    spectrum : ndarray, shape (f, 3)
-        Their power in each row [rad^2].
+    `spectrum` (f, 3): their power in each row [rad^2].
     """
     cepstrum = _in_time(np.log(spectrum).astype(complex))
     half = len(spectrum) - 1
@@ -101,10 +87,7 @@ def whitening(spectrum: FloatArray) -> ComplexArray:
 def waves(x: FloatArray) -> ComplexArray:
     """Return the Fourier transform along the first axis, of a length that it likes, even.
 
-    Parameters
-    ----------
-    x : ndarray, shape (k, ...)
-        Series; zeros are put behind them [any unit].
+    `x` (k, ...): series, zeros are put behind them [any unit].
     """
     from scipy.fft import next_fast_len, rfft
 

@@ -11,30 +11,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.models.rotation import exp, log
 from foucault.navigate.increments import Increments
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Turns:
-    """What a master turned between its epochs, relative to inertial space.
+    """What a master turned between its epochs, relative to inertial space."""
 
-    Attributes
-    ----------
-    start, end : ndarray, shape (k,)
-        Epochs, as stamped [s].
-    phi_m : ndarray, shape (k, 3)
-        Rotation vectors in the master's axes [rad].
-    """
-
+    # start, end: (k,) epochs, as stamped [s]
     start: FloatArray
     end: FloatArray
-    phi_m: FloatArray
+    phi_m: FloatArray  # (k, 3) rotation vectors in the master's axes [rad]
 
     @cached_property
     def dt(self) -> FloatArray:
@@ -59,14 +49,9 @@ class SlaveAttitude:
     """The attitude of the slave relative to its start, at any time.
 
     Between samples the angle follows the cubic that has the increments around it.
-
-    Attributes
-    ----------
-    increments : Increments
-        What its gyros added up [SI].
     """
 
-    increments: Increments
+    increments: Increments  # what its gyros added up [SI]
 
     @cached_property
     def history(self) -> FloatArray:
@@ -94,10 +79,7 @@ class SlaveAttitude:
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return C_0s, shape (k, 3, 3), and the rate w_is_s, shape (k, 3) [rad/s].
 
-        Parameters
-        ----------
-        time : ndarray, shape (k,)
-            When, within the log [s].
+        `time` (k,): when, within the log [s].
         """
         x = self.increments
         row = np.clip(np.searchsorted(x.time, time), 1, len(x) - 1)
@@ -112,10 +94,7 @@ class SlaveAttitude:
     def turned(self, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return phi_s, shape (k, 3) [rad], and its slope by the delay, shape (k, 3) [rad/s].
 
-        Parameters
-        ----------
-        start, end : ndarray, shape (k,)
-            From when to when, by the slave's clock [s].
+        `start`, `end` (k,): from when to when, by the slave's clock [s].
         """
         if np.array_equal(start[1:], end[:-1]):  # one look-up serves both
             C, w = self.at(np.append(start, end[-1:]))
@@ -132,15 +111,10 @@ class SlaveAttitude:
 def turns_of(time: FloatArray, C_nb: FloatArray, w_in_n: FloatArray | None = None) -> Turns:
     """Return what a master turned between its epochs.
 
-    Parameters
-    ----------
-    time : ndarray, shape (k,)
-        Epochs, as stamped, rising [s].
-    C_nb : ndarray, shape (k, 3, 3)
-        Its attitude [1]. Frame n cancels but for its own rate.
-    w_in_n : ndarray, shape (k, 3), or None
-        Rate of frame n, of Earth and transport [rad/s]; None where n does not turn. Left out, up to
-        15 deg/h of the Earth's rate go into the bias.
+    `time` (k,): epochs, as stamped, rising [s]; `C_nb` (k, 3, 3): its attitude [1]. Frame n
+    cancels but for its own rate; `w_in_n` (k, 3): rate of frame n, of Earth and transport
+    [rad/s], None where n does not turn. Left out, up to 15 deg/h of the Earth's rate go into the
+    bias.
     """
     before = np.swapaxes(C_nb[:-1], 1, 2)
     if w_in_n is not None:
@@ -158,16 +132,7 @@ def inside(
 ) -> BoolArray:
     """Return which intervals the slave's log covers without a gap, shape (k,).
 
-    Parameters
-    ----------
-    slave : SlaveAttitude
-        The slave.
-    turns : Turns
-        The master.
-    delay : float
-        The delay [s].
-    among : ndarray of bool, shape (k,), or None
-        Those that may be used; None for all.
+    `delay`: the delay [s]; `among` (k,): those that may be used, None for all.
     """
     time = slave.increments.time
     a, b = turns.start - delay, turns.end - delay

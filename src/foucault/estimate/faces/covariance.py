@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.faces.likelihood import Scene, State
 from foucault.models.earth import EARTH_RATE
 from foucault.models.faces import FaceReadings, TurnReadings
@@ -25,33 +25,21 @@ from foucault.models.noise import ImuNoise
 from foucault.models.readings import mean_variance
 from foucault.models.session_noise import QUIET_ENDS, SessionNoise, window_covariance
 
-FloatArray = npt.NDArray[np.float64]
-
 QUIETEST = 1e-10
 """Least sd of a mean, [m/s^2] and [rad/s]: far below what any instrument has."""
 
 
 @dataclass(frozen=True)
 class FaceNoise:
-    """Noise of the means and integrals.
+    """Noise of the means and integrals."""
 
-    Attributes
-    ----------
-    accel_var, gyro_var : ndarray, shape (n, 3)
-        Variance of the means, slow noise and shared rounding left out [SI].
-    turn_var : ndarray, shape (m, 3)
-        Variance of the integrals [rad^2].
-    session : SessionNoise
-        What they were made of; its slow part is added exactly [SI].
-    known : bool
-        False where nobody knows the noise (means without a declaration).
-    """
-
+    # accel_var, gyro_var: (n, 3) variance of the means, slow noise and shared rounding left out
+    # [SI]
     accel_var: FloatArray
     gyro_var: FloatArray
-    turn_var: FloatArray
-    session: SessionNoise
-    known: bool = True
+    turn_var: FloatArray  # (m, 3) variance of the integrals [rad^2]
+    session: SessionNoise  # what they were made of; its slow part is added exactly [SI]
+    known: bool = True  # false where nobody knows the noise (means without a declaration)
 
     @classmethod
     def sampled(
@@ -59,14 +47,7 @@ class FaceNoise:
     ) -> FaceNoise:
         """Take the noise of samples.
 
-        Parameters
-        ----------
-        noise : SessionNoise
-            Declared, or measured in the rests [SI].
-        rests : FaceReadings
-            The rests.
-        turns : TurnReadings or None
-            The turns.
+        `noise`: declared, or measured in the rests [SI]; `turns` or None: the turns.
         """
         time = rests.time[:, None]
         turn = np.zeros((0, 1)) if turns is None else turns.time[:, None]
@@ -82,12 +63,7 @@ class FaceNoise:
     def of_means(cls, noise: ImuNoise | None, rests: FaceReadings) -> FaceNoise:
         """Take the noise of rows that are means already.
 
-        Parameters
-        ----------
-        noise : ImuNoise or None
-            Declared noise [SI]; None where unknown.
-        rests : FaceReadings
-            The rests.
+        `noise`: declared noise [SI], None where unknown.
         """
         zero, given = np.zeros(3), noise or ImuNoise()
         var = [mean_variance(t, rests.time, 0.0) for t in (given.accel, given.gyro)]
@@ -98,20 +74,15 @@ class FaceNoise:
 
 @dataclass(frozen=True)
 class Belief:
-    """How far the placements, the axes and the angles of the turns are from what they should be.
+    """How far the placements, the axes and the angles of the turns are from what they should be."""
 
-    Attributes
-    ----------
-    placement, level, angle : float
-        Standard deviations about each axis: of up against the case axis, of the axis of a turn
-        against up, of the angle of a turn [rad].
-    accel, gyro : float
-        Scatter of the rests beyond the noise, or where the noise is unknown [m/s^2], [rad/s].
-    """
-
+    # placement, level, angle: standard deviations about each axis: of up against the case axis, of
+    # the axis of a turn against up, of the angle of a turn [rad]
     placement: float = 0.0
     level: float = 0.0
     angle: float = 0.0
+    # accel, gyro: scatter of the rests beyond the noise, or where the noise is unknown [m/s^2],
+    # [rad/s]
     accel: float = 0.0
     gyro: float = 0.0
 
@@ -119,14 +90,7 @@ class Belief:
 def noise_parts(scene: Scene, state: State, noise: FaceNoise) -> dict[str, FloatArray]:
     """Return what the noise and the Earth add to the covariance, each shape (3 k, 3 k) [SI].
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    state : State
-        Where the model is taken.
-    noise : FaceNoise
-        Its noise [SI].
+    `scene`: what was observed [SI]; `noise`: its noise [SI].
     """
     n, rated, m = scene.sizes
     k = 3 * (n + rated + m)
@@ -199,12 +163,7 @@ def _across(u: FloatArray) -> FloatArray:
 def placement_parts(scene: Scene, state: State) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return covariances of unit errors of placement, level and angle, each (3 k, 3 k) [SI/rad^2].
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    state : State
-        Where the model is taken.
+    `scene`: what was observed [SI].
     """
     n, rated, m = scene.sizes
     rests, turns, model = scene.rests, scene.turns, state.model
@@ -240,14 +199,7 @@ def second_order(scene: Scene, state: State, belief: Belief) -> FloatArray:
     Along the vertical the cosine of the tilt scatters about its mean (see `Scene.tilted`) by the
     square of its sd, and so does its product with the misalignments, of which as much is unknown.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    state : State
-        Where the model is taken.
-    belief : Belief
-        Standard deviations of the tilts [rad].
+    `scene`: what was observed [SI]; `belief`: standard deviations of the tilts [rad].
     """
     n, rated, m = scene.sizes
     group = scene.rests.group
@@ -270,18 +222,9 @@ def covariance_parts(
 ) -> dict[str, FloatArray]:
     """Return the covariance of all readings split by source, each shape (3 k, 3 k) [SI].
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    state : State
-        Where the model is taken.
-    noise : FaceNoise
-        Its noise [SI].
-    belief : Belief
-        What is believed of placements and turns [rad].
-    estimated : bool
-        Whether the placement was estimated from the residuals, not declared.
+    `scene`: what was observed [SI]; `noise`: its noise [SI]; `belief`: what is believed of
+    placements and turns [rad]; `estimated`: whether the placement was estimated from the
+    residuals, not declared.
     """
     out = noise_parts(scene, state, noise)
     placed, level, angle = placement_parts(scene, state)

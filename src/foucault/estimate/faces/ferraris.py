@@ -15,33 +15,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.kernels.rotation import integrate_turns
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.faces import FaceReadings, TurnReadings
 from foucault.models.imu import ImuModel
 from foucault.tables import Log
 
-FloatArray = npt.NDArray[np.float64]
-
 
 def turn_spread(log: Log, turns: TurnReadings, model_k: ImuModel) -> FloatArray:
     """Integrate the attitude over each turn: what a vector fixed in space adds up to.
 
-    Parameters
-    ----------
-    log : Log
-        The log [SI].
-    turns : TurnReadings
-        The turns [SI].
-    model_k : ImuModel
-        Errors in case axes.
-
-    Returns
-    -------
-    ndarray, shape (m, 3, 3)
-        ``int C_k(t)k(0) dt``: times a vector in case axes at the start, its integral [s].
+    `log`: the log [SI]; `turns`: the turns [SI]. Returns (m, 3, 3): ``int C_k(t)k(0) dt``: times
+    a vector in case axes at the start, its integral [s].
     """
     assert log.gyro is not None
     out = np.empty((len(turns), 3, 3))
@@ -64,21 +51,10 @@ def published(
 ) -> ImuModel:
     """Solve as published, in case axes.
 
-    Parameters
-    ----------
-    rests : FaceReadings
-        The rests, on six faces; several on one face are averaged by their length [SI].
-    turns : TurnReadings
-        Turns about three axes [SI].
-    site : Site
-        Gravity; with a latitude the vertical part of the Earth's rotation is taken off first.
-    spread : ndarray, shape (m, 3, 3), or None
-        Attitude during the turns, see `turn_spread`; needed with a latitude [s].
-
-    Returns
-    -------
-    ImuModel
-        In case axes, g-sensitivity included.
+    `rests`: the rests, on six faces, several on one face are averaged by their length [SI];
+    `turns`: turns about three axes [SI]; `site`: gravity, with a latitude the vertical part of
+    the Earth's rotation is taken off first; `spread` (m, 3, 3) or None: attitude during the
+    turns, see `turn_spread`, needed with a latitude [s].
     """
     assert rests.gyro is not None
     gyro, turned = rests.gyro, turns.gyro
@@ -112,17 +88,8 @@ def _faces(rests: FaceReadings, x: FloatArray, sign: int) -> FloatArray:
 def scale_and_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Split a matrix as published: ``matrix = diag(K) R`` with rows of R of length one.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (3, 3)
-        I + S + M in case axes [1].
-
-    Returns
-    -------
-    K : ndarray, shape (3,)
-        Scale factors [1].
-    R : ndarray, shape (3, 3)
-        Directions of the sensitive axes, one per row [1].
+    `matrix` (3, 3): i + S + M in case axes [1]. Returns `K` (3,): scale factors [1]; `R` (3, 3):
+    directions of the sensitive axes, one per row [1].
     """
     K = np.linalg.norm(matrix, axis=1)
     return K, matrix / K[:, None]

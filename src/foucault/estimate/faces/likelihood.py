@@ -22,28 +22,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.estimate.drift import Drift, by_time, find_drift
 from foucault.estimate.faces.ferraris import turn_spread
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.faces import FaceReadings, TurnReadings
-from foucault.models.imu import (
-    LAYOUT,
-    Gauge,
-    ImuModel,
-    coefficient_slot,
-    products,
-    products_slope,
-)
+from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.rotation import cross_matrix, exp
 from foucault.result import Estimate, Linearised, Problem
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
-
 
 PASSES = 2
 """Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1]."""
@@ -51,51 +41,24 @@ PASSES = 2
 
 @dataclass(frozen=True)
 class State:
-    """Model and mounting: the state of the estimation.
+    """Model and mounting: the state of the estimation."""
 
-    Attributes
-    ----------
-    model : ImuModel
-        The error model in body axes, `Gauge.LOWER`.
-    C_bk : ndarray, shape (3, 3)
-        Rotation from case to body axes [1].
-    """
-
-    model: ImuModel
-    C_bk: FloatArray
+    model: ImuModel  # the error model in body axes, `Gauge.LOWER`
+    C_bk: FloatArray  # (3, 3) rotation from case to body axes [1]
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What was observed, and the motion in case axes that should have been.
+    """What was observed, and the motion in case axes that should have been."""
 
-    Attributes
-    ----------
-    rests : FaceReadings
-        The rests [SI].
-    turns : TurnReadings or None
-        The turns [SI].
-    site : Site
-        Gravity and latitude.
-    force_k : ndarray, shape (n, 3)
-        Specific force at the rests [m/s^2].
-    rate_k : ndarray, shape (n, 3)
-        The known part of the rate at the rests [rad/s].
-    turn_k : ndarray, shape (m, 3)
-        The known part of the integral of the rate over the turns [rad].
-    turn_force_k : ndarray, shape (m, 3)
-        Integral of the specific force over the turns [m/s].
-    spread : ndarray, shape (m, 3, 3)
-        ``int C_k(t)k(0) dt`` over the turns: what a constant vector adds up to [s].
-    """
-
-    rests: FaceReadings
-    turns: TurnReadings | None
+    rests: FaceReadings  # the rests [SI]
+    turns: TurnReadings | None  # the turns [SI]
     site: Site
-    force_k: FloatArray
-    rate_k: FloatArray
-    turn_k: FloatArray
-    turn_force_k: FloatArray
+    force_k: FloatArray  # (n, 3) specific force at the rests [m/s^2]
+    rate_k: FloatArray  # (n, 3) the known part of the rate at the rests [rad/s]
+    turn_k: FloatArray  # (m, 3) the known part of the integral of the rate over the turns [rad]
+    turn_force_k: FloatArray  # (m, 3) integral of the specific force over the turns [m/s]
+    # (m, 3, 3) ``int C_k(t)k(0) dt`` over the turns: what a constant vector adds up to [s]
     spread: FloatArray
 
     @property
@@ -117,12 +80,8 @@ class Scene:
     def tilted(self, placement: float, level: float) -> Scene:
         """Return the scene for faces that are off by a random angle: its cosine is below one.
 
-        Parameters
-        ----------
-        placement : float
-            Standard deviation about each of two axes of how the faces lie [rad].
-        level : float
-            The same of the axis of a turn against the vertical [rad].
+        `placement`: standard deviation about each of two axes of how the faces lie [rad];
+        `level`: the same of the axis of a turn against the vertical [rad].
         """
         about = self.turn_k if self.turns is None else self.turns.angle[:, None] * self.turns.axis_k
         return replace(
@@ -141,18 +100,8 @@ def closed_form(
 ) -> tuple[Scene, State]:
     """Solve by linear least squares in case axes, and change to the body axes.
 
-    Parameters
-    ----------
-    rests : FaceReadings
-        The rests, on six faces [SI].
-    turns : TurnReadings or None
-        Turns about three axes [SI].
-    site : Site
-        Gravity and latitude.
-    names : sequence of str, length p
-        The coefficients that are estimated.
-    log : Log or None
-        The log, for the attitude during the turns.
+    `rests`: the rests, on six faces [SI]; `turns` or None: turns about three axes [SI]; `log` or
+    None: the log, for the attitude during the turns.
     """
     m = 0 if turns is None else len(turns)
     force = site.gravity * rests.up_k
@@ -232,21 +181,9 @@ def _in_body(scene: Scene, model_k: ImuModel) -> tuple[Scene, State]:
 def predict(scene: Scene, names: Sequence[str], state: State) -> tuple[FloatArray, FloatArray]:
     """Compare the readings with the model at a state.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    names : sequence of str, length p
-        The coefficients that are estimated.
-    state : State
-        Where to linearise.
-
-    Returns
-    -------
-    residuals : ndarray, shape (k, 3)
-        Readings minus prediction, in the order of `Scene.readings` [SI].
-    jacobian : ndarray, shape (k, 3, p + 3)
-        Derivative of the prediction; the last three columns are the mounting [SI].
+    `scene`: what was observed [SI]. Returns `residuals` (k, 3): readings minus prediction, in the
+    order of `Scene.readings` [SI]; `jacobian` (k, 3, p + 3): derivative of the prediction; the
+    last three columns are the mounting [SI].
     """
     model, C = state.model, state.C_bk
     n, rated, m = scene.sizes
@@ -255,35 +192,23 @@ def predict(scene: Scene, names: Sequence[str], state: State) -> tuple[FloatArra
     f, w = scene.force_k @ C.T, scene.rate_k @ C.T
     accel, gyro = model.measure(f, w)
     out = [accel]
-    slope = model.accel_matrix + np.einsum("ik,nkj->nij", model.accel_quadratic, products_slope(f))
-    J[:n, :, p:] = -slope @ cross_matrix(f)
-    _fill(J[:n], names, {"accel_bias": None, "accel_matrix": f, "accel_quadratic": products(f)})
+    slopes = model.slopes(f, w, names)
+    J[:n, :, :p], J[:n, :, p:] = slopes.accel, -slopes.accel_by_force @ cross_matrix(f)
     if rated:
         out.append(gyro)
-        J[n : 2 * n, :, p:] = -model.g_sensitivity @ cross_matrix(f)
+        J[n : 2 * n, :, :p] = slopes.gyro
+        J[n : 2 * n, :, p:] = -slopes.gyro_by_force @ cross_matrix(f)
         if m:  # without turns the gyros' axes are unknown: they say nothing of the mounting
-            J[n : 2 * n, :, p:] -= model.gyro_matrix @ cross_matrix(w)
-        _fill(J[n : 2 * n], names, {"gyro_bias": None, "gyro_matrix": w, "g_sensitivity": f})
+            J[n : 2 * n, :, p:] -= slopes.gyro_by_rate @ cross_matrix(w)
     if m and scene.turns is not None:
         v, F, T = scene.turn_k @ C.T, scene.turn_force_k @ C.T, scene.turns.time
         G = model.g_sensitivity
         out.append(v @ model.gyro_matrix.T + T[:, None] * model.gyro_bias + F @ G.T)
         J[2 * n :, :, p:] = -model.gyro_matrix @ cross_matrix(v) - G @ cross_matrix(F)
-        _fill(J[2 * n :], names, {"gyro_bias": T, "gyro_matrix": v, "g_sensitivity": F})
+        # Linear, so that what holds of rates holds of their integrals; a bias adds up with time.
+        summed = np.where([name.startswith("gyro.bias.") for name in names], T[:, None], 1.0)
+        J[2 * n :, :, :p] = model.slopes(F, v, names).gyro * summed[:, None]
     return scene.readings - np.concatenate(out), J
-
-
-def _fill(J: FloatArray, names: Sequence[str], inputs: dict[str, FloatArray | None]) -> None:
-    """Write the coefficient columns of a model that is linear in its coefficients."""
-    for column, name in enumerate(names):
-        block, where = coefficient_slot(name)
-        if block not in inputs:
-            continue
-        factor = inputs[block]
-        if block.endswith("bias"):
-            J[:, where, column] = 1.0 if factor is None else factor
-        elif factor is not None:
-            J[:, where[0], column] = factor[:, where[1]]
 
 
 def build(
@@ -295,18 +220,8 @@ def build(
 ) -> Problem:
     """Build the least-squares problem.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    names : tuple of str, length p
-        Coefficients to estimate.
-    start : State
-        Where the iteration starts.
-    cov : ndarray, shape (3 k, 3 k)
-        Covariance of all readings [SI].
-    prior : CoefficientVector or None
-        What is known of the coefficients [SI].
+    `scene`: what was observed [SI]; `cov` (3 k, 3 k): covariance of all readings [SI]; `prior` or
+    None: what is known of the coefficients [SI].
     """
     from scipy.linalg import solve_triangular
 
@@ -320,8 +235,7 @@ def build(
         return Linearised(white[:, -1], white[:, :-1], np.repeat(np.arange(k), 3))
 
     def retract(state: State, step: FloatArray) -> State:
-        model = ImuModel.from_coefficients(CoefficientVector(layout, values(state) + step[:p]))
-        return State(model, exp(step[p:]) @ state.C_bk)
+        return State(state.model.moved(names, step[:p]), exp(step[p:]) @ state.C_bk)
 
     def values(state: State) -> FloatArray:
         return state.model.coefficients(names).values
@@ -334,16 +248,7 @@ def clearest_drift(
 ) -> Drift | None:
     """Return the drift of a coefficient that the residuals show most clearly.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    problem : Problem
-        The problem that was solved.
-    estimate : Estimate
-        Its solution.
-    cov : ndarray, shape (3 k, 3 k)
-        Covariance of all readings [SI].
+    `scene`: what was observed [SI]; `cov` (3 k, 3 k): covariance of all readings [SI].
     """
     from scipy.linalg import solve_triangular
 
@@ -370,11 +275,6 @@ def unbiased(estimate: Estimate) -> Estimate:
     axes follow the accelerometers that were found, and are bent by the square of these errors:
     an error of placement of 5 arcmin makes 1 ppm of scale factor. The mean of the matrices in case
     axes over the errors of the solution (its sigma points) undoes this to second order.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        The solution of `build`, with its covariance.
     """
     state, layout = estimate.state, estimate.coefficients.layout
     p, total = len(layout), len(estimate.state_cov)

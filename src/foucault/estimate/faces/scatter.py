@@ -9,32 +9,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.chi_square import chi_square_limits, student
 from foucault.estimate.faces.covariance import Belief, FaceNoise, noise_parts, placement_parts
 from foucault.estimate.faces.likelihood import Scene, State, predict
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Scatter:
-    """What the residuals say of an error of unknown size.
+    """What the residuals say of an error of unknown size."""
 
-    Attributes
-    ----------
-    sd : float
-        Its standard deviation, 0 where the noise explains the residuals [unit of the error].
-    chi_square : float
-        Sum of squares of the residuals without it [1].
-    dof : int
-        Degrees of freedom [1].
-    """
-
+    # its standard deviation, 0 where the noise explains the residuals [unit of the error]
     sd: float
-    chi_square: float
-    dof: int
+    chi_square: float  # sum of squares of the residuals without it [1]
+    dof: int  # degrees of freedom [1]
 
     @property
     def significant(self) -> bool:
@@ -47,19 +36,10 @@ def scatter(
 ) -> Scatter:
     """Find the size of an error from the residuals that it leaves.
 
-    Parameters
-    ----------
-    residuals : ndarray, shape (k,)
-        Residuals at any state [SI].
-    jacobian : ndarray, shape (k, p)
-        Jacobian of the prediction [SI].
-    known : ndarray, shape (k, k)
-        Covariance of what is known [SI].
-    unit : ndarray, shape (k, k)
-        Covariance of the error for sd 1 [SI].
+    `residuals` (k,): residuals at any state [SI]; `jacobian` (k, p): Jacobian of the prediction
+    [SI]; `known` (k, k): covariance of what is known [SI]; `unit` (k, k): covariance of the error
+    for sd 1 [SI].
 
-    Notes
-    -----
     The sd is such that the sum of squares is two less than its degrees of freedom (but not less
     than half of them): with few degrees of freedom the most likely sd would promise too much,
     and 1 / sd^2 then has the right mean (that of Student's distribution).
@@ -104,27 +84,11 @@ def believe(
 ) -> tuple[Belief, dict[str, Scatter]]:
     """Settle what is believed of placements and turns: as declared, else from the residuals.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was observed [SI].
-    names : tuple of str
-        The coefficients.
-    state : State
-        A state near the solution.
-    noise : FaceNoise
-        Noise of the readings [SI].
-    given : tuple of float or None
-        Placement, level and angle as declared; None: to be found; the last two are then like the
-        placement [rad].
-
-    Returns
-    -------
-    Belief
-        The standard deviations [rad].
-    dict of str to Scatter
-        What the residuals said before: "repeats" between rests on one face [m/s^2], "placement" of
-        opposite faces [rad], "accel" of means without noise [m/s^2], and "gyro" [rad/s].
+    `scene`: what was observed [SI]; `noise`: noise of the readings [SI]; `given`: placement,
+    level and angle as declared, None: to be found, the last two are then like the placement
+    [rad]. Returns the standard deviations [rad]; what the residuals said before: "repeats"
+    between rests on one face [m/s^2], "placement" of opposite faces [rad], "accel" of means
+    without noise [m/s^2], and "gyro" [rad/s].
     """
     n, rated, _ = scene.sizes
     r, J = predict(scene, names, state)

@@ -26,19 +26,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.drift import Drift, by_time, find_drift
-from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.imu import LAYOUT
 from foucault.models.rests_and_turns import Attitudes, Prediction, Session, predict
 from foucault.models.rotation import exp
 from foucault.models.session_noise import SessionNoise, blocks, correlated, whiten
 from foucault.result import Estimate, Linearised, Problem
-
-FloatArray = npt.NDArray[np.float64]
 
 HEADING_SD = np.pi / np.sqrt(3.0)
 """Standard deviation of a heading of which nothing is known [rad]."""
@@ -90,16 +88,8 @@ class Memory:
     ) -> Prediction:
         """Return `predict` of a state, from memory where it is the state of the last call.
 
-        Parameters
-        ----------
-        session : Session
-            What was observed [SI].
-        names : sequence of str, length p
-            Coefficients, the same in every call.
-        state : Attitudes
-            Where to linearise.
-        psd : ndarray, shape (3,)
-            White noise power of the gyro outputs [rad^2/s].
+        `session`: what was observed [SI]; `psd` (3,): white noise power of the gyro outputs
+        [rad^2/s].
         """
         if self._at is None or self._state is not state or not np.array_equal(self._psd, psd):
             self._at = predict(session, names, state, psd)
@@ -117,20 +107,8 @@ def build(
 ) -> Problem:
     """Build the least-squares problem of a session.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    names : sequence of str, length p
-        Coefficients to estimate.
-    start : Attitudes
-        Where to start.
-    noise : SessionNoise
-        Noise of the observations.
-    prior : CoefficientVector or None
-        Prior of the coefficients, in the order of `names`.
-    memory : Memory or None
-        Shared by problems of the same session that follow one another.
+    `prior` or None: prior of the coefficients, in the order of `names`; `memory` or None: shared
+    by problems of the same session that follow one another.
     """
     memory = memory or Memory()
     layout = LAYOUT.subset(names)
@@ -162,10 +140,9 @@ def build(
         )
 
     def retract(state: Attitudes, step: FloatArray) -> Attitudes:
-        vector = state.model.coefficients()
-        values = dict(zip(names, values_of(state) + step[:p], strict=True))
-        model = ImuModel.from_coefficients(vector.with_values(values))
-        return Attitudes(model, state.C_nb @ exp(step[p:].reshape(n, 3)))
+        return Attitudes(
+            state.model.moved(names, step[:p]), state.C_nb @ exp(step[p:].reshape(n, 3))
+        )
 
     def values_of(state: Attitudes) -> FloatArray:
         return state.model.coefficients(names).values
@@ -176,21 +153,7 @@ def build(
 def clearest_drift(
     problem: Problem, estimate: Estimate, session: Session, noise: SessionNoise, at: Prediction
 ) -> Drift | None:
-    """Return the drift of a coefficient that the residuals show most clearly.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem that was solved.
-    estimate : Estimate
-        Its solution.
-    session : Session
-        What was observed.
-    noise : SessionNoise
-        Noise of the observations, with scatter.
-    at : Prediction
-        The prediction at the solution.
-    """
+    """Return the drift of a coefficient that the residuals show most clearly."""
     names, time, n = problem.layout.names, middle(session), len(session.accel_mean)
     white = gauss_newton.with_prior(
         problem, estimate.state, problem.linearise(estimate.state, estimate.weights)
@@ -206,13 +169,7 @@ def clearest_drift(
 
 
 def middle(session: Session) -> FloatArray:
-    """Return the middle of each observation: rests, rests again (their rates), turns [s].
-
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    """
+    """Return the middle of each observation: rests, rests again (their rates), turns [s]."""
     t = session.log.time
     rests = (t[session.first] + t[session.last - 1]) / 2
     if session.gyro_mean is None:
@@ -226,15 +183,8 @@ def components(
 ) -> dict[str, Component]:
     """Split the sum of squares by kind of observation.
 
-    Parameters
-    ----------
-    estimate : Estimate
-        Solution of a problem made by `build`.
-    session : Session
-        What was observed.
-    clipped : bool
-        Count residuals only up to the limit of the robust loss (Huber's Proposal 2), and leave
-        out observations far beyond it where they are few: one bad rest is not scatter of all.
+    `clipped`: count residuals only up to the limit of the robust loss (Huber's Proposal 2), and
+    leave out observations far beyond it where they are few: one bad rest is not scatter of all.
     """
     n = len(session.accel_mean)
     used = estimate.blocks >= 0
@@ -267,35 +217,12 @@ def fit(
 ) -> tuple[Estimate, SessionNoise, dict[str, Component]]:
     """Estimate the coefficients, and the scatter that the noise leaves unexplained.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    names : sequence of str, length p
-        Coefficients to estimate.
-    start : Attitudes
-        Where to start.
-    noise : SessionNoise
-        Noise, declared or measured at rest.
-    prior : CoefficientVector or None
-        Prior of the coefficients.
-    loss : callable
-        Robust loss, see `estimate.gauss_newton`.
-    repeatability : bool
-        Add variance where the residuals are larger than the noise explains.
-    pretest : bool
-        Add it only where they are significantly larger. Right for noise that is known; noise
-        measured within rests is a lower limit of what differs between them, and a test would
-        leave moderate scatter out of the covariance.
-
-    Returns
-    -------
-    estimate : Estimate
-        The solution.
-    noise : SessionNoise
-        The noise with the scatter that was added.
-    before : dict of str to Component
-        How well the noise alone explained the residuals.
+    `prior` or None: prior of the coefficients; `loss`: robust loss, see `estimate.gauss_newton`;
+    `repeatability`: add variance where the residuals are larger than the noise explains;
+    `pretest`: add it only where they are significantly larger. Right for noise that is known,
+    noise measured within rests is a lower limit of what differs between them, and a test would
+    leave moderate scatter out of the covariance. Returns `noise`: the noise with the scatter that
+    was added; `before`: how well the noise alone explained the residuals.
     """
     if prior is not None and np.isfinite(prior.prior_sd).any():
         return _with_prior(session, names, start, noise, prior, loss, repeatability, pretest)

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.kernels.rotation import integrate_turns, integrate_turns_rk4
@@ -26,9 +26,6 @@ from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.rotation import cross_matrix
 from foucault.result import Estimate, Linearised, Problem
 from foucault.tables import AXES, Log
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 ACCEL_NAMES = tuple(
     [f"accel.bias.{a}" for a in AXES]
@@ -48,9 +45,7 @@ def _problem(names: Sequence[str], model: ImuModel, linearise: object, n_blocks:
         return state.coefficients(names).values
 
     def retract(state: ImuModel, step: FloatArray) -> ImuModel:
-        vector = state.coefficients()
-        changed = vector.with_values(dict(zip(names, values(state) + step, strict=True)))
-        return ImuModel.from_coefficients(changed)
+        return state.moved(names, step)
 
     layout = LAYOUT.subset(names)
     return Problem(layout, model, linearise, retract, values, n_blocks)  # type: ignore[arg-type]
@@ -59,19 +54,8 @@ def _problem(names: Sequence[str], model: ImuModel, linearise: object, n_blocks:
 def fit_norms(readings: FloatArray, gravity: float, start: ImuModel) -> Estimate:
     """Fit the nine accelerometer coefficients to the norm of single readings.
 
-    Parameters
-    ----------
-    readings : ndarray, shape (m, 3)
-        Readings at rest [m/s^2].
-    gravity : float
-        Local gravity [m/s^2].
-    start : ImuModel
-        Where to start.
-
-    Returns
-    -------
-    Estimate
-        Covariance from the residuals' own scatter; chi_square is twice the published cost.
+    `readings` (m, 3): readings at rest [m/s^2]; `gravity`: local gravity [m/s^2]. Returns
+    covariance from the residuals' own scatter; chi_square is twice the published cost.
     """
 
     def linearise(model: ImuModel, weights: FloatArray) -> Linearised:
@@ -100,25 +84,11 @@ def fit_directions(
 ) -> Estimate:
     """Fit gyro scale and misalignment to the change of the direction of gravity.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    up_b : ndarray, shape (n, 3)
-        Direction of the compensated specific force of each rest, frame b [1].
-    first, last : ndarray of int, shape (n - 1,)
-        First and last sample of each turn.
-    start : ImuModel
-        Where to start; its gyro bias is held.
-    runge_kutta : bool
-        Integrate as published instead of with the better rule of the kernels.
-    max_iterations : int, shape ()
-        Limit of the Gauss-Newton steps [1].
-
-    Returns
-    -------
-    Estimate
-        Covariance from the residuals' own scatter; chi_square is twice the published cost.
+    `log`: readings [SI]; `up_b` (n, 3): direction of the compensated specific force of each rest,
+    frame b [1]; `first`, `last` (n - 1,): first and last sample of each turn; `start`: where to
+    start, its gyro bias is held; `runge_kutta`: integrate as published instead of with the better
+    rule of the kernels; `max_iterations`: limit of the Gauss-Newton steps [1]. Returns covariance
+    from the residuals' own scatter; chi_square is twice the published cost.
     """
     assert log.gyro is not None
     gyro = log.gyro

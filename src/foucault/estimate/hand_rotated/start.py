@@ -24,12 +24,7 @@ def first_guess(session: Session, fixed: ImuModel | None = None) -> Attitudes | 
     published cost for the gyro matrix, dead reckoning between rests for heading, and a linear
     fit of the Earth's rotation for the heading of the first.
 
-    Parameters
-    ----------
-    session : Session
-        What was observed.
-    fixed : ImuModel or None
-        Start from these accelerometer errors instead (for instance a prior).
+    `fixed` or None: start from these accelerometer errors instead (for instance a prior).
     """
     if fixed is None:
         solved = norm_observation.solve(session.accel_mean, session.site.gravity)

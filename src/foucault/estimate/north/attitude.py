@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.north.reduction import Pairs
 from foucault.estimate.north.roots import (
     EXACT,
@@ -47,8 +48,6 @@ __all__ = [
     "level_square", "solve",
 ]  # fmt: skip
 
-FloatArray = npt.NDArray[np.float64]
-
 CHUNK = 65536
 """Set-ups that one thread takes at a time [1]."""
 
@@ -65,40 +64,21 @@ LATITUDE = "latitude"
 
 @dataclass(frozen=True)
 class Fixes:
-    """Solutions of m set-ups; angles are heading, pitch, roll and latitude.
+    """Solutions of m set-ups; angles are heading, pitch, roll and latitude."""
 
-    Attributes
-    ----------
-    angles : ndarray, shape (m, 4)
-        Heading clockwise from north, pitch, roll, latitude [rad].
-    cov : ndarray, shape (m, 4, 4)
-        Their covariance [rad^2].
-    sources : dict of str to ndarray, shape (m, 4)
-        Variance of each angle by source [rad^2].
-    square : ndarray, shape (m,)
-        Sum of squares that the solution leaves; chi-square with one degree of freedom where the
-        latitude was known beforehand, else 0 [1].
-    other : ndarray, shape (m, 4)
-        The next best solution, NaN where there is none [rad].
-    other_square : ndarray, shape (m,)
-        Its sum of squares with what speaks against it, infinite where there is none [1].
-    ambiguous : ndarray of bool, shape (m,)
-        Where the other solution is possible, and its heading another one.
-    status : ndarray of int, shape (m,)
-        0 where solved; else see `kernels.north_seeking`.
-    clamped : ndarray of bool, shape (m,)
-        Where the horizontal rate exceeds the Earth's.
-    """
-
-    angles: FloatArray
-    cov: FloatArray
-    sources: dict[str, FloatArray]
+    angles: FloatArray  # (m, 4) heading clockwise from north, pitch, roll, latitude [rad]
+    cov: FloatArray  # (m, 4, 4) their covariance [rad^2]
+    sources: dict[str, FloatArray]  # (m, 4) variance of each angle by source [rad^2]
+    # (m,) sum of squares that the solution leaves; chi-square with one degree of freedom where the
+    # latitude was known beforehand, else 0 [1]
     square: FloatArray
-    other: FloatArray
+    other: FloatArray  # (m, 4) the next best solution, NaN where there is none [rad]
+    # (m,) its sum of squares with what speaks against it, infinite where there is none [1]
     other_square: FloatArray
+    # (m,) where the other solution is possible, and its heading another one
     ambiguous: npt.NDArray[np.bool_]
-    status: npt.NDArray[np.int8]
-    clamped: npt.NDArray[np.bool_]
+    status: npt.NDArray[np.int8]  # (m,) 0 where solved; else see `kernels.north_seeking`
+    clamped: npt.NDArray[np.bool_]  # (m,) where the horizontal rate exceeds the Earth's
 
     def __len__(self) -> int:
         return len(self.angles)
@@ -180,14 +160,8 @@ def _spread(part: Callable[[slice], None], n: int, threads: int) -> None:
 def solve(pairs: Pairs, known: Known, compensation: Compensation | None = None) -> Fixes:
     """Find the attitude of every set-up by maximum likelihood.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Four numbers of each [SI].
-    known : Known
-        Place, and what decides between solutions.
-    compensation : Compensation or None
-        Errors of the instrument with covariance; None takes an instrument without errors.
+    `pairs`: four numbers of each [SI]; `compensation`: errors of the instrument with covariance,
+    None takes an instrument without errors.
     """
     compensation = compensation or Compensation()
     pairs, shared = _levelled(pairs, known, compensation)
@@ -250,14 +224,7 @@ def level_square(pairs: Pairs, known: Known, compensation: Compensation) -> Floa
 
     A sum of squares, chi-square with two degrees of freedom where `level_sd` is right.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups [SI].
-    known : Known
-        Gravity and `level_sd`.
-    compensation : Compensation
-        Errors of the accelerometers.
+    `pairs`: set-ups [SI].
     """
     g = np.reshape(known.gravity, (-1, 1, 1))
     up, none = g[:, 0] * [0.0, 0.0, 1.0], np.zeros((len(g), 3))

@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.estimate.north.reduction import Pairs
@@ -43,7 +43,6 @@ from foucault.models.north_seeker import (
 from foucault.models.rotation import cross_matrix, exp
 from foucault.result import Estimate, Linearised, Problem
 
-FloatArray = npt.NDArray[np.float64]
 Tilt = Literal["one axis", "each"]
 
 BIASES = ("accel.bias.x", "accel.bias.y")
@@ -52,66 +51,33 @@ BIASES = ("accel.bias.x", "accel.bias.y")
 
 @dataclass(frozen=True)
 class Rig:
-    """The turntable and what is known of it.
+    """The turntable and what is known of it."""
 
-    Attributes
-    ----------
-    heading : ndarray, shape (m,)
-        Reference heading of y_b in every set-up [rad].
-    site : Site
-        Gravity, and the latitude, which must be known.
-    tilt : {"one axis", "each"}
-        One vertical axis for all set-ups, or tilted on purpose.
-    accelerometers : bool
-        Whether there are readings of specific force.
-    heading_sd : float
-        Of the error of every heading by itself [rad].
-    heading_offset_sd : float
-        Of the error that all headings share [rad].
-    level_sd : float
-        Of the tilt of the table's axis, infinite where the accelerometers have to find it [rad].
-    latitude_sd : float
-        Of the latitude [rad].
-    """
-
-    heading: FloatArray
-    site: Site
-    tilt: Tilt
-    accelerometers: bool
-    heading_sd: float = 0.0
-    heading_offset_sd: float = 0.0
+    heading: FloatArray  # (m,) reference heading of y_b in every set-up [rad]
+    site: Site  # gravity, and the latitude, which must be known
+    tilt: Tilt  # one vertical axis for all set-ups, or tilted on purpose
+    accelerometers: bool  # whether there are readings of specific force
+    heading_sd: float = 0.0  # of the error of every heading by itself [rad]
+    heading_offset_sd: float = 0.0  # of the error that all headings share [rad]
+    # of the tilt of the table's axis, infinite where the accelerometers have to find it [rad]
     level_sd: float = np.inf
-    latitude_sd: float = 0.0
+    latitude_sd: float = 0.0  # of the latitude [rad]
 
 
 @dataclass(frozen=True)
 class State:
-    """What is estimated.
+    """What is estimated."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (n,)
-        The coefficients [SI].
-    table : ndarray, shape (4 + k,)
-        Tilt of the axis about East and North, error of all headings and of the latitude [rad];
-        errors of accelerometers that give the tilt of every set-up [SI].
-    """
-
-    values: FloatArray
+    values: FloatArray  # (n,) the coefficients [SI]
+    # (4 + k,) tilt of the axis about East and North, error of all headings and of the latitude
+    # [rad]; errors of accelerometers that give the tilt of every set-up [SI]
     table: FloatArray
 
 
 def names_of(rig_tilt: Tilt, accelerometers: bool, z_coupling: bool) -> tuple[str, ...]:
     """Return the coefficients that such a session shows.
 
-    Parameters
-    ----------
-    rig_tilt : {"one axis", "each"}
-        How the table was used.
-    accelerometers : bool
-        Whether there are readings of specific force.
-    z_coupling : bool
-        Whether the coupling of the rate along z_b is wanted.
+    `z_coupling`: whether the coupling of the rate along z_b is wanted.
     """
     more = BIASES if accelerometers and rig_tilt == "one axis" else ()
     wanted = {*(RATE_TILTED if z_coupling else RATE_LEVEL), *more}
@@ -121,14 +87,7 @@ def names_of(rig_tilt: Tilt, accelerometers: bool, z_coupling: bool) -> tuple[st
 def tilts(pairs: Pairs, gravity: float, compensation: Compensation) -> FloatArray:
     """Return pitch and roll of every set-up from its accelerometers, shape (m, 2) [rad].
 
-    Parameters
-    ----------
-    pairs : Pairs
-        The set-ups [SI].
-    gravity : float
-        [m/s^2].
-    compensation : Compensation
-        Errors of the accelerometers.
+    `pairs`: the set-ups [SI]; `gravity`: [m/s^2].
     """
     _, _, x, y = compensated(pairs.values, gravity, compensation).T
     return np.stack(tilt_of(x, y), 1)
@@ -144,20 +103,10 @@ def build(
 ) -> Problem:
     """State the calibration as a least-squares problem.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Four numbers of every set-up [SI].
-    rig : Rig
-        The turntable.
-    names : tuple of str
-        Coefficients to find, some of `SEEKER`.
-    prior : CoefficientVector or None
-        What is known of them [SI].
-    known : Compensation or None
-        Errors of the accelerometers that are not found here, with covariance (its diagonal).
-    table : ndarray, shape (4,), or None
-        Tilt of the table, if it was found before: what wrong headings do depends on it [rad].
+    `pairs`: four numbers of every set-up [SI]; `prior` or None: what is known of them [SI];
+    `known` or None: errors of the accelerometers that are not found here, with covariance (its
+    diagonal); `table` (4,) or None: tilt of the table, if it was found before: what wrong
+    headings do depends on it [rad].
     """
     known = known or Compensation()
     scene = _Scene(pairs, rig, names, known)
@@ -198,26 +147,14 @@ def covariance_parts(
 ) -> dict[str, FloatArray]:
     """Return the covariance of the numbers that are used, by source, shape (m, k, k) each [SI].
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Four numbers of every set-up [SI].
-    rig : Rig
-        The turntable.
-    table : ndarray, shape (4,), or None
-        Tilt of the table, if it was found before [rad].
+    `pairs`: four numbers of every set-up [SI]; `table` (4,) or None: tilt of the table, if it was
+    found before [rad].
     """
     return _Scene(pairs, rig, (), Compensation()).covariance(table)
 
 
 def fit(problem: Problem) -> Estimate:
-    """Solve it.
-
-    Parameters
-    ----------
-    problem : Problem
-        As `build` states it.
-    """
+    """Solve it."""
     return gauss_newton.solve(problem)
 
 
@@ -327,23 +264,10 @@ def calibrate_batch(
 ) -> tuple[FloatArray, FloatArray]:
     """Calibrate many instruments that stood at the same headings, level, at four stops each.
 
-    Parameters
-    ----------
-    stops : ndarray, shape (n, m, 4)
-        Readings at the index angles 0, 180, 90, 270 deg in m headings [rad/s].
-    heading : ndarray, shape (m,)
-        Of y_b [rad].
-    latitude : float
-        [rad].
-    sd : float
-        Standard deviation of one reading [rad/s].
-
-    Returns
-    -------
-    values : ndarray, shape (n, 6)
-        In the order of `RATE_LEVEL` [SI].
-    cov : ndarray, shape (6, 6)
-        The same for all [SI].
+    `stops` (n, m, 4): readings at the index angles 0, 180, 90, 270 deg in m headings [rad/s];
+    `heading` (m,): of y_b [rad]; `latitude`: [rad]; `sd`: standard deviation of one reading
+    [rad/s]. Returns `values` (n, 6): in the order of `RATE_LEVEL` [SI]; `cov` (6, 6): the same
+    for all [SI].
     """
     w = EARTH_RATE * np.cos(latitude)
     design = np.stack([np.ones_like(heading), -w * np.sin(heading), w * np.cos(heading)], 1)

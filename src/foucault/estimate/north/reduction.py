@@ -17,15 +17,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.models.dwells import Dwells, IntArray
+from foucault.arrays import FloatArray, IntArray
+from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.readings import mean_variance
 from foucault.models.session_noise import window_covariance
-
-FloatArray = npt.NDArray[np.float64]
 
 UNSEEN = 1e4
 """Variance, in squares of the Earth's rate or of g, of a component that no reading shows; larger,
@@ -40,59 +38,38 @@ TILT_NOISE, TILT_DRIFT, INDEXING = "tilt: noise", "tilt: drift", "indexing"
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What is known of offset, drift and index angles beforehand.
+    """What is known of offset, drift and index angles beforehand."""
 
-    Attributes
-    ----------
-    offset, offset_sd : float
-        The gyro's constant offset and its standard deviation, infinite where nothing is known
-        [rad/s].
-    drift_sd : float
-        Of its linear drift; 0 for none, infinite where it is estimated freely [rad/s^2].
-    index_sd : float
-        Of every index angle [rad].
-    lag_sd : float
-        Of the time between the index angle and the middle of the gyro's reading, which matters
-        where the base turns [s].
-    """
-
+    # offset, offset_sd: the gyro's constant offset and its standard deviation, infinite where
+    # nothing is known [rad/s]
     offset: float = 0.0
     offset_sd: float = np.inf
+    # of its linear drift; 0 for none, infinite where it is estimated freely [rad/s^2]
     drift_sd: float = 0.0
-    index_sd: float = 0.0
+    index_sd: float = 0.0  # of every index angle [rad]
+    # of the time between the index angle and the middle of the gyro's reading, which matters where
+    # the base turns [s]
     lag_sd: float = 0.0
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """The four numbers of m set-ups, in the order gyro x, gyro y, accelerometer x, y.
+    """The four numbers of m set-ups, in the order gyro x, gyro y, accelerometer x, y."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (m, 4)
-        Rate along x_b and y_b [rad/s], specific force along them [m/s^2], as measured.
-    sources : dict of str to ndarray, shape (m, 4, 4)
-        Covariance by source [SI].
-    offset, drift : ndarray, shape (m,)
-        Of the gyro [rad/s], [rad/s^2].
-    drift_slope : ndarray, shape (m, 4)
-        What a linear drift of 1 rad/s^2 that is not estimated does to the four numbers [s].
-    fit : ndarray, shape (n,)
-        Of every gyro reading [rad/s].
-    residuals, accel_residuals : ndarray, shape (n,)
-        Of every reading over its standard deviation, NaN where nothing controls it [1].
-    chi_square, dof : ndarray, shape (m, 2)
-        Sum of squares of the white residuals of gyro and accelerometers [1].
-    """
-
+    # (m, 4) rate along x_b and y_b [rad/s], specific force along them [m/s^2], as measured
     values: FloatArray
-    sources: dict[str, FloatArray]
+    sources: dict[str, FloatArray]  # (m, 4, 4) covariance by source [SI]
+    # offset, drift: (m,) of the gyro [rad/s], [rad/s^2]
     offset: FloatArray
     drift: FloatArray
+    # (m, 4) what a linear drift of 1 rad/s^2 that is not estimated does to the four numbers [s]
     drift_slope: FloatArray
-    fit: FloatArray
+    fit: FloatArray  # (n,) of every gyro reading [rad/s]
+    # residuals, accel_residuals: (n,) of every reading over its standard deviation, NaN where
+    # nothing controls it [1]
     residuals: FloatArray
     accel_residuals: FloatArray
+    # chi_square, dof: (m, 2) sum of squares of the white residuals of gyro and accelerometers [1]
     chi_square: FloatArray
     dof: IntArray
 
@@ -128,14 +105,8 @@ class _Fit:
 def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) -> Pairs:
     """Reduce every set-up to its four numbers.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings of m set-ups [SI].
-    noise : ImuNoise
-        Noise of the sensors [SI].
-    nuisance : Nuisance or None
-        What is known beforehand; None knows nothing, and takes no drift.
+    `dwells`: readings of m set-ups [SI]; `noise`: noise of the sensors [SI]; `nuisance`: what is
+    known beforehand, None knows nothing, and takes no drift.
     """
     nuisance = nuisance or Nuisance()
     n, m = len(dwells), len(dwells.names)
@@ -307,13 +278,7 @@ def _judge(
 
 
 def turn_rate(d: Dwells) -> float:
-    """Return how fast the base turns [rad/s].
-
-    Parameters
-    ----------
-    d : Dwells
-        Pieces of one rotation.
-    """
+    """Return how fast the base turns [rad/s]."""
     return float(np.ptp(np.unwrap(d.index))) / max(float(np.ptp(d.start)), 1e-9)
 
 

@@ -14,12 +14,12 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.north.reduction import Pairs
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import Compensation, earth_rate_b
 from foucault.models.rotation import turned
 
-FloatArray = npt.NDArray[np.float64]
 Hemisphere = Literal["north", "south"]
 
 ROUNDS = 60
@@ -56,42 +56,24 @@ rate [1]: five sd of its own."""
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the place and of the attitude before the readings.
+    """What is known of the place and of the attitude before the readings."""
 
-    Attributes
-    ----------
-    gravity : float or ndarray of shape (m,)
-        Of all set-ups, or of each [m/s^2].
-    latitude : float, ndarray of shape (m,), or None
-        Positive north, of all set-ups or of each [rad]; None where unknown.
-    latitude_sd : float or ndarray of shape (m,)
-        Its standard deviation [rad].
-    hemisphere : {"north", "south"}
-        Decides between roots where the latitude is unknown.
-    near : float, ndarray of shape (m,), or None
-        Rough heading, good to `near_sd`, which decides between solutions that fit alike [rad].
-    near_sd : float
-        Standard deviation of that heading [rad].
-    level_sd : float or None
-        How far from level the case may stand, about each axis; None where only the accelerometers
-        know [rad].
-    """
-
-    gravity: float | FloatArray
+    gravity: float | FloatArray  # (m,) of all set-ups, or of each [m/s^2]
+    # (m,) positive north, of all set-ups or of each [rad]; None where unknown
     latitude: float | FloatArray | None = None
-    latitude_sd: float | FloatArray = 0.0
-    hemisphere: Hemisphere = "north"
+    latitude_sd: float | FloatArray = 0.0  # (m,) its standard deviation [rad]
+    hemisphere: Hemisphere = "north"  # decides between roots where the latitude is unknown
+    # (m,) rough heading, good to `near_sd`, which decides between solutions that fit alike [rad]
     near: float | FloatArray | None = None
-    near_sd: float = NEAR_SD
+    near_sd: float = NEAR_SD  # standard deviation of that heading [rad]
+    # how far from level the case may stand, about each axis; None where only the accelerometers
+    # know [rad]
     level_sd: float | None = None
 
     def of(self, rows: npt.NDArray[np.int64]) -> Known:
         """Return what is known of some set-ups.
 
-        Parameters
-        ----------
-        rows : ndarray of int, shape (k,)
-            Their numbers [1].
+        `rows` (k,): their numbers [1].
         """
         names = ("gravity", "latitude", "latitude_sd", "near")
         each: dict[str, Any] = {name: getattr(self, name) for name in names}
@@ -104,19 +86,9 @@ def compensated(
 ) -> FloatArray:
     """Return the four numbers without the errors of the instrument, shape (m, 4) [1].
 
-    Parameters
-    ----------
-    values : ndarray, shape (m, 4)
-        As measured [SI].
-    gravity : float or ndarray of shape (m,)
-        [m/s^2].
-    compensation : Compensation
-        Errors of the instrument; couplings of z are left in, as they need the attitude.
-
-    Returns
-    -------
-    ndarray, shape (m, 4)
-        Rates over the Earth's rate, specific forces over gravity, along x_b and y_b [1].
+    `values` (m, 4): as measured [SI]; `gravity` (m,): [m/s^2]; `compensation`: errors of the
+    instrument, couplings of z are left in, as they need the attitude. Returns (m, 4): rates over
+    the Earth's rate, specific forces over gravity, along x_b and y_b [1].
     """
     model = compensation.model
     rate = np.linalg.solve(model.gyro_matrix[:2, :2], (values[:, :2] - model.gyro_bias[:2]).T).T
@@ -129,21 +101,9 @@ def starts_of(
 ) -> tuple[list[FloatArray], FloatArray]:
     """Return where to start from.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups [SI].
-    known : Known
-        Place, and a rough latitude or none.
-    compensation : Compensation
-        Errors of the instrument.
-
-    Returns
-    -------
-    starts : list of ndarray, shape (m, 4)
-        Heading, pitch, roll, latitude [rad]; the likeliest first.
-    horizontal : ndarray, shape (m,)
-        Rate along x_b and y_b over the Earth's, 0 where it is hardly seen [1].
+    `pairs`: set-ups [SI]. Returns `starts` (m, 4): heading, pitch, roll, latitude [rad]; the
+    likeliest first; `horizontal` (m,): rate along x_b and y_b over the Earth's, 0 where it is
+    hardly seen [1].
     """
     N, M, x, s = compensated(pairs.values, known.gravity, compensation).T
     pitch, roll = tilt_of(x, s)
@@ -169,10 +129,7 @@ def starts_of(
 def tilt_of(x: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return pitch and roll [rad] of two components of up, made shorter than 1 where they are not.
 
-    Parameters
-    ----------
-    x, s : ndarray, shape (m,)
-        Up along x_b and y_b [1].
+    `x`, `s` (m,): up along x_b and y_b [1].
     """
     shorter = np.maximum(np.hypot(s, x) / 0.99999, 1.0)
     s, x = s / shorter, x / shorter
@@ -224,18 +181,8 @@ def best_of(
 ) -> Best:  # fmt: skip
     """Solve from every start, and rank what was found.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Set-ups [SI].
-    covariance : ndarray, shape (m, 4, 4)
-        Of their numbers [SI].
-    known : Known
-        What decides between solutions.
-    compensation : Compensation
-        Errors of the instrument.
-    starts : list of ndarray, shape (m, 4)
-        Where to start from [rad].
+    `pairs`: set-ups [SI]; `covariance` (m, 4, 4): of their numbers [SI]; `starts` (m, 4): where
+    to start from [rad].
     """
     found = [_from(pairs, covariance, known, compensation, start) for start in starts]
     angles = np.stack([f[0] for f in found])
@@ -303,20 +250,8 @@ def widen(
     W = sqrt(1 - r^2) has no slope where r, the horizontal rate, is 1: there W is nothing better
     than sqrt(2 k) for an error k of r.
 
-    Parameters
-    ----------
-    best : Best
-        Its covariance and status are changed.
-    horizontal : ndarray, shape (m,)
-        r [1].
-    pairs : Pairs
-        Set-ups [SI].
-    known : Known
-        Gravity.
-    compensation : Compensation
-        Errors of the instrument.
-    budget : dict of str to ndarray, shape (m, 4)
-        Variances by source, changed to what they do beside W [rad^2].
+    `horizontal` (m,): r [1]; `pairs`: set-ups [SI]; `budget` (m, 4): variances by source, changed
+    to what they do beside W [rad^2].
     """
     direction = pairs.values[:, :2] / np.maximum(
         np.linalg.norm(pairs.values[:, :2], axis=1, keepdims=True), 1e-300

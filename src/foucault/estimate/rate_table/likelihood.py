@@ -10,8 +10,10 @@ e is the error that all rates of the table share, v the Earth's rate along the v
 seen by the gyros alone, nor are the tilts: they enter with a prior, and so the covariance. The
 horizontal part of the Earth's rotation turns with the table: what a part of a turn leaves of it,
 ``w_ie cos(L) |sinc(turns)|``, and the jitter of the table from one step to the next are added to
-the covariance of each reading. So is a bias that moves at random from step to step; where it moves
-slowly, each step has a bias of its own, with a prior that ties it to those of the steps near it.
+the covariance of each reading. Rests whose table angles are known share it: it is one vector in
+each placement, with a prior, turned by those angles. Added too is a bias that moves at random from
+step to step; where it moves slowly, each step has a bias of its own, with a prior that ties it to
+those of the steps near it.
 
 References
 ----------
@@ -24,18 +26,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.models.earth import EARTH_RATE
-from foucault.models.gyro_scale import readout_slope
-from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
+from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.rate_steps import Steps
 from foucault.models.readings import wander
 from foucault.result import Estimate, Linearised, Problem
-
-FloatArray = npt.NDArray[np.float64]
 
 ANY_LATITUDE = 1 / np.sqrt(3)
 """Sd of the sine of a latitude of which nothing is known, all places being alike [1]."""
@@ -43,29 +42,16 @@ ANY_LATITUDE = 1 / np.sqrt(3)
 
 @dataclass(frozen=True)
 class Trust:
-    """What is believed of table, fixture, place and bias.
+    """What is believed of table, fixture, place and bias."""
 
-    Attributes
-    ----------
-    rate_sd : float
-        Sd of the relative error that all rates share; 0: none [1].
-    rate_jitter : float
-        Sd of another relative error of each step [1].
-    fixture_sd : float
-        Sd of the tilt of each placement about either level axis; 0: none [rad].
-    latitude : float or None
-        Geodetic latitude, positive north; None where unknown [rad].
-    bias_sd : float
-        Sd of how far the bias of each gyro moves during the session; 0: not at all [rad/s].
-    bias_time : float
-        Correlation time of that; 0: another bias in every step; infinite: a straight line [s].
-    """
-
-    rate_sd: float = 0.0
-    rate_jitter: float = 0.0
+    rate_sd: float = 0.0  # sd of the relative error that all rates share; 0: none [1]
+    rate_jitter: float = 0.0  # sd of another relative error of each step [1]
+    # sd of the tilt of each placement about either level axis; 0: none [rad]
     fixture_sd: float = 0.0
-    latitude: float | None = None
+    latitude: float | None = None  # geodetic latitude, positive north; None where unknown [rad]
+    # sd of how far the bias of each gyro moves during the session; 0: not at all [rad/s]
     bias_sd: float = 0.0
+    # correlation time of that; 0: another bias in every step; infinite: a straight line [s]
     bias_time: float = 0.0
 
     @property
@@ -91,27 +77,18 @@ class Trust:
 
 @dataclass(frozen=True)
 class State:
-    """Where the fit is.
+    """Where the fit is."""
 
-    Attributes
-    ----------
-    model : ImuModel
-        Errors of the instrument.
-    rate_error : float
-        Relative error that all rates share, true over said minus 1 [1].
-    vertical : float
-        The Earth's rate along up, beyond what is known of it [rad/s].
-    tilt : ndarray, shape (p, 2)
-        Tilt of the spin axis in each placement, towards the next two axes of the fixture [rad].
-    drift : ndarray, shape (n, 3), or None
-        What moves the bias from step to step, independent and of unit sd; None: it stays [1].
-    """
-
-    model: ImuModel
-    rate_error: float
-    vertical: float
+    model: ImuModel  # errors of the instrument
+    rate_error: float  # relative error that all rates share, true over said minus 1 [1]
+    vertical: float  # the Earth's rate along up, beyond what is known of it [rad/s]
+    # (p, 2) tilt of the spin axis in each placement, towards the next two axes of the fixture [rad]
     tilt: FloatArray
+    # (n, 3) what moves the bias from step to step, independent and of unit sd; None: it stays [1]
     drift: FloatArray | None = None
+    # (p, 2) the Earth's rate in each placement across up, where the table angle is 0, along the
+    # next two axes of the fixture, in units of `Trust.horizontal` [1]
+    level: FloatArray | float = 0.0
 
 
 def wanders(steps: Steps, trust: Trust) -> bool:
@@ -122,12 +99,7 @@ def wanders(steps: Steps, trust: Trust) -> bool:
 def wander_root(steps: Steps, trust: Trust) -> FloatArray:
     """Return the root L of the covariance of all slow moves of the bias, shape (n, n) [rad/s].
 
-    Parameters
-    ----------
-    steps : Steps
-        The steps, with the wander that was declared [SI].
-    trust : Trust
-        The drift that they showed beyond it.
+    `steps`: the steps, with the wander that was declared [SI].
     """
     if steps.slow is None:
         return drift_root(steps, trust)
@@ -142,12 +114,8 @@ def wander_root(steps: Steps, trust: Trust) -> FloatArray:
 def drift_root(steps: Steps, trust: Trust) -> FloatArray:
     """Return the root L of the covariance of a drift of the bias, shape (n, n) [rad/s].
 
-    Parameters
-    ----------
-    steps : Steps
-        The steps [SI].
-    trust : Trust
-        How far the bias moves, and how fast: a Gauss-Markov process, or a straight line.
+    `steps`: the steps [SI]; `trust`: how far the bias moves, and how fast: a Gauss-Markov
+    process, or a straight line.
     """
     if np.isinf(trust.bias_time):
         line = np.zeros((len(steps), len(steps)))
@@ -164,17 +132,25 @@ def tilts(steps: Steps) -> FloatArray:
     return np.stack([eye[(axis + 1) % 3], eye[(axis + 2) % 3]], axis=2)
 
 
+def shared(steps: Steps) -> BoolArray:
+    """Tell which steps are rests whose azimuth the table told, shape (n,)."""
+    told = np.zeros(len(steps), bool) if steps.azimuth is None else np.isfinite(steps.azimuth)
+    return np.asarray(told & (steps.rate == 0.0))
+
+
+def level_slope(steps: Steps, trust: Trust) -> FloatArray:
+    """Return the derivatives of the rate in each step by `State.level`, (n, 3, 2) [rad/s]."""
+    mine = shared(steps)
+    turn = np.where(mine, 0.0 if steps.azimuth is None else steps.azimuth, 0.0) * steps.sense
+    c, s = np.cos(turn), np.sin(turn)
+    back = np.moveaxis(np.array([[c, s], [-s, c]]), 2, 0)  # as seen by what is turned
+    return np.asarray(trust.horizontal * mine[:, None, None] * (tilts(steps) @ back))
+
+
 def true_rate(steps: Steps, trust: Trust, state: State) -> tuple[FloatArray, FloatArray]:
     """Return the rate along the spin axis, shape (n,), and that axis, shape (n, 3) [rad/s], [1].
 
-    Parameters
-    ----------
-    steps : Steps
-        The steps [SI].
-    trust : Trust
-        What is believed of table and place.
-    state : State
-        Rate error, Earth's rate and tilts.
+    `steps`: the steps [SI].
     """
     h = steps.rate * (1.0 + state.rate_error) + trust.vertical + state.vertical
     u = steps.up + np.einsum("nij,nj->ni", tilts(steps), state.tilt[steps.placement])
@@ -184,16 +160,11 @@ def true_rate(steps: Steps, trust: Trust, state: State) -> tuple[FloatArray, Flo
 def covariance(steps: Steps, trust: Trust) -> dict[str, FloatArray]:
     """Return the covariance of the readings by source, shape (n, 3, 3) each [(rad/s)^2].
 
-    Parameters
-    ----------
-    steps : Steps
-        The steps [SI].
-    trust : Trust
-        What is believed of table and place.
+    `steps`: the steps [SI].
     """
     # A part of a turn begins at any azimuth; rests may all have the same one.
     left = trust.horizontal * np.abs(np.sinc(steps.turns))
-    left = np.where(steps.rate == 0.0, 1.0, np.sqrt(0.5)) * left
+    left = np.where(steps.rate == 0.0, 1.0, np.sqrt(0.5)) * left * ~shared(steps)
     across = np.eye(3) - steps.up[:, :, None] * steps.up[:, None, :]
     turning = np.where((steps.rate != 0.0)[:, None], steps.gyro, 0.0)
     moved = 0.0 if trust.drifts else trust.bias_sd
@@ -208,10 +179,8 @@ def covariance(steps: Steps, trust: Trust) -> dict[str, FloatArray]:
 def whitening(parts: list[FloatArray]) -> FloatArray:
     """Return the matrices that whiten the readings, shape (n, 3, 3) [1/(rad/s)].
 
-    Parameters
-    ----------
-    parts : list of ndarray, shape (n, 3, 3)
-        Covariances that add up; jitter alone, along one axis, has no inverse [(rad/s)^2].
+    `parts` (n, 3, 3): covariances that add up, jitter alone, along one axis, has no inverse
+    [(rad/s)^2].
     """
     total = np.sum(parts, axis=0)
     least = 1e-13 * np.trace(total, axis1=1, axis2=2)
@@ -220,21 +189,12 @@ def whitening(parts: list[FloatArray]) -> FloatArray:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Which parameters there are, in the order of a step.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Coefficients.
-    prior_sd : ndarray, shape (m,)
-        Sd of what follows them: rate error, Earth's rate, tilts, drift [SI].
-    sources : tuple of str
-        Source of uncertainty that each of these m is.
-    """
+    """Which parameters there are, in the order of a step."""
 
     names: tuple[str, ...]
+    # (m,) sd of what follows them: rate error, Earth's rate, tilts, drift [SI]
     prior_sd: FloatArray
-    sources: tuple[str, ...]
+    sources: tuple[str, ...]  # source of uncertainty that each of these m is
 
     @classmethod
     def of(cls, names: tuple[str, ...], steps: Steps, trust: Trust) -> Unknowns:
@@ -242,6 +202,8 @@ class Unknowns:
         rows = [("rate of the table", trust.rate_sd), ("unknown Earth rate", trust.vertical_sd)]
         if trust.fixture_sd > 0:
             rows += [("fixture", trust.fixture_sd)] * (2 * _placements(steps))
+        if shared(steps).any():
+            rows += [("level Earth rate", np.sqrt(0.5))] * (2 * _placements(steps))
         rows += [("bias drift", 1.0)] * (3 * len(steps) * wanders(steps, trust))
         rows = [row for row in rows if row[1] > 0]
         return cls(names, np.array([sd for _, sd in rows]), tuple(name for name, _ in rows))
@@ -266,18 +228,9 @@ def build(
 ) -> Problem:
     """Build the least-squares problem; block j is step j.
 
-    Parameters
-    ----------
-    steps : Steps
-        What was measured [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    trust : Trust
-        What is believed of table, fixture and place.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
-    start : State or None
-        Where to start; None starts with the straight lines through the readings.
+    `steps`: what was measured [SI]; `trust`: what is believed of table, fixture and place;
+    `prior` or None: Gaussian prior on the coefficients; `start`: where to start, None starts with
+    the straight lines through the readings.
     """
     unknowns = Unknowns.of(names, steps, trust)
     root = whitening(list(covariance(steps, trust).values()))
@@ -301,18 +254,9 @@ def fit(
 ) -> tuple[Problem, Estimate]:
     """Maximise the likelihood.
 
-    Parameters
-    ----------
-    steps : Steps
-        What was measured [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    trust : Trust
-        What is believed of table, fixture and place.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
-    loss : callable
-        ``norms -> weights``, see `gauss_newton.solve`.
+    `steps`: what was measured [SI]; `trust`: what is believed of table, fixture and place;
+    `prior` or None: Gaussian prior on the coefficients; `loss`: ``norms -> weights``, see
+    `gauss_newton.solve`.
     """
     problem = build(steps, names, trust, prior)
     return problem, gauss_newton.solve(problem, loss=loss)
@@ -339,21 +283,28 @@ def _linearise(
     model, n = state.model, len(steps)
     h, u = true_rate(steps, trust, state)
     w = h[:, None] * u
-    r = w @ model.gyro_matrix.T
-    slope = readout_slope(r, model.gyro_asymmetry, model.gyro_cubic)
+    level = np.zeros((_placements(steps), 2)) + state.level
+    by_level = level_slope(steps, trust)
+    w = w + np.einsum("nij,nj->ni", by_level, level[steps.placement])
     g = np.linalg.norm(steps.force, axis=1)[:, None]
     force = steps.force + g * (u - steps.up)
-    parts = [_coefficient_slope(unknowns.names, r, slope, w, force)]
-    by_rate = (slope[:, :, None] * model.gyro_matrix) @ u[:, :, None]  # by h, shape (n, 3, 1)
+    slopes = model.slopes(force, w, unknowns.names)
+    parts = [slopes.gyro]
+    by_rate = slopes.gyro_by_rate @ u[:, :, None]  # by h, shape (n, 3, 1)
     if trust.rate_sd > 0:
         parts.append(by_rate * steps.rate[:, None, None])
     if trust.vertical_sd > 0:
         parts.append(by_rate)
     if trust.fixture_sd > 0:
         across = (np.eye(3) - u[:, :, None] * u[:, None, :]) @ tilts(steps)
-        mine = (slope[:, :, None] * model.gyro_matrix) @ (h[:, None, None] * across)
-        mine += model.g_sensitivity @ (g[:, :, None] * across)
+        mine = slopes.gyro_by_rate @ (h[:, None, None] * across)
+        mine += slopes.gyro_by_force @ (g[:, :, None] * across)
         wide = np.zeros((n, 3, _placements(steps), 2))
+        wide[np.arange(n), :, steps.placement] = mine
+        parts.append(wide.reshape(n, 3, -1))
+    if shared(steps).any():
+        wide = np.zeros((n, 3, _placements(steps), 2))
+        mine = slopes.gyro_by_rate @ by_level
         wide[np.arange(n), :, steps.placement] = mine
         parts.append(wide.reshape(n, 3, -1))
     miss = steps.gyro - model.measure(force, w)[1]
@@ -369,59 +320,41 @@ def _linearise(
     prior[:, len(unknowns.names) :] = np.diag(1.0 / unknowns.prior_sd)
     return Linearised(
         np.concatenate([
-            np.einsum("nij,nj->ni", weighted, miss).ravel(), -_nuisance(state, trust, unknowns)
+            np.einsum("nij,nj->ni", weighted, miss).ravel(),
+            -_nuisance(state, steps, trust, unknowns),
         ]),
         np.concatenate([(weighted @ np.concatenate(parts, axis=2)).reshape(3 * n, -1), prior]),
         np.concatenate([np.repeat(np.arange(n), 3), np.full(m, -1)]),
     )  # fmt: skip
 
 
-def _nuisance(state: State, trust: Trust, unknowns: Unknowns) -> FloatArray:
-    """Return rate error, Earth's rate and tilts in units of their sd."""
+def _nuisance(state: State, steps: Steps, trust: Trust, unknowns: Unknowns) -> FloatArray:
+    """Return rate error, Earth's rate, tilts and so on in units of their sd."""
     values = [state.rate_error] if trust.rate_sd > 0 else []
     values += [state.vertical] if trust.vertical_sd > 0 else []
     values += state.tilt.ravel().tolist() if trust.fixture_sd > 0 else []
+    if shared(steps).any():
+        values += (np.zeros((_placements(steps), 2)) + state.level).ravel().tolist()
     values += [] if state.drift is None else state.drift.ravel().tolist()
     return np.array(values) / unknowns.prior_sd
 
 
-def _coefficient_slope(
-    names: tuple[str, ...], r: FloatArray, slope: FloatArray, w: FloatArray, force: FloatArray
-) -> FloatArray:
-    """Return the derivatives of the readings by the coefficients, shape (n, 3, len(names))."""
-    out = np.zeros((len(w), 3, len(names)))
-    for k, name in enumerate(names):
-        block, where = coefficient_slot(name)
-        if block == "gyro_bias":
-            out[:, where, k] = 1.0
-        elif block == "gyro_asymmetry":
-            out[:, where, k] = np.abs(r[:, where])
-        elif block == "gyro_cubic":
-            out[:, where, k] = r[:, where] ** 3
-        elif block == "g_sensitivity":
-            out[:, where[0], k] = force[:, where[1]]
-        else:
-            out[:, where[0], k] = slope[:, where[0]] * w[:, where[1]]
-    return out
-
-
 def _moved(unknowns: Unknowns, state: State, step: FloatArray) -> State:
-    model = state.model
-    blocks = {
-        name: getattr(model, name).copy()
-        for name in ("gyro_matrix", "gyro_bias", "g_sensitivity", "gyro_asymmetry", "gyro_cubic")
-    }
-    for name, value in zip(unknowns.names, step, strict=False):
-        block, where = coefficient_slot(name)
-        blocks[block][where] += value
-    rate, earth, tilt, drift = (
+    rate, earth, tilt, level, drift = (
         step[unknowns.columns(source)]
-        for source in ("rate of the table", "unknown Earth rate", "fixture", "bias drift")
+        for source in (
+            "rate of the table",
+            "unknown Earth rate",
+            "fixture",
+            "level Earth rate",
+            "bias drift",
+        )
     )
     return State(
-        replace(model, **blocks),
+        state.model.moved(unknowns.names, step[: len(unknowns.names)]),
         state.rate_error + float(rate.sum()),
         state.vertical + float(earth.sum()),
         state.tilt + (tilt.reshape(-1, 2) if len(tilt) else 0.0),
         state.drift if state.drift is None else state.drift + drift.reshape(-1, 3),
+        state.level + (level.reshape(-1, 2) if len(level) else 0.0),
     )

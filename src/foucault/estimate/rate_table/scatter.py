@@ -17,8 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import student
@@ -33,8 +33,6 @@ from foucault.estimate.rate_table.likelihood import (
 )
 from foucault.models.rate_steps import Steps
 from foucault.result import Estimate
-
-FloatArray = npt.NDArray[np.float64]
 
 FEWEST = 6
 """With fewer readings beyond the unknowns no scatter is looked for [1]."""
@@ -64,18 +62,9 @@ def fit_scatter(
 ) -> Trust:
     """Return `trust` with the scatter that makes the residuals as large as they should be.
 
-    Parameters
-    ----------
-    steps : Steps
-        What was measured [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    trust : Trust
-        What is believed of table, fixture and place.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
-    loss : callable
-        ``norms -> weights``, see `gauss_newton.solve`.
+    `steps`: what was measured [SI]; `trust`: what is believed of table, fixture and place;
+    `prior` or None: Gaussian prior on the coefficients; `loss`: ``norms -> weights``, see
+    `gauss_newton.solve`.
     """
     _, found = fit(steps, names, trust, prior, gauss_newton.least_squares)
     if found.dof < FEWEST:
@@ -99,24 +88,12 @@ def fit_scatter(
 
 @dataclass(frozen=True)
 class _Contrasts:
-    """What of the readings no coefficient can explain, in units of the noise.
+    """What of the readings no coefficient can explain, in units of the noise."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (k,)
-        The contrasts [1].
-    by_reading : ndarray, shape (k, n, 3)
-        How they follow the readings [1/(rad/s)].
-    steps : Steps
-        The steps [SI].
-    noise : float
-        Noise of a typical step [rad/s].
-    """
-
-    values: FloatArray
-    by_reading: FloatArray
-    steps: Steps
-    noise: float
+    values: FloatArray  # (k,) the contrasts [1]
+    by_reading: FloatArray  # (k, n, 3) how they follow the readings [1/(rad/s)]
+    steps: Steps  # the steps [SI]
+    noise: float  # noise of a typical step [rad/s]
 
     def of_bias(self, time: float) -> FloatArray:
         """Return their covariance by a bias that moves by 1 rad/s in `time` [s], shape (k, k)."""
@@ -196,16 +173,9 @@ def scaled_noise(
 ) -> Steps:
     """Return the steps with noise as large as the residuals say, where nobody knows it.
 
-    Parameters
-    ----------
-    steps : Steps
-        What was measured; the noise of its means is right but for a common factor [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    trust : Trust
-        What is believed of table, fixture and place.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
+    `steps`: what was measured, the noise of its means is right but for a common factor [SI];
+    `trust`: what is believed of table, fixture and place; `prior` or None: Gaussian prior on the
+    coefficients.
     """
     for loss in (gauss_newton.least_squares, gauss_newton.huber):
         _, found = fit(steps, names, trust, prior, loss)

@@ -27,6 +27,7 @@ from functools import reduce
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.ins_filter import FilterRun, Updates, run
 from foucault.models.earth import Site, gravity
@@ -35,10 +36,6 @@ from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
 from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 BETWEEN = 2.0
 """Longest epoch during turns [s]."""
@@ -50,29 +47,18 @@ STAYS = 1e-4
 
 @dataclass(frozen=True)
 class AtRest:
-    """What is known of an instrument at rest.
+    """What is known of an instrument at rest."""
 
-    Attributes
-    ----------
-    velocity_sd : float
-        How still it stands, each component [m/s].
-    position_sd : float
-        How near the same place it comes to rest every time; where, it then stays [m].
-    interval : float
-        Time between updates [s].
-    decorrelate : bool
-        Whether each rest starts anew with velocity and position: what turns did to them is not
-        taken for what the coefficients did. The cure where the accelerometers are not at one
-        point and their lever arms are not estimated.
-    turning_sd : float or None
-        How still it stays while it turns about itself, each component; None: nothing is measured
-        in turns [m/s].
-    """
-
-    velocity_sd: float = 1e-3
+    velocity_sd: float = 1e-3  # how still it stands, each component [m/s]
+    # how near the same place it comes to rest every time; where, it then stays [m]
     position_sd: float = 1e-2
-    interval: float = 1.0
+    interval: float = 1.0  # time between updates [s]
+    # whether each rest starts anew with velocity and position: what turns did to them is not taken
+    # for what the coefficients did. The cure where the accelerometers are not at one point and
+    # their lever arms are not estimated
     decorrelate: bool = False
+    # how still it stays while it turns about itself, each component; None: nothing is measured in
+    # turns [m/s]
     turning_sd: float | None = None
 
     def updates(
@@ -80,16 +66,8 @@ class AtRest:
     ) -> Updates:
         """Return the measurements of all rests, and the start, where nothing is measured.
 
-        Parameters
-        ----------
-        increments : Increments
-            The whole log.
-        rests : sequence of (int, int)
-            First and last row of each rest, in order [1].
-        site : Site
-            Where it stands; the latitude must be known.
-        first : int, shape ()
-            Row after which measurements count [1].
+        `rests`: first and last row of each rest, in order [1]; `site`: where it stands, the
+        latitude must be known; `first`: row after which measurements count [1].
         """
         assert site.latitude is not None
         each = max(1, round(self.interval / float(np.median(increments.dt))))
@@ -126,21 +104,20 @@ def _between(rows: IntArray, rests: Sequence[tuple[int, int]]) -> npt.NDArray[np
 
 @dataclass(frozen=True)
 class SystematicRun:
-    """What a session has shown.
+    """What a session has shown."""
 
-    Attributes
-    ----------
-    run : FilterRun
-        The last pass of the filter.
-    estimate : CoefficientVector
-        The coefficients with covariance.
-    passes : tuple of ndarray, each shape (p,)
-        The coefficients after each pass [SI].
-    """
+    run: FilterRun  # the last pass of the filter
+    estimate: CoefficientVector  # the coefficients with covariance
+    passes: tuple[FloatArray, ...]  # (p,) the coefficients after each pass [SI]
 
-    run: FilterRun
-    estimate: CoefficientVector
-    passes: tuple[FloatArray, ...]
+
+@dataclass(frozen=True)
+class Start:
+    """Where a further recording begins, as the first one does."""
+
+    first: int  # row at whose end it starts, at rest [1]
+    C_nb: FloatArray  # (3, 3) attitude there [1]
+    cov: FloatArray  # (9, 9) covariance of the errors of navigation [SI]
 
 
 def solve(
@@ -157,79 +134,94 @@ def solve(
     estimate: FloatArray | None = None,
     passes: int = 1,
     keep: bool = False,
+    further: Sequence[Start] = (),
 ) -> SystematicRun:
     """Estimate all coefficients in one filter over the whole session.
 
-    Parameters
-    ----------
-    increments : Increments
-        The session as measured.
-    C_nb : ndarray, shape (3, 3)
-        Attitude at the end of row `first` [1].
-    site : Site
-        Where it stands; the latitude must be known.
-    sensors : Sensors
-        Coefficients to estimate.
-    rests : sequence of (int, int)
-        First and last row of each rest, in order [1].
-    P0 : ndarray, shape (9 + p, 9 + p)
-        Covariance at the start, see `estimate.ins_filter.start_cov` [SI].
-    noise : ImuNoise
-        White noise of the sensors [SI].
-    at_rest : AtRest or None
-        What is known at rest; None takes the defaults.
-    first : int, shape ()
-        Row at whose end the run starts, at rest [1].
-    estimate : ndarray, shape (p,), or None
-        Coefficients at the start, zero by default [SI].
-    passes : int, shape ()
-        How often the session is gone through; each later pass starts from the coefficients and
-        the attitude that the one before has found, so that the equations are linear about them
-        [1].
-    keep : bool
-        Whether the last pass keeps what a smoother needs.
+    `C_nb` (3, 3): attitude at the end of row `first` [1]; `site`: where it stands, the latitude
+    must be known; `rests`: first and last row of each rest, in order [1]; `P0` (9 + p, 9 + p):
+    covariance at the start, see `estimate.ins_filter.start_cov` [SI]; `noise`: white noise of the
+    sensors [SI]; `at_rest`: what is known at rest, None takes the defaults; `first`: row at whose
+    end the run starts, at rest [1]; `estimate` (p,) or None: coefficients at the start, zero by
+    default [SI]; `passes`: how often the session is gone through, each later pass starts from the
+    coefficients and the attitude that the one before has found, so that the equations are linear
+    about them [1]; `keep`: whether the last pass keeps what a smoother needs; `further`: further
+    recordings of the same instrument, in order: each begins with the coefficients of the one
+    before, and with an attitude, velocity and position of its own.
 
-    Notes
-    -----
     A later pass keeps P0: it is the same prior, about another point of linearisation. The prior
     mean is zero, or `estimate`, in the first pass only; with priors much wider than the result this
     makes no difference.
     """
     assert site.latitude is not None
-    updates = (at_rest or AtRest()).updates(increments, rests, site, first)
-    state = State.at_rest(C_nb, site.latitude, 0.0, site.height)
+    starts = [Start(first, C_nb, P0[:9, :9]), *further]
+    ends = [*(start.first for start in further), len(increments)]
+    updates = [
+        (at_rest or AtRest()).updates(
+            increments, [(a, b) for a, b in rests if a < end and b > start.first], site, start.first
+        )
+        for start, end in zip(starts, ends, strict=True)
+    ]
     offset = site.gravity - float(gravity(site.latitude, site.height))
     seen: list[FloatArray] = []
     for k in range(passes):
         again = k + 1 < passes
-        found = run(
-            increments, state, sensors, updates, P0, noise, first=first, estimate=estimate,
-            gravity_offset=offset, keep=keep or again,
-        )  # fmt: skip
-        estimate = found.coefficients[-1]
+        P = P0
+        runs: list[FilterRun] = []
+        for number, (start, measured) in enumerate(zip(starts, updates, strict=True)):
+            P = P if not runs else _anew(start, runs[-1].cov, P0, sensors)
+            state = State.at_rest(start.C_nb, site.latitude, 0.0, site.height)
+            runs.append(run(
+                increments, state, sensors.during(number), measured, P, noise, first=start.first,
+                estimate=estimate, gravity_offset=offset, keep=keep or again,
+            ))  # fmt: skip
+            estimate = np.where(sensors.wanders, 0.0, runs[-1].coefficients[-1])
+        estimate = runs[-1].coefficients[-1]
         seen.append(estimate)
         if again:
-            state = replace(state, C_nb=attitude_at_start(found, state.C_nb))
+            begun = attitudes_at_start(runs, estimate, [start.C_nb for start in starts])
+            starts = [replace(start, C_nb=C) for start, C in zip(starts, begun, strict=True)]
+    found = FilterRun.joined(runs, sensors)
     return SystematicRun(found, found.estimate, tuple(seen))
 
 
-def attitude_at_start(found: FilterRun, C_nb: FloatArray) -> FloatArray:
+def _anew(start: Start, before: FloatArray, P0: FloatArray, sensors: Sensors) -> FloatArray:
+    """Return the covariance at the start of a recording: of the one before, what stays."""
+    P = np.zeros_like(P0)
+    P[:9, :9], P[9:, 9:] = start.cov, before[9:, 9:]
+    gone = 9 + np.flatnonzero(sensors.wanders)
+    P[gone], P[:, gone] = 0.0, 0.0
+    P[gone, gone] = P0[gone, gone]
+    return P
+
+
+def attitudes_at_start(
+    runs: Sequence[FilterRun], values: FloatArray, C_nb: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Return the attitudes that the recordings of a pass should have begun with, each (3, 3).
+
+    `runs`: the recordings of a pass made with ``keep=True``; `values` (p,): the coefficients at
+    the end of all [SI]; `C_nb` (3, 3): the attitudes that they began with [1].
+    """
+    return [attitude_at_start(run, C, values) for run, C in zip(runs, C_nb, strict=True)]
+
+
+def attitude_at_start(
+    found: FilterRun, C_nb: FloatArray, values: FloatArray | None = None
+) -> FloatArray:
     """Return the attitude that a pass should have begun with, shape (3, 3).
 
     The error psi that the filter has found at the end, and what it fed back at every epoch, are
     carried back to the start with the coefficients of the end. White noise of the gyros is left
     out, which a smoother would not: to linearise about, this is as good.
 
-    Parameters
-    ----------
-    found : FilterRun
-        A pass made with ``keep=True``.
-    C_nb : ndarray, shape (3, 3)
-        The attitude that it began with [1].
+    `C_nb` (3, 3): the attitude that it began with [1]; `values` (p,): the coefficients, None for
+    those at its end [SI].
     """
+    last = found.coefficients[-1] if values is None else values
     before = np.concatenate([found.coefficients[:1] - found.corrections[:1, 9:],
                              found.coefficients[:-1]])  # fmt: skip
-    missing = found.coefficients[-1] - before  # in the epoch that ends at each row
+    missing = last - before  # in the epoch that ends at each row
     missing[:, found.decay > 0] = 0.0  # what wanders is at the end not what it was
     made = np.einsum("kij,kj->ki", found.transitions[:, :3, 9:], missing)
     psi, back = np.zeros(3), np.linalg.inv(found.transitions[:, :3, :3])

@@ -50,24 +50,11 @@ def second_step(
 ) -> SystematicRun:
     """Go on with the deflection from where the first step has ended, in one pass.
 
-    Parameters
-    ----------
-    increments : Increments
-        The session as measured.
-    site : Site
-        Where it stands; the latitude must be known.
-    first : SystematicRun
-        The first step.
-    sensors : Sensors
-        Coefficients of the second step: those of the first, and more.
-    rests : sequence of (int, int)
-        First and last row of each rest of the whole session, in order [1].
-    prior : CoefficientVector
-        What was known of those that the first step did not have: values and prior_sd [SI].
-    noise : ImuNoise
-        White noise of the sensors [SI].
-    at_rest : AtRest or None
-        What is known at rest; None takes the defaults.
+    `site`: where it stands, the latitude must be known; `sensors`: coefficients of the second
+    step: those of the first, and more; `rests`: first and last row of each rest of the whole
+    session, in order [1]; `prior`: what was known of those that the first step did not have:
+    values and prior_sd [SI]; `noise`: white noise of the sensors [SI]; `at_rest`: what is known
+    at rest, None takes the defaults.
     """
     assert site.latitude is not None
     at_rest = at_rest or AtRest()

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.estimate import gauss_newton
@@ -25,9 +26,6 @@ from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles
 from foucault.models.table_state import State, Unknowns
 from foucault.result import Estimate, Linearised, Problem
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 KINDS = ("accel at rest", "accel in spins", "gyro at rest", "gyro in spins", "rate of spins")
 """The kinds of residual; in spins the rate along the axis, which is the table's, stands alone."""
@@ -51,81 +49,42 @@ ENOUGH = 8.0
 
 @dataclass(frozen=True)
 class Options:
-    """How to fit.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Coefficients to estimate.
-    lever_arm, level, offset : bool
-        Whether these are unknown, see `table_state.State`.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
-    rate_sd : float
-        Relative sd of the rate from one spin to the next [1].
-    robust : bool
-        Leave outliers out.
-    repeatability : bool
-        Estimate scatter that the noise does not explain.
-    gyro_at_rest : bool
-        Look at the rates at rest even where the heading is unknown.
-    """
+    """How to fit."""
 
     names: tuple[str, ...]
+    # lever_arm, level, offset: whether these are unknown, see `table_state.State`
     lever_arm: bool
     level: bool
     offset: bool = False
-    prior: CoefficientVector | None = None
-    rate_sd: float = 0.0
+    prior: CoefficientVector | None = None  # Gaussian prior on the coefficients
+    rate_sd: float = 0.0  # relative sd of the rate from one spin to the next [1]
     robust: bool = True
-    repeatability: bool = True
-    gyro_at_rest: bool = False
+    repeatability: bool = True  # estimate scatter that the noise does not explain
+    gyro_at_rest: bool = False  # look at the rates at rest even where the heading is unknown
 
 
 @dataclass(frozen=True)
 class TableFit:
-    """A solution and how well it fits.
+    """A solution and how well it fits."""
 
-    Attributes
-    ----------
-    options : Options
-        How it was fitted.
-    observed : Observed
-        Readings with the covariance that was used, scatter included [SI].
-    problem : Problem
-        The problem that was solved.
-    estimate : Estimate
-        Its solution.
-    at : Linearised
-        The problem linearised there, with full weights.
-    before, after : dict of str to Component
-        Fit of each kind of reading by the noise alone, and with the scatter.
-    scatter : dict of str to float
-        Sd that was added to each of `GROUPS`, per axis [SI]; of the rate of spins relative [1].
-    snooping : Snooping
-        Tests of the readings at the solution, outliers left out.
-    outliers : tuple of int, shape (k,)
-        Readings that were left out: j for the specific force of reading j, n + j for its rate.
-    suspects : tuple of int, shape (k,)
-        Readings of which one is wrong, but it cannot be told which.
-    wrong_angles : tuple of int, shape (k,)
-        Readings whose table angles were not believed, because they are far off.
-    angle_suspects : tuple of int, shape (k,)
-        Readings of which the angles of one are wrong, but it cannot be told which.
-    """
-
-    options: Options
-    observed: Observed
-    problem: Problem
+    options: Options  # how it was fitted
+    observed: Observed  # readings with the covariance that was used, scatter included [SI]
+    problem: Problem  # the problem that was solved
     estimate: Estimate
-    at: Linearised
+    at: Linearised  # the problem linearised there, with full weights
+    # before, after: fit of each kind of reading by the noise alone, and with the scatter
     before: dict[str, Component]
     after: dict[str, Component]
-    snooping: Snooping
+    snooping: Snooping  # tests of the readings at the solution, outliers left out
+    # sd that was added to each of `GROUPS`, per axis [SI]; of the rate of spins relative [1]
     scatter: dict[str, float] = field(default_factory=dict)
+    # (k,) readings that were left out: j for the specific force of reading j, n + j for its rate
     outliers: tuple[int, ...] = ()
+    # (k,) readings of which one is wrong, but it cannot be told which
     suspects: tuple[int, ...] = ()
+    # (k,) readings whose table angles were not believed, because they are far off
     wrong_angles: tuple[int, ...] = ()
+    # (k,) readings of which the angles of one are wrong, but it cannot be told which
     angle_suspects: tuple[int, ...] = ()
 
     @property
@@ -138,12 +97,7 @@ class TableFit:
 def kinds_of(readings: Readings, blocks: IntArray) -> IntArray:
     """Return the index in `KINDS` of each observation, shape (k,); -1 for a prior.
 
-    Parameters
-    ----------
-    readings : Readings
-        The readings.
-    blocks : ndarray of int, shape (k,)
-        Numbers of observations, see `likelihood.build`.
+    `blocks` (k,): numbers of observations, see `likelihood.build`.
     """
     n = len(readings)
     spin = readings.spin[blocks % n].astype(int)
@@ -153,17 +107,9 @@ def kinds_of(readings: Readings, blocks: IntArray) -> IntArray:
 def fit(readings: Readings, site: Site, start: State, options: Options) -> TableFit:
     """Estimate the coefficients, the outliers, and the scatter that the noise leaves unexplained.
 
-    Parameters
-    ----------
-    readings : Readings
-        Means with the covariance of their noise [SI].
-    site : Site
-        Gravity and latitude.
-    start : State
-        Where to start; its geometry says what is believed of the table.
-    options : Options
-        How to fit. A prior comes last, when outliers and scatter are settled: they would take up
-        what contradicts it.
+    `readings`: means with the covariance of their noise [SI]; `start`: where to start, its
+    geometry says what is believed of the table; `options`: how to fit. A prior comes last, when
+    outliers and scatter are settled: they would take up what contradicts it.
     """
     found = _fit(readings, site, start, replace(options, prior=None))
     if options.prior is None:
@@ -241,10 +187,7 @@ def _without_wrong_angles(
 def angle_tests(found: TableFit) -> Snooping:
     """Test the angles of each position against what the readings say of them.
 
-    Parameters
-    ----------
-    found : TableFit
-        A solution that believes the angles with errors of known size.
+    `found`: a solution that believes the angles with errors of known size.
     """
     at, geometry = found.at, found.estimate.state.geometry
     first = int(np.sum(at.blocks >= 0)) + len(geometry.used)
@@ -436,13 +379,7 @@ def _as_student(found: TableFit, options: Options, weights: FloatArray) -> Table
 
 
 def group_components(kinds: dict[str, Component]) -> dict[str, Component]:
-    """Join the kinds of reading that have one scatter.
-
-    Parameters
-    ----------
-    kinds : dict of str to Component
-        Fit of each of `KINDS`.
-    """
+    """Join the kinds of reading that have one scatter."""
     names = list(dict.fromkeys(GROUPS[kind] for kind in kinds))
     out = {}
     for group in names:
@@ -475,14 +412,8 @@ def _grown(base: Observed, group: str, scatter: float, c: Component) -> float:
 def inflated(observed: Observed, scatter: dict[str, float], sign: float = 1.0) -> Observed:
     """Return the same readings with more variance.
 
-    Parameters
-    ----------
-    observed : Observed
-        Readings and their covariance [SI].
-    scatter : dict of str to float
-        Group of readings -> sd to add, per axis [SI]; that of the rate of spins is relative.
-    sign : float
-        -1 takes it away again [1].
+    `observed`: readings and their covariance [SI]; `scatter`: group of readings -> sd to add, per
+    axis [SI], that of the rate of spins is relative; `sign`: -1 takes it away again [1].
     """
     accel, gyro = observed.accel_cov.copy(), observed.gyro_cov.copy()
     for group, sd in scatter.items():

@@ -14,13 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.kernels.norm_observation import calibrate_batch
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 STATUS = ("solved", "singular", "no ellipsoid", "not finite")
 """What the number of a status means."""
@@ -37,31 +35,20 @@ _OFF_GYRO = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 
 @dataclass(frozen=True)
 class FleetReadings:
-    """Means of N instruments over the same m rests and k spins.
+    """Means of N instruments over the same m rests and k spins."""
 
-    Attributes
-    ----------
-    rest : ndarray, shape (N, m, 3)
-        Mean specific force at rest, frame b [m/s^2].
-    accel, gyro : ndarray, shape (N, k, 3)
-        Mean specific force and mean rate in spins, frame b [m/s^2] and [rad/s].
-    rest_variance, accel_variance, gyro_variance : ndarray, shape (N, m), (N, k), (N, k)
-        Variance of the noise of these means, per axis; with a first axis of 1 it is that of all
-        instruments [SI].
-    rate : ndarray, shape (k,)
-        Norm of the true mean rate of each spin, negative where clockwise seen from above [rad/s].
-    gravity : float
-        Local gravity [m/s^2].
-    """
-
-    rest: FloatArray
+    rest: FloatArray  # (N, m, 3) mean specific force at rest, frame b [m/s^2]
+    # accel, gyro: (N, k, 3) mean specific force and mean rate in spins, frame b [m/s^2] and [rad/s]
     accel: FloatArray
     gyro: FloatArray
+    # rest_variance, accel_variance, gyro_variance: (N, m) variance of the noise of these means, per
+    # axis; with a first axis of 1 it is that of all instruments [SI]
     rest_variance: FloatArray
     accel_variance: FloatArray
     gyro_variance: FloatArray
+    # (k,) norm of the true mean rate of each spin, negative where clockwise seen from above [rad/s]
     rate: FloatArray
-    gravity: float
+    gravity: float  # local gravity [m/s^2]
 
     def __len__(self) -> int:
         return len(self.rest)
@@ -82,10 +69,7 @@ class FleetReadings:
     def with_variance_times(self, accel: FloatArray, gyro: FloatArray) -> FleetReadings:
         """Return the same readings with more or less noise.
 
-        Parameters
-        ----------
-        accel, gyro : ndarray, shape (N,) or (1,)
-            Factors of the variances of both triads [1].
+        `accel`, `gyro` (N,) or (1,): factors of the variances of both triads [1].
         """
         a, w = accel[:, None], gyro[:, None]
         return replace(
@@ -96,35 +80,18 @@ class FleetReadings:
 
 @dataclass(frozen=True)
 class FleetEstimate:
-    """Coefficients of N instruments with their covariance; NaN where the status is not 0.
+    """Coefficients of N instruments with their covariance; NaN where the status is not 0."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (N, 21)
-        Coefficients in the order of `models.imu.LINEAR_LOWER` [SI].
-    packed : ndarray, shape (N, 231)
-        Lower triangles of their covariances, row by row [SI].
-    lever_arm : ndarray, shape (N, 3)
-        The accelerometers from the centre of the table, frame b [m].
-    lever_arm_cov : ndarray, shape (N, 3, 3)
-        Covariance of it [m^2].
-    status : ndarray of int, shape (N,)
-        Number of the status in `STATUS`.
-    chi_square : ndarray, shape (N, 2)
-        Sum of squares of the norm residuals over their sds, accelerometers and gyros [1].
-    redundancy : ndarray, shape (2,)
-        Readings beyond what the coefficients need: what `chi_square` should be [1].
-    noise : ndarray, shape (N, 2)
-        Sd of one reading per axis that the residuals tell; NaN without redundancy [SI].
-    """
-
-    values: FloatArray
-    packed: FloatArray
-    lever_arm: FloatArray
-    lever_arm_cov: FloatArray
-    status: IntArray
+    values: FloatArray  # (N, 21) coefficients in the order of `models.imu.LINEAR_LOWER` [SI]
+    packed: FloatArray  # (N, 231) lower triangles of their covariances, row by row [SI]
+    lever_arm: FloatArray  # (N, 3) the accelerometers from the centre of the table, frame b [m]
+    lever_arm_cov: FloatArray  # (N, 3, 3) covariance of it [m^2]
+    status: IntArray  # (N,) number of the status in `STATUS`
+    # (N, 2) sum of squares of the norm residuals over their sds, accelerometers and gyros [1]
     chi_square: FloatArray
+    # (2,) readings beyond what the coefficients need: what `chi_square` should be [1]
     redundancy: FloatArray
+    # (N, 2) sd of one reading per axis that the residuals tell; NaN without redundancy [SI]
     noise: FloatArray
 
     def __len__(self) -> int:
@@ -165,22 +132,8 @@ class FleetEstimate:
 def calibrate(readings: FleetReadings, *, lever_arm: bool = True) -> FleetEstimate:
     """Calibrate all instruments.
 
-    Parameters
-    ----------
-    readings : FleetReadings
-        What they said [SI].
-    lever_arm : bool
-        False takes the lever arms as zero.
-
-    Returns
-    -------
-    FleetEstimate
-        An instrument that cannot be solved has a status; the others are as without it.
-
-    Raises
-    ------
-    FoucaultError
-        ``fleet.shape``: arrays that do not belong together.
+    `readings`: what they said [SI]. Returns an instrument that cannot be solved has a status; the
+    others are as without it. Raises ``fleet.shape``: arrays that do not belong together.
     """
     _check(readings)
     r = readings

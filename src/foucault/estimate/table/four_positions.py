@@ -16,13 +16,11 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.readings import Readings
 from foucault.models.rotation import exp
-
-FloatArray = npt.NDArray[np.float64]
 
 NEAR = np.radians(1.0)
 """Angles this close are those of the method [rad]."""
@@ -33,18 +31,9 @@ def unify(
 ) -> FloatArray:
     """Return the rotation C_bd from the four rests and the two spins, shape (3, 3) [1].
 
-    Parameters
-    ----------
-    readings : Readings
-        Rests and spins with the angles of the table [SI].
-    accel_bias : ndarray, shape (3,)
-        Bias of the accelerometers [m/s^2].
-    gyro_bias : ndarray, shape (3,)
-        Bias of the gyros [rad/s].
-    h : ndarray, shape (n,)
-        Norm of the true mean rates, signed [rad/s].
-    gravity : float
-        Local gravity [m/s^2].
+    `readings`: rests and spins with the angles of the table [SI]; `accel_bias` (3,): bias of the
+    accelerometers [m/s^2]; `gyro_bias` (3,): bias of the gyros [rad/s]; `h` (n,): norm of the
+    true mean rates, signed [rad/s]; `gravity`: local gravity [m/s^2].
     """
     assert readings.accel is not None and readings.gyro is not None
     force = (readings.accel - accel_bias) / gravity

@@ -18,6 +18,7 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton, norm_observation
 from foucault.estimate.table.parallel_vectors import unify, wahba
@@ -29,33 +30,20 @@ from foucault.models.table_geometry import Angles, Free, Trust, tangents
 from foucault.models.table_state import State, Unknowns, moved, predict
 from foucault.result import Estimate, Linearised, Problem
 
-FloatArray = npt.NDArray[np.float64]
-
 DEAD = 1e6
 """Axes whose scale factors differ by more do not all read something [1]."""
 
 
 @dataclass(frozen=True)
 class Observed:
-    """Readings with the covariance they have under the model, and their whitening.
+    """Readings with the covariance they have under the model, and their whitening."""
 
-    Attributes
-    ----------
-    readings : Readings
-        The readings [SI].
-    site : Site
-        Gravity and latitude.
-    accel_cov, gyro_cov : ndarray, shape (n, 3, 3)
-        Covariance of the means under the model [SI].
-    gyro_used : ndarray of bool, shape (n,)
-        Where the rate is looked at.
-    """
-
-    readings: Readings
+    readings: Readings  # the readings [SI]
     site: Site
+    # accel_cov, gyro_cov: (n, 3, 3) covariance of the means under the model [SI]
     accel_cov: FloatArray
     gyro_cov: FloatArray
-    gyro_used: npt.NDArray[np.bool_]
+    gyro_used: npt.NDArray[np.bool_]  # (n,) where the rate is looked at
 
     @cached_property
     def accel_root(self) -> FloatArray:
@@ -95,19 +83,11 @@ class Observed:
     ) -> Observed:
         """Add to the noise what is not modelled.
 
-        Parameters
-        ----------
-        readings : Readings
-            Means with the covariance of their noise [SI].
-        site : Site
-            Gravity and latitude.
-        start : State
-            Where the fit starts: which way is up, and whether the heading is modelled.
-        rate_sd : float
-            Relative sd of the rate from one spin to the next [1].
-        gyro_at_rest : bool
-            Whether to look at the rates at rest where the heading is unknown: they say little of
-            the bias beside the spins, but all there is of a g-sensitivity.
+        `readings`: means with the covariance of their noise [SI]; `start`: where the fit starts:
+        which way is up, and whether the heading is modelled; `rate_sd`: relative sd of the rate
+        from one spin to the next [1]; `gyro_at_rest`: whether to look at the rates at rest where
+        the heading is unknown: they say little of the bias beside the spins, but all there is of
+        a g-sensitivity.
         """
         heading_known = isinstance(start.geometry, Angles) and start.geometry.heading is not None
         readings = readings.without_wander()  # which is unknowns of its own, see `build`
@@ -151,12 +131,8 @@ def _unknown_earth(up: FloatArray, site: Site) -> FloatArray:
 def whitening(cov: FloatArray, first: FloatArray | None = None) -> FloatArray:
     """Return inverse Cholesky factors of covariances, shape (n, 3, 3) [1 / SI].
 
-    Parameters
-    ----------
-    cov : ndarray, shape (n, 3, 3)
-        Covariances [SI].
-    first : ndarray, shape (n, 3), or None
-        Unit vectors along which the first white residual is taken; None takes x [1].
+    `cov` (n, 3, 3): covariances [SI]; `first` (n, 3): unit vectors along which the first white
+    residual is taken, None takes x [1].
     """
     if first is None:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(cov)))
@@ -177,18 +153,8 @@ def build(
 ) -> Problem:
     """Build the least-squares problem.
 
-    Parameters
-    ----------
-    observed : Observed
-        Readings and their covariance [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    start : State
-        Where to start; its geometry says what is believed of the table.
-    lever_arm, level, offset : bool
-        Whether these are unknown, see `table_state.State`.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
+    `observed`: readings and their covariance [SI]; `start`: where to start, its geometry says
+    what is believed of the table; `prior` or None: Gaussian prior on the coefficients.
     """
     wander = observed.wander_roots
     unknowns = Unknowns(
@@ -267,14 +233,7 @@ def _slow_rows(
 def free_start(readings: Readings, site: Site, lever_arm: bool) -> State | None:
     """Solve by the linear norm observation and the parallel vectors; None where that is singular.
 
-    Parameters
-    ----------
-    readings : Readings
-        Rests and spins [SI].
-    site : Site
-        Gravity and latitude.
-    lever_arm : bool
-        Whether to solve for the lever arm.
+    `readings`: rests and spins [SI].
     """
     model, arm, vertical = ImuModel(), np.zeros(3), 0.0
     if site.latitude is not None:
@@ -307,14 +266,7 @@ def free_start(readings: Readings, site: Site, lever_arm: bool) -> State | None:
 def angle_start(readings: Readings, site: Site, trust: Trust) -> State | None:
     """Solve as if the table were perfect; None where that is singular.
 
-    Parameters
-    ----------
-    readings : Readings
-        Rests and spins with the angles of the table [SI].
-    site : Site
-        Gravity and latitude.
-    trust : Trust
-        What is believed of the table.
+    `readings`: rests and spins with the angles of the table [SI].
     """
     spin, up = readings.spin, turntable.up_k(readings.angles)
     model = ImuModel()
@@ -381,20 +333,8 @@ def fit(
 ) -> tuple[Problem, Estimate]:
     """Maximise the likelihood.
 
-    Parameters
-    ----------
-    observed : Observed
-        Readings and their covariance [SI].
-    names : tuple of str
-        Coefficients to estimate.
-    start : State
-        Where to start.
-    lever_arm, level, offset : bool
-        Whether these are unknown.
-    prior : CoefficientVector or None
-        Gaussian prior on the coefficients.
-    loss : callable
-        ``norms -> weights``, see `gauss_newton.solve`.
+    `observed`: readings and their covariance [SI]; `prior` or None: Gaussian prior on the
+    coefficients; `loss`: ``norms -> weights``, see `gauss_newton.solve`.
     """
     problem = build(
         observed, names, start, lever_arm=lever_arm, level=level, offset=offset, prior=prior

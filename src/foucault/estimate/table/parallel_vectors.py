@@ -15,20 +15,15 @@ References
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.rotation import cross_matrix, exp
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def wahba(v: FloatArray, u: FloatArray) -> FloatArray:
     """Return the rotation C with ``v = C u`` in the least-squares sense, shape (3, 3) [1].
 
-    Parameters
-    ----------
-    v, u : ndarray, shape (n, 3)
-        Parallel vectors in the two frames [1].
+    `v`, `u` (n, 3): parallel vectors in the two frames [1].
     """
     U, _, Vt = np.linalg.svd(v.T @ u)
     handed = np.array([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)])
@@ -40,25 +35,11 @@ def unify(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the rotation C_bd and the lever arm from the means of spins.
 
-    Parameters
-    ----------
-    f_b : ndarray, shape (n, 3)
-        Mean specific force of each spin, compensated, accelerometer frame b [m/s^2].
-    w_d : ndarray, shape (n, 3)
-        Mean rate of each spin, compensated, gyro frame d [rad/s].
-    h : ndarray, shape (n,)
-        Norm of the true mean rate, negative for a spin clockwise seen from above [rad/s].
-    gravity : float
-        Local gravity [m/s^2].
-    lever_arm : bool
-        False takes the lever arm as zero.
-
-    Returns
-    -------
-    C_bd : ndarray, shape (3, 3)
-        Rotation [1].
-    lever_arm : ndarray, shape (3,)
-        The accelerometers from the centre of the table, frame b [m].
+    `f_b` (n, 3): mean specific force of each spin, compensated, accelerometer frame b [m/s^2];
+    `w_d` (n, 3): mean rate of each spin, compensated, gyro frame d [rad/s]; `h` (n,): norm of the
+    true mean rate, negative for a spin clockwise seen from above [rad/s]; `gravity`: local
+    gravity [m/s^2]. Returns `C_bd` (3, 3): rotation [1]; `lever_arm` (3,): the accelerometers
+    from the centre of the table, frame b [m].
     """
     # For a spin in the other sense the rate points down: without the sign C were a reflection.
     u = np.sign(h)[:, None] * w_d / np.linalg.norm(w_d, axis=1, keepdims=True)

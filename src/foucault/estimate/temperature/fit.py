@@ -26,8 +26,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg, optimize
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from foucault.arrays import FloatArray, IntArray
 
 JITTER = 1e-10
 """Added to the variances, as a part: a covariance may be singular where coefficients are tied [1].
@@ -42,52 +41,29 @@ NOTHING = 1e-4
 
 @dataclass(frozen=True)
 class Evidence:
-    """What one session, or a part of a ramp, says: ``y = H c + e``, in units of its own.
+    """What one session, or a part of a ramp, says: ``y = H c + e``, in units of its own."""
 
-    Attributes
-    ----------
-    basis : ndarray, shape (b,)
-        Functions of temperature, and whatever else may be a factor, at this temperature [any].
-    y : ndarray, shape (r,)
-        What was found [unit].
-    cov : ndarray, shape (r, r)
-        Its covariance [unit^2].
-    H : ndarray, shape (r, n)
-        Derivative by the coefficients, and by constants that nobody wants to know [1].
-    group : ndarray of int, shape (r,)
-        Which s_f each row has [1].
-    """
-
+    # (b,) functions of temperature, and whatever else may be a factor, at this temperature [any]
     basis: FloatArray
-    y: FloatArray
-    cov: FloatArray
+    y: FloatArray  # (r,) what was found [unit]
+    cov: FloatArray  # (r, r) its covariance [unit^2]
+    # (r, n) derivative by the coefficients, and by constants that nobody wants to know [1]
     H: FloatArray
-    group: IntArray
+    group: IntArray  # (r,) which s_f each row has [1]
 
 
 @dataclass(frozen=True)
 class Design:
-    """Which functions the coefficients have: a row of each array is one parameter.
+    """Which functions the coefficients have: a row of each array is one parameter."""
 
-    Attributes
-    ----------
-    coefficient : ndarray of int, shape (q,)
-        The coefficient, or constant, that it belongs to.
-    weights : ndarray, shape (q, b)
-        psi as a sum of what `Evidence.basis` holds [any].
-    """
-
-    coefficient: IntArray
-    weights: FloatArray
+    coefficient: IntArray  # (q,) the coefficient, or constant, that it belongs to
+    weights: FloatArray  # (q, b) psi as a sum of what `Evidence.basis` holds [any]
 
     @classmethod
     def of(cls, spaces: Sequence[FloatArray]) -> Design:
         """Put together the functions of every coefficient.
 
-        Parameters
-        ----------
-        spaces : sequence of ndarray, each shape (k, b)
-            The functions of each [any].
+        `spaces` (k, b): the functions of each [any].
         """
         owner = np.repeat(np.arange(len(spaces)), [len(s) for s in spaces])
         return cls(owner, np.concatenate(spaces))
@@ -99,30 +75,14 @@ class Design:
 
 @dataclass(frozen=True)
 class Fit:
-    """Functions found.
-
-    Attributes
-    ----------
-    design : Design
-        What was fitted.
-    theta : ndarray, shape (q,)
-        The parameters [any].
-    cov : ndarray, shape (q, q)
-        Their covariance [any].
-    variance : ndarray, shape (g,)
-        s_f^2 of each group [unit^2].
-    evidence : tuple of Evidence
-        What it was fitted to.
-    chi_square : float
-        Sum of squares of the residuals over their standard deviations [1].
-    """
+    """Functions found."""
 
     design: Design
-    theta: FloatArray
-    cov: FloatArray
-    variance: FloatArray
-    evidence: tuple[Evidence, ...]
-    chi_square: float
+    theta: FloatArray  # (q,) the parameters [any]
+    cov: FloatArray  # (q, q) their covariance [any]
+    variance: FloatArray  # (g,) s_f^2 of each group [unit^2]
+    evidence: tuple[Evidence, ...]  # what it was fitted to
+    chi_square: float  # sum of squares of the residuals over their standard deviations [1]
 
     @cached_property
     def residuals(self) -> tuple[FloatArray, ...]:
@@ -144,12 +104,7 @@ class Fit:
 def covariance(one: Evidence, variance: FloatArray) -> FloatArray:
     """Return the covariance of a piece of evidence with its scatter, shape (r, r) [unit^2].
 
-    Parameters
-    ----------
-    one : Evidence
-        The piece.
-    variance : ndarray, shape (g,)
-        s_f^2 of each group [unit^2].
+    `variance` (g,): s_f^2 of each group [unit^2].
     """
     return one.cov + np.diag(variance[one.group] + JITTER * np.diag(one.cov))
 
@@ -157,14 +112,7 @@ def covariance(one: Evidence, variance: FloatArray) -> FloatArray:
 def solve(evidence: Sequence[Evidence], design: Design, variance: FloatArray) -> Fit | None:
     """Fit the functions with the scatter known; None where the evidence cannot tell them.
 
-    Parameters
-    ----------
-    evidence : sequence of Evidence
-        What there is.
-    design : Design
-        The functions.
-    variance : ndarray, shape (g,)
-        s_f^2 of each group [unit^2].
+    `variance` (g,): s_f^2 of each group [unit^2].
     """
     A, b = [], []
     for stack in _stacks(evidence, design):
@@ -197,16 +145,8 @@ def scatter(
 ) -> FloatArray:
     """Find the scatter by restricted maximum likelihood, s_f^2, shape (g,) [unit^2].
 
-    Parameters
-    ----------
-    evidence : sequence of Evidence
-        What there is.
-    design : Design
-        The functions, all of them to be told by the evidence.
-    known : ndarray, shape (g,)
-        s_f^2 where it is declared [unit^2].
-    wanted : ndarray of bool, shape (g,)
-        Which are to be found.
+    `design`: the functions, all of them to be told by the evidence; `known` (g,): s_f^2 where it
+    is declared [unit^2]; `wanted` (g,): which are to be found.
     """
     if not wanted.any():
         return known

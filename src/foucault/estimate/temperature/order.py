@@ -17,49 +17,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.estimate.temperature.fit import Design, Evidence, Fit, scatter, solve
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Spaces:
-    """The functions that every family may have, and which coefficients it has.
+    """The functions that every family may have, and which coefficients it has."""
 
-    Attributes
-    ----------
-    nested : tuple of tuple of ndarray
-        Per family: the spaces from the smallest to the largest, each shape (k, b) [any].
-    family : ndarray of int, shape (n,)
-        The family of each coefficient [1].
-    constant : ndarray, shape (1, b)
-        The space of a constant [any].
-    constants : int, shape ()
-        How many constants nobody wants to know follow the coefficients [1].
-    """
-
+    # per family: the spaces from the smallest to the largest, each shape (k, b) [any]
     nested: tuple[tuple[FloatArray, ...], ...]
-    family: IntArray
-    constant: FloatArray
-    constants: int
+    family: IntArray  # (n,) the family of each coefficient [1]
+    constant: FloatArray  # (1, b) the space of a constant [any]
+    constants: int  # how many constants nobody wants to know follow the coefficients [1]
 
     def design(self, orders: Sequence[int], more: FloatArray | None = None, of: int = -1) -> Design:
         """Return the design where each family has the space of its order.
 
-        Parameters
-        ----------
-        orders : sequence of int
-            Number of the space of each family [1].
-        more : ndarray, shape (k, b), or None
-            Functions that one family has besides [any].
-        of : int, shape ()
-            That family [1].
+        `orders`: number of the space of each family [1]; `more` (k, b) or None: functions that
+        one family has besides [any]; `of`: that family [1].
         """
         spaces = []
         for f in self.family:
@@ -74,58 +53,29 @@ class Spaces:
 
 @dataclass(frozen=True)
 class Test:
-    """One F-test: does a family need more than it has?
+    """One F-test: does a family need more than it has?"""
 
-    Attributes
-    ----------
-    family : int
-        Number of the family [1].
-    order : int
-        The space it has [1].
-    against : int
-        The larger one it was tested against [1].
-    F : float
-        Growth of the sum of squares per term [1].
-    p : float
-        Probability of so much by chance [1].
-    """
-
-    family: int
-    order: int
-    against: int
-    F: float
-    p: float
+    family: int  # number of the family [1]
+    order: int  # the space it has [1]
+    against: int  # the larger one it was tested against [1]
+    F: float  # growth of the sum of squares per term [1]
+    p: float  # probability of so much by chance [1]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What the evidence needs.
-
-    Attributes
-    ----------
-    fit : Fit
-        The functions.
-    orders : tuple of int
-        Number of the space of each family [1].
-    needed : tuple of Test
-        Per family that changes: its space against the next smaller one.
-    missing : tuple of Test
-        Per family that could have more: its space against the largest.
-    dof : ndarray, shape (g,)
-        Degrees of freedom that tell the scatter of each group; infinite where it is taken as
-        known [1].
-    known : ndarray, shape (g,)
-        s_f^2 as declared [unit^2].
-    wanted, untold : ndarray of bool, shape (g,)
-        Scatters that were to be found; those of them for which there is no freedom, taken as zero.
-    """
+    """What the evidence needs."""
 
     fit: Fit
-    orders: tuple[int, ...]
-    needed: tuple[Test, ...]
-    missing: tuple[Test, ...]
+    orders: tuple[int, ...]  # number of the space of each family [1]
+    needed: tuple[Test, ...]  # per family that changes: its space against the next smaller one
+    missing: tuple[Test, ...]  # per family that could have more: its space against the largest
+    # (g,) degrees of freedom that tell the scatter of each group; infinite where it is taken as
+    # known [1]
     dof: FloatArray
-    known: FloatArray
+    known: FloatArray  # (g,) s_f^2 as declared [unit^2]
+    # wanted, untold: (g,) scatters that were to be found; those of them for which there is no
+    # freedom, taken as zero
     wanted: BoolArray
     untold: BoolArray
 
@@ -139,18 +89,8 @@ def choose(
 ) -> Choice | None:
     """Choose the space of every family; None where the evidence cannot even tell those asked for.
 
-    Parameters
-    ----------
-    evidence : sequence of Evidence
-        What there is.
-    spaces : Spaces
-        What may be chosen.
-    fixed : dict of int to int
-        Family -> the number of the space it has to have [1].
-    known : ndarray, shape (g,)
-        s_f^2 where it is declared [unit^2].
-    wanted : ndarray of bool, shape (g,)
-        Which scatters are to be found.
+    `fixed`: family -> the number of the space it has to have [1]; `known` (g,): s_f^2 where it is
+    declared [unit^2]; `wanted` (g,): which scatters are to be found.
     """
     largest = spaces.largest()
     full = spaces.design(largest)
@@ -179,25 +119,9 @@ def refit(
 ) -> tuple[Fit, FloatArray, BoolArray] | None:
     """Fit one design with its scatter; None where the evidence cannot tell it.
 
-    Parameters
-    ----------
-    evidence : sequence of Evidence
-        What there is.
-    design : Design
-        The functions.
-    known : ndarray, shape (g,)
-        s_f^2 where it is declared [unit^2].
-    wanted : ndarray of bool, shape (g,)
-        Which scatters are to be found.
-
-    Returns
-    -------
-    fit : Fit
-        The functions.
-    dof : ndarray, shape (g,)
-        Degrees of freedom that tell each scatter; infinite where it is taken as known [1].
-    free : ndarray of bool, shape (g,)
-        Which scatters were found.
+    `known` (g,): s_f^2 where it is declared [unit^2]; `wanted` (g,): which scatters are to be
+    found. Returns `dof` (g,): degrees of freedom that tell each scatter; infinite where it is
+    taken as known [1]; `free` (g,): which scatters were found.
     """
     if solve(evidence, design, known) is None:
         return None
@@ -209,12 +133,7 @@ def refit(
 def against(small: Fit, large: Fit, dof: float) -> tuple[float, float, int]:
     """Return F, its probability by chance and its number of terms, of two fits one in the other.
 
-    Parameters
-    ----------
-    small, large : Fit
-        Fits with the same scatter.
-    dof : float
-        Degrees of freedom that tell the scatter; infinite where it is declared [1].
+    `dof`: degrees of freedom that tell the scatter, infinite where it is declared [1].
     """
     terms = max(len(large.theta) - len(small.theta), 1)
     F = max(small.chi_square - large.chi_square, 0.0) / terms

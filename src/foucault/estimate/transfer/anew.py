@@ -12,32 +12,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.geodesy import displaced, east_north_up, ecef
 from foucault.models.rotation import exp, log
 from foucault.navigate.state import State, state_of, states_of
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Anew:
-    """A new beginning.
+    """A new beginning."""
 
-    Attributes
-    ----------
-    state : State
-        Where, how fast and how turned.
-    turn : ndarray, shape (9, 9)
-        Axes of the new level frame from those of the old one, for (psi, dv, dr) [1].
-    jump : ndarray, shape (9,)
-        What is added to the errors, in the new level frame [SI].
-    """
-
-    state: State
+    state: State  # where, how fast and how turned
+    # (9, 9) axes of the new level frame from those of the old one, for (psi, dv, dr) [1]
     turn: FloatArray
-    jump: FloatArray
+    jump: FloatArray  # (9,) what is added to the errors, in the new level frame [SI]
 
     @classmethod
     def of(cls, state: State) -> Anew:
@@ -48,16 +37,10 @@ class Anew:
     def by(cls, row: FloatArray, turned: FloatArray, faster: FloatArray, away: FloatArray) -> Anew:
         """Return the beginning that takes out what a run is thought to be wrong by.
 
-        Parameters
-        ----------
-        row : ndarray, shape (12,)
-            State of `kernels.strapdown` at the end of the run [SI].
-        turned : ndarray, shape (3,)
-            Rotation vector from the true to the computed attitude, frame n [rad].
-        faster : ndarray, shape (3,)
-            Computed less true velocity, frame n [m/s].
-        away : ndarray, shape (3,)
-            Computed less true position, frame n [m].
+        `row` (12,): state of `kernels.strapdown` at the end of the run [SI]; `turned` (3,):
+        rotation vector from the true to the computed attitude, frame n [rad]; `faster` (3,):
+        computed less true velocity, frame n [m/s]; `away` (3,): computed less true position,
+        frame n [m].
         """
         old = state_of(row)
         latitude, longitude, height = displaced(old.latitude, old.longitude, old.height, -away)

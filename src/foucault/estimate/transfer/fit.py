@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import FoucaultError
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
@@ -22,33 +22,18 @@ from foucault.models.rotation import exp
 from foucault.models.transfer import Matching, Messages, Mount
 from foucault.navigate.state import State, state_of
 
-FloatArray = npt.NDArray[np.float64]
-
-
 MOST = 0.5
 """A delay that leaves less of the messages inside the slave's log is none [1]."""
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """What a transfer alignment has found.
+    """What a transfer alignment has found."""
 
-    Attributes
-    ----------
-    free : Free
-        The last free run.
-    run : LinearRun
-        The last pass of the filter.
-    at : Known
-        The point it is linear about.
-    passes : tuple of ndarray, each shape (n - 9,)
-        All but the errors of navigation after each pass [SI].
-    """
-
-    free: Free
-    run: LinearRun
-    at: Known
-    passes: tuple[FloatArray, ...]
+    free: Free  # the last free run
+    run: LinearRun  # the last pass of the filter
+    at: Known  # the point it is linear about
+    passes: tuple[FloatArray, ...]  # (n - 9,) all but the errors of navigation after each pass [SI]
 
     @property
     def point(self) -> FloatArray:
@@ -87,27 +72,11 @@ def solve(
 ) -> Transfer:
     """Estimate the slave's errors with a Kalman filter.
 
-    Parameters
-    ----------
-    slave : Slave
-        Its log.
-    master : Messages
-        What the master says.
-    mount : Mount
-        How they are fixed together.
-    matching : Matching
-        What of the messages is used.
-    prior : Known
-        What was known beforehand; the first pass is linear about it.
-    sd : ndarray, shape (n,)
-        How well, see `free_run` [SI].
-    passes : int, shape ()
-        How often at most; each later pass is linear about the start that the one before has
-        found [1].
-    settled : float, shape ()
-        No more passes follow one that has moved nothing by more of its uncertainty [1].
-    gate : float, shape ()
-        Measurements beyond so many standard deviations are left out in the last pass [1].
+    `prior`: what was known beforehand, the first pass is linear about it; `sd` (n,): how well,
+    see `free_run` [SI]; `passes`: how often at most, each later pass is linear about the start
+    that the one before has found [1]; `settled`: no more passes follow one that has moved nothing
+    by more of its uncertainty [1]; `gate`: measurements beyond so many standard deviations are
+    left out in the last pass [1].
     """
     at, seen = prior, []
     free = free_run(slave, master, mount, matching, at, prior, sd)
@@ -142,12 +111,7 @@ def _possible(at: Known, slave: Slave, master: Messages) -> bool:
 def last_step(passes: Sequence[FloatArray], run: LinearRun) -> float:
     """Return by how much of its uncertainty the last pass has moved anything [1].
 
-    Parameters
-    ----------
-    passes : sequence of ndarray, each shape (n - 9,)
-        What two passes or more have found [SI].
-    run : LinearRun
-        The last pass.
+    `passes` (n - 9,): what two passes or more have found [SI].
     """
     return float(np.max(np.abs(passes[-1] - passes[-2]) / run.sd[-1, 9:]))
 
@@ -155,14 +119,7 @@ def last_step(passes: Sequence[FloatArray], run: LinearRun) -> float:
 def moved(free: Free, at: Known, x: FloatArray) -> Known:
     """Return the point to be linear about next.
 
-    Parameters
-    ----------
-    free : Free
-        The run about the point `at`.
-    at : Known
-        The point.
-    x : ndarray, shape (n,)
-        Errors at the start [SI].
+    `x` (n,): errors at the start [SI].
     """
     layout, p = free.layout, len(at.coefficients)
     seen = seen_at_place(at.state.packed()[None])[0] @ x[:9]
@@ -177,24 +134,12 @@ def moved(free: Free, at: Known, x: FloatArray) -> Known:
 
 @dataclass(frozen=True)
 class HandOver:
-    """The slave as it goes on alone.
+    """The slave as it goes on alone."""
 
-    Attributes
-    ----------
-    state : State
-        Where it is, how fast and how turned.
-    coefficients : CoefficientVector
-        Errors of its sensors, with covariance [SI].
-    cov : ndarray, shape (9, 9)
-        Covariance of (phi, velocity, position), frame n [SI].
-    row : int
-        Row of the increments at whose end all this holds [1].
-    """
-
-    state: State
-    coefficients: CoefficientVector
-    cov: FloatArray
-    row: int
+    state: State  # where it is, how fast and how turned
+    coefficients: CoefficientVector  # errors of its sensors, with covariance [SI]
+    cov: FloatArray  # (9, 9) covariance of (phi, velocity, position), frame n [SI]
+    row: int  # row of the increments at whose end all this holds [1]
 
 
 def hand_over(
@@ -202,16 +147,9 @@ def hand_over(
 ) -> HandOver:
     """Carry what was found at the last message on to the hand-over.
 
-    Parameters
-    ----------
-    slave : Slave
-        Its log.
-    found : Transfer
-        What was found.
-    time : float, shape ()
-        When it is handed over, by the slave's clock, after the last message holds [s].
-    position : State or None
-        Where it was when the last message held, by the master: a free run does not know.
+    `time`: when it is handed over, by the slave's clock, after the last message holds [s];
+    `position` or None: where it was when the last message held, by the master: a free run does
+    not know.
     """
     p = len(slave.sensors)
     x, rows = found.run.states[-1], found.free.rows
@@ -235,23 +173,15 @@ def hand_over(
 
 @dataclass(frozen=True)
 class DelayFit:
-    """The delay for which the messages are likeliest.
+    """The delay for which the messages are likeliest."""
 
-    Attributes
-    ----------
-    delay, sd : float
-        Delay and its standard deviation, from the curvature of the likelihood [s].
-    tried, log_likelihood : ndarray, shape (k,)
-        What was tried [s], and how likely [1].
-    at_edge : bool
-        Whether it lies at an end of the bracket: it may be outside.
-    """
-
+    # delay, sd: delay and its standard deviation, from the curvature of the likelihood [s]
     delay: float
     sd: float
+    # tried, log_likelihood: (k,) what was tried [s], and how likely [1]
     tried: FloatArray
     log_likelihood: FloatArray
-    at_edge: bool
+    at_edge: bool  # whether it lies at an end of the bracket: it may be outside
 
 
 def likeliest_delay(
@@ -260,25 +190,10 @@ def likeliest_delay(
 ) -> DelayFit:  # fmt: skip
     """Return the delay of maximum likelihood, the rest being estimated for each that is tried.
 
-    Parameters
-    ----------
-    slave : Slave
-        Its log.
-    master : Messages
-        What the master says.
-    mount : Mount
-        How they are fixed together.
-    matching : Matching
-        What of the messages is used; not the delay as a state.
-    prior : Known
-        What was known beforehand; its delay is not used.
-    sd : ndarray, shape (n,)
-        How well, see `free_run` [SI].
-    bracket : (float, float)
-        Where it may lie [s].
+    `matching`: what of the messages is used, not the delay as a state; `prior`: what was known
+    beforehand, its delay is not used; `sd` (n,): how well, see `free_run` [SI]; `bracket`: where
+    it may lie [s].
 
-    Notes
-    -----
     Messages that hold before the start of the run with the largest delay are left out for all, so
     that every delay is judged by the same ones.
     """

@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
 from foucault.estimate.linear_filter import LinearRun, LinearSystem, kalman
 from foucault.estimate.transfer.measured import Known, Slave
 from foucault.estimate.transfer.system import bending, free_run
 from foucault.models.transfer import LIVELY, Matching, Messages, Mount, states_of_transfer
-
-FloatArray = npt.NDArray[np.float64]
 
 EVALUATIONS = 80
 """Runs of the filter at most [1]."""
@@ -32,28 +30,15 @@ MOST = np.log(1e3)
 
 @dataclass(frozen=True)
 class FlexureFit:
-    """The likeliest bending.
+    """The likeliest bending."""
 
-    Attributes
-    ----------
-    sd : float
-        Standard deviation [rad].
-    time : float
-        Correlation time [s].
-    attitude_sd : float
-        Sd of what is left of the difference of attitudes [rad].
-    gain : float
-        By how much the log-likelihood is higher than it was, and than that of a rigid mount whose
-        attitudes have another noise [1].
-    run : LinearRun
-        The filter that knows it.
-    """
-
-    sd: float
-    time: float
-    attitude_sd: float
+    sd: float  # standard deviation [rad]
+    time: float  # correlation time [s]
+    attitude_sd: float  # sd of what is left of the difference of attitudes [rad]
+    # by how much the log-likelihood is higher than it was, and than that of a rigid mount whose
+    # attitudes have another noise [1]
     gain: float
-    run: LinearRun
+    run: LinearRun  # the filter that knows it
 
 
 def likeliest_flexure(
@@ -62,26 +47,9 @@ def likeliest_flexure(
 ) -> FlexureFit:  # fmt: skip
     """Return the bending of maximum likelihood, all else being estimated for each that is tried.
 
-    Parameters
-    ----------
-    slave : Slave
-        Its log.
-    master : Messages
-        What the master says.
-    mount : Mount
-        How they are fixed together; its bending is not used.
-    matching : Matching
-        What of the messages is used, attitudes among it; their sd is where the search starts.
-    at : Known
-        The point to be linear about.
-    prior : Known
-        What was known beforehand.
-    sd : ndarray, shape (n,)
-        How well, for every state of `layout` [SI].
-    layout : Layout
-        The states so far.
-    likelihood : float
-        Log-likelihood so far [1].
+    `mount`: how they are fixed together, its bending is not used; `matching`: what of the
+    messages is used, attitudes among it, their sd is where the search starts; `sd` (n,): how
+    well, for every state of `layout` [SI]; `likelihood`: log-likelihood so far [1].
     """
     from scipy.optimize import minimize, minimize_scalar
 

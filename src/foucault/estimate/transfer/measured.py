@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.models.attitude import angles_of
 from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS
@@ -21,9 +21,6 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
 from foucault.tables import AXES
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 SPAN = 0.1
 """What a delay does is judged by the motion so long before and after: noise and vibration of one
 sample, which the master does not share, would look like knowledge of it [s]."""
@@ -31,49 +28,23 @@ sample, which the master does not share, would look like knowledge of it [s]."""
 
 @dataclass(frozen=True)
 class Slave:
-    """The slave's log and what is known of it.
-
-    Attributes
-    ----------
-    increments : Increments
-        As measured.
-    sensors : Sensors
-        Coefficients to estimate.
-    noise : ImuNoise
-        Its noise [SI].
-    first : int
-        Row at whose end the run starts [1].
-    gravity_offset : float
-        Measured local minus normal gravity [m/s^2].
-    """
+    """The slave's log and what is known of it."""
 
     increments: Increments
     sensors: Sensors
-    noise: ImuNoise
-    first: int = 0
-    gravity_offset: float = 0.0
+    noise: ImuNoise  # its noise [SI]
+    first: int = 0  # row at whose end the run starts [1]
+    gravity_offset: float = 0.0  # measured local minus normal gravity [m/s^2]
 
 
 @dataclass(frozen=True)
 class Known:
-    """The point that a pass is linear about, or what is known beforehand.
+    """The point that a pass is linear about, or what is known beforehand."""
 
-    Attributes
-    ----------
-    state : State
-        Of the slave at the start.
-    coefficients : ndarray, shape (p,)
-        Errors of its sensors [SI].
-    installation : ndarray, shape (3,)
-        mu [rad].
-    delay : float
-        tau [s].
-    """
-
-    state: State
-    coefficients: FloatArray
-    installation: FloatArray
-    delay: float
+    state: State  # of the slave at the start
+    coefficients: FloatArray  # (p,) errors of its sensors [SI]
+    installation: FloatArray  # (3,) mu [rad]
+    delay: float  # tau [s]
 
 
 def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArray:
@@ -82,12 +53,8 @@ def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArra
     East and north of the computed place are turned about up by dr_E tan L / R: in a free run that
     is hundreds of metres off the master's would be seen as a heading error.
 
-    Parameters
-    ----------
-    states : dict of str to ndarray
-        Of the run, see `navigate.state.states_of` [SI].
-    place : ndarray, shape (m, 9, 9)
-        See `estimate.ins_filter.seen_at_place` [SI].
+    `states`: of the run, see `navigate.state.states_of` [SI]; `place` (m, 9, 9): see
+    `estimate.ins_filter.seen_at_place` [SI].
     """
     turn = np.tan(states["latitude"]) / (SEMI_MAJOR_AXIS + states["height"])
     turned = turn[:, None] * place[:, 6]  # of the computed axes against the true ones, about up
@@ -101,24 +68,14 @@ def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArra
 
 @dataclass(frozen=True)
 class Seen:
-    """The slave where the messages hold.
+    """The slave where the messages hold."""
 
-    Attributes
-    ----------
-    velocity_n : ndarray, shape (m, 3)
-        Velocity [m/s].
-    C_ns : ndarray, shape (m, 3, 3)
-        Attitude [1].
-    rate_n, acceleration_n : ndarray, shape (m, 3)
-        How attitude and velocity change about then [rad/s], [m/s^2].
-    w_ib_b, f_b : ndarray, shape (m, 3)
-        Rate and specific force of the interval, slave's axes [rad/s], [m/s^2].
-    """
-
-    velocity_n: FloatArray
-    C_ns: FloatArray
+    velocity_n: FloatArray  # (m, 3) velocity [m/s]
+    C_ns: FloatArray  # (m, 3, 3) attitude [1]
+    # rate_n, acceleration_n: (m, 3) how attitude and velocity change about then [rad/s], [m/s^2]
     rate_n: FloatArray
     acceleration_n: FloatArray
+    # w_ib_b, f_b: (m, 3) rate and specific force of the interval, slave's axes [rad/s], [m/s^2]
     w_ib_b: FloatArray
     f_b: FloatArray
 
@@ -129,20 +86,9 @@ def between(
 ) -> Seen:  # fmt: skip
     """Look at the slave between its samples: it goes on as over the interval that holds `when`.
 
-    Parameters
-    ----------
-    slave : Slave
-        Its log.
-    states : dict of str to ndarray
-        Of its run at `rows`, see `navigate.state.states_of` [SI].
-    rows : ndarray of int, shape (m,)
-        Rows of the increments next to `when` [1].
-    when : ndarray, shape (m,)
-        When the messages hold [s].
-    coefficients : ndarray, shape (p,)
-        Errors of its sensors [SI].
-    matching : Matching
-        Whether it is looked at between samples at all.
+    `states`: of its run at `rows`, see `navigate.state.states_of` [SI]; `rows` (m,): rows of the
+    increments next to `when` [1]; `when` (m,): when the messages hold [s]; `coefficients` (p,):
+    errors of its sensors [SI]; `matching`: whether it is looked at between samples at all.
     """
     inc = slave.increments
     ahead = when - inc.time[rows] if matching.shift == "interpolated" else np.zeros(len(rows))
@@ -186,22 +132,7 @@ def measured(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return H (m, 6, n) and z (m, 6): velocity, then attitude.
 
-    Parameters
-    ----------
-    layout : Layout
-        Meaning of the states.
-    seen : Seen
-        The slave where the messages hold.
-    master : Messages
-        What the master says.
-    mount : Mount
-        How they are fixed together.
-    matching : Matching
-        What of the messages is used.
-    at : Known
-        The point to be linear about.
-    place : ndarray, shape (m, 9, 9)
-        See `by_the_master` [SI].
+    `place` (m, 9, 9): see `by_the_master` [SI].
     """
     m, n = len(master), len(layout)
     H, z = np.zeros((m, 6, n)), np.empty((m, 6))

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.transfer.system import Free
 from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS, transport_rate
 from foucault.models.ins_errors import Sensors, dynamics
 from foucault.models.rotation import exp
 from foucault.navigate.state import states_of
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def after_outage(free: Free, sensors: Sensors, seconds: float, *, turn: float = 0.0) -> FloatArray:
@@ -20,16 +18,8 @@ def after_outage(free: Free, sensors: Sensors, seconds: float, *, turn: float = 
     The slave goes on straight and level from the last message, after a quick turn where one is
     given. Straight on, a tilt and the bias that hides it go on hiding each other; turned, not.
 
-    Parameters
-    ----------
-    free : Free
-        The run beside the master.
-    sensors : Sensors
-        The coefficients among its states.
-    seconds : float, shape ()
-        How long the outage lasts [s].
-    turn : float, shape ()
-        Change of heading at its beginning, positive to the right [rad].
+    `seconds`: how long the outage lasts [s]; `turn`: change of heading at its beginning, positive
+    to the right [rad].
     """
     from scipy.linalg import expm
 

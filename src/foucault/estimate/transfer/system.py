@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.estimate.linear_filter import LinearSystem
@@ -51,10 +52,6 @@ from foucault.models.transfer import (
 )
 from foucault.navigate.state import states_of
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
-
 PIECE = 300.0
 """A free run is begun anew after so long: its errors are to stay small enough for equations that
 are linear in them, and its vertical channel runs away [s]."""
@@ -65,36 +62,17 @@ LATELY = 10.0
 
 @dataclass(frozen=True)
 class Free:
-    """A free run of the slave beside the master.
+    """A free run of the slave beside the master."""
 
-    Attributes
-    ----------
-    system : LinearSystem
-        What the messages say about the errors.
-    layout : Layout
-        Meaning of the states.
-    time : ndarray, shape (m,)
-        When the messages hold [s].
-    rows : ndarray of int, shape (m,)
-        Rows of the increments next to that [1].
-    used : ndarray of bool, shape (k,)
-        Which messages are used: those that hold after the start, one for each row.
-    velocity_n : ndarray, shape (m, 3)
-        Of the slave, as navigated [m/s].
-    C_ns : ndarray, shape (m, 3, 3)
-        Attitude of the slave, as navigated [1].
-    history : ndarray, shape (m, 12)
-        States of `kernels.strapdown` at the rows [SI].
-    """
-
-    system: LinearSystem
-    layout: Layout
-    time: FloatArray
-    rows: IntArray
+    system: LinearSystem  # what the messages say about the errors
+    layout: Layout  # meaning of the states
+    time: FloatArray  # (m,) when the messages hold [s]
+    rows: IntArray  # (m,) rows of the increments next to that [1]
+    # (k,) which messages are used: those that hold after the start, one for each row
     used: npt.NDArray[np.bool_]
-    velocity_n: FloatArray
-    C_ns: FloatArray
-    history: FloatArray
+    velocity_n: FloatArray  # (m, 3) of the slave, as navigated [m/s]
+    C_ns: FloatArray  # (m, 3, 3) attitude of the slave, as navigated [1]
+    history: FloatArray  # (m, 12) states of `kernels.strapdown` at the rows [SI]
 
 
 def free_run(
@@ -103,23 +81,8 @@ def free_run(
 ) -> Free:  # fmt: skip
     """Navigate the slave freely, and say what the messages tell of its errors.
 
-    Parameters
-    ----------
-    slave : Slave
-        Its log.
-    master : Messages
-        What the master says.
-    mount : Mount
-        How they are fixed together.
-    matching : Matching
-        What of the messages is used.
-    at : Known
-        The point to be linear about.
-    prior : Known
-        What was known beforehand.
-    sd : ndarray, shape (n,)
-        How well, for every state: phi, velocity and position [rad], [m/s], [m], then the others
-        [SI].
+    `sd` (n,): how well, for every state: phi, velocity and position [rad], [m/s], [m], then the
+    others [SI].
     """
     layout = states_of_transfer(slave.sensors, mount, matching, slave.noise)
     valid = master.time - at.delay
@@ -245,18 +208,8 @@ def bending(
 ) -> None:
     """Write how a mount bends into the transitions and the noise between them.
 
-    Parameters
-    ----------
-    Phi : ndarray, shape (m, n, n)
-        Transitions [SI].
-    half : ndarray, shape (m, n)
-        Half of the noise between them [SI].
-    layout : Layout
-        Meaning of the states.
-    steps : ndarray, shape (m,)
-        Time from one message to the next [s].
-    mount : Mount
-        The mount.
+    `Phi` (m, n, n): transitions [SI]; `half` (m, n): half of the noise between them [SI]; `steps`
+    (m,): time from one message to the next [s].
     """
     b = LIVELY / mount.flexure_time
     angle, rate = layout.group("flexure"), layout.group("flexure_rate")

@@ -21,8 +21,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.tumble.fit import rougher
 from foucault.estimate.tumble.one_pass import look
 from foucault.estimate.tumble.state import STATES, Prior, State, Tumble
@@ -31,8 +31,6 @@ from foucault.models.cluster import CONSTANTS, POWERS
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import TriadNoise
 from foucault.models.rotation import exp, log
-
-FloatArray = npt.NDArray[np.float64]
 
 NODES = 400
 """At so many times the covariance of a slow noise is taken [1]."""
@@ -49,12 +47,8 @@ def slow_modes(noise: TriadNoise, time: FloatArray) -> FloatArray:
 
     Its covariance is the sum of their outer products.
 
-    Parameters
-    ----------
-    noise : TriadNoise
-        Bias instability with its correlation time, and random walk [unit].
-    time : ndarray, shape (n,)
-        Since the start [s].
+    `noise`: bias instability with its correlation time, and random walk [unit]; `time` (n,):
+    since the start [s].
     """
     nodes = np.linspace(0.0, float(time[-1]), NODES)
     apart = np.abs(nodes[:, None] - nodes)
@@ -74,29 +68,11 @@ def sources(
 ) -> dict[str, FloatArray]:  # fmt: skip
     """Return what each source adds to the covariance of attitude at the end and constants.
 
-    Parameters
-    ----------
-    t : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand.
-    at : State
-        The solution.
-    accel : TriadNoise
-        Noise of the accelerometers; its slow part counts here [local g].
-    gyro : TriadNoise
-        Noise of the drift of the gyros; its slow part counts here [rad/s].
-    latitude : float
-        Where the cluster stands [rad].
-    latitude_sd : float
-        Sd of that [rad].
-    gravity_sd : float
-        Sd of local gravity over gravity [1].
-
-    Returns
-    -------
-    dict of str to ndarray, shape (46, 46)
-        In the order and units of `tumble.Fit.cov`; sources that are zero are left out.
+    `accel`: noise of the accelerometers, its slow part counts here [local g]; `gyro`: noise of
+    the drift of the gyros, its slow part counts here [rad/s]; `latitude`: where the cluster
+    stands [rad]; `latitude_sd`: sd of that [rad]; `gravity_sd`: sd of local gravity over gravity
+    [1]. Returns (46, 46): in the order and units of `tumble.Fit.cov`; sources that are zero are
+    left out.
     """
     rough = rougher(t) or t  # slow noise needs no short averages
     time = np.cumsum(rough.dt)

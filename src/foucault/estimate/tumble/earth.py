@@ -13,14 +13,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import Status
 from foucault.estimate.earth_seen import STEP, EarthSeen
 from foucault.estimate.tumble.fit import Fit, Prior, Tumble, linearised
 from foucault.models.earth import EARTH_RATE
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def earth_in(
@@ -28,18 +26,8 @@ def earth_in(
 ) -> EarthSeen | None:
     """Return what a tumble says of the Earth's rate; None where it says nothing.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand.
-    fit : Fit
-        The solution.
-    latitude : float, shape ()
-        Where the cluster stands [rad].
-    latitude_sd : float, shape ()
-        Sd of that, which is no contradiction [rad].
+    `latitude`: where the cluster stands [rad]; `latitude_sd`: sd of that, which is no
+    contradiction [rad].
     """
     if fit.status is not Status.CONVERGED:
         return None

@@ -26,10 +26,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Status
 from foucault.estimate.tumble.one_pass import NO_MOMENTS, Pass, look, solve_step
 from foucault.estimate.tumble.path import attitudes, beginning, levelled, sensitivities
-from foucault.estimate.tumble.state import DELAY_UNIT, STATES, IntArray, Prior, State, Tumble
+from foucault.estimate.tumble.state import DELAY_UNIT, STATES, Prior, State, Tumble
 from foucault.kernels.cluster_information import RESIDUAL
 from foucault.models.rotation import exp
 
@@ -37,8 +38,6 @@ __all__ = [
     "STATES", "Fit", "History", "Prior", "State", "Tumble", "attitudes", "beginning", "bound",
     "levelled", "linearised", "sensitivities", "solve",
 ]  # fmt: skip
-
-FloatArray = npt.NDArray[np.float64]
 
 SETTLED = 0.05
 """A step shorter than this, in units of its standard deviation, is the last [1]."""
@@ -55,76 +54,40 @@ FAR = np.radians(3.0)
 
 @dataclass(frozen=True)
 class History:
-    """The estimate as it was after part of the log, linearised about the final trajectory.
+    """The estimate as it was after part of the log, linearised about the final trajectory."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (c,)
-        Since the start [s].
-    step : ndarray, shape (c, 46)
-        Attitude then (rotation vector in p, truth ahead of `C_np`) [rad], constants minus the
-        final ones [packed], delay minus the final one [s].
-    sd : ndarray, shape (c, 46)
-        Standard deviations of the same.
-    C_np : ndarray, shape (c, 3, 3)
-        Attitude of the final trajectory [1].
-    """
-
-    time: FloatArray
+    time: FloatArray  # (c,) since the start [s]
+    # (c, 46) attitude then (rotation vector in p, truth ahead of `C_np`) [rad], constants minus the
+    # final ones [packed], delay minus the final one [s]
     step: FloatArray
-    sd: FloatArray
-    C_np: FloatArray
+    sd: FloatArray  # (c, 46) standard deviations of the same
+    C_np: FloatArray  # (c, 3, 3) attitude of the final trajectory [1]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A tumble solved.
+    """A tumble solved."""
 
-    Attributes
-    ----------
-    start : State
-        Estimate: attitude at the start, constants, delay.
-    C_np : ndarray, shape (3, 3)
-        Attitude at the end [1].
-    cov : ndarray, shape (46, 46)
-        Covariance of attitude at the end (rotation vector in p) [rad], constants [packed], delay.
-    start_cov : ndarray, shape (46, 46)
-        The same with the attitude at the start (rotation vector in n).
-    status : Status
-        How it ended.
-    passes : int, shape ()
-        Passes over the log [1].
-    chi_square : float
-        Sum of squares of the white residuals, the prior's not counted [1].
-    residuals : int, shape ()
-        Number of white residuals, the prior's not counted [1].
-    information : ndarray, shape (46, 46)
-        Of the data alone about `start`, in units of 1 / sd of the prior [1].
-    late : tuple of float
-        Where the delay is held: what it should be more, and the sd of that [s].
-    orthogonal : bool
-        Whether the condition made reflections necessary.
-    history : History or None
-        The estimate in the course of time.
-    rows : ndarray, shape (blocks, 3, 47) or (0, 3, 47)
-        White rows at the last pass: sensitivities by x / sd of the prior, then the residual.
-    time : ndarray, shape (blocks,)
-        Time of these rows since the start [s].
-    """
-
-    start: State
-    C_np: FloatArray
+    start: State  # estimate: attitude at the start, constants, delay
+    C_np: FloatArray  # (3, 3) attitude at the end [1]
+    # (46, 46) covariance of attitude at the end (rotation vector in p) [rad], constants [packed],
+    # delay
     cov: FloatArray
-    start_cov: FloatArray
+    start_cov: FloatArray  # (46, 46) the same with the attitude at the start (rotation vector in n)
     status: Status
-    passes: int
-    chi_square: float
-    residuals: int
+    passes: int  # passes over the log [1]
+    chi_square: float  # sum of squares of the white residuals, the prior's not counted [1]
+    residuals: int  # number of white residuals, the prior's not counted [1]
+    # (46, 46) of the data alone about `start`, in units of 1 / sd of the prior [1]
     information: FloatArray
-    orthogonal: bool
+    orthogonal: bool  # whether the condition made reflections necessary
+    # where the delay is held: what it should be more, and the sd of that [s]
     late: tuple[float, float] = (0.0, 0.0)
-    history: History | None = None
+    history: History | None = None  # the estimate in the course of time
+    # (blocks, 3, 47) or (0, 3, 47) white rows at the last pass: sensitivities by x / sd of the
+    # prior, then the residual
     rows: FloatArray = field(default_factory=lambda: np.zeros((0, 3, STATES + 1)))
+    # (blocks,) time of these rows since the start [s]
     time: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
@@ -137,16 +100,8 @@ def solve(
 ) -> Fit:
     """Find attitude, constants and delay of a tumble.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand.
-    start : State or None
-        Where to begin; None: where `levelled` says.
-    passes : int, shape ()
-        At most so many passes over the log [1].
+    `start`: where to begin, None: where `levelled` says; `passes`: at most so many passes over
+    the log [1].
     """
     at, used = start or levelled(tumble, prior), 0
     rough = rougher(tumble)
@@ -188,16 +143,13 @@ def _descend(t: Tumble, prior: Prior, at: State, passes: int, enough: float) -> 
 def rougher(t: Tumble) -> Tumble | None:
     """Return the log with longer averages, which costs less and leads as near; None if it cannot.
 
-    Parameters
-    ----------
-    t : Tumble
-        The log. Slopes are taken at the middle of an average, in which it must not turn far.
+    `t`: the log. Slopes are taken at the middle of an average, in which it must not turn far.
     """
     turn = float(np.linalg.norm(t.command, axis=1).max() * np.median(t.dt))
     block = min(10 * t.block, int(FAR / max(turn, 1e-12)), len(t.dt) // 200)
     if block < 2 * t.block:
         return None
-    return _merged(replace(t, block=block))
+    return _merged(replace(t, block=block, shared=0.0))
 
 
 def _merged(t: Tumble) -> Tumble:
@@ -222,16 +174,7 @@ def _merged(t: Tumble) -> Tumble:
 def linearised(tumble: Tumble, prior: Prior, fit: Fit, *, moments: int = 0) -> Fit:
     """Return a solution linearised once more about itself, with its course in time.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand.
-    fit : Fit
-        The solution.
-    moments : int, shape ()
-        In how many moments the estimate is kept for its history [1].
+    `moments`: in how many moments the estimate is kept for its history [1].
     """
     best = look(tumble, prior, fit.start, _moments(tumble, moments), True)
     if not best.finite:
@@ -246,18 +189,8 @@ def bound(
 ) -> Fit:
     """Return the Cramer-Rao bound: what a log tells about its unknowns, linearised at the truth.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log; its readings do not matter.
-    prior : Prior
-        What is known beforehand.
-    truth : State
-        What is true, or as good as that.
-    moments : int, shape ()
-        In how many moments it is kept for its course in time [1].
-    rows : bool
-        Whether the white rows are wanted.
+    `truth`: what is true, or as good as that; `moments`: in how many moments it is kept for its
+    course in time [1].
     """
     best = look(tumble, prior, truth, _moments(tumble, moments), rows)
     best = replace(best, x=np.zeros(STATES))

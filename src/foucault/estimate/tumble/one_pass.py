@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.estimate.tumble.state import STATES, IntArray, Prior, State, Tumble
+from foucault.arrays import FloatArray, IntArray
+from foucault.estimate.tumble.state import STATES, Prior, State, Tumble
 from foucault.kernels.cluster_information import COLUMNS, RESIDUAL, information_pass
-
-FloatArray = npt.NDArray[np.float64]
 
 POOR = 1e13
 """Condition, of the information scaled to a unit diagonal, beyond which it is not summed [1]."""
@@ -27,39 +25,18 @@ NO_MOMENTS: IntArray = np.zeros(0, np.int64)
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass over the log, and the step that follows from it.
+    """One pass over the log, and the step that follows from it."""
 
-    Attributes
-    ----------
-    at : State
-        About which it is linearised.
-    out : tuple of ndarray
-        What `kernels.cluster_information.information_pass` returns.
-    gram : ndarray, shape (48, 48)
-        Information of the log, whole and symmetric, in units of the prior's sd [1].
-    x : ndarray, shape (46,)
-        The step, in units of the prior's sd [1].
-    cov : ndarray, shape (46, 46)
-        Its covariance in the same units; zero where a value is held [1].
-    cost : float
-        Sum of squares of residuals and prior at `at` [1].
-    finite : bool
-        Whether all of it are numbers; if not, the step is zero.
-    orthogonal : bool
-        Whether reflections were necessary.
-    rows : ndarray, shape (blocks, 3, 48) or (0, 3, 48)
-        White rows, where wanted [1].
-    """
-
-    at: State
-    out: Any
+    at: State  # about which it is linearised
+    out: Any  # what `kernels.cluster_information.information_pass` returns
+    # (48, 48) information of the log, whole and symmetric, in units of the prior's sd [1]
     gram: FloatArray
-    x: FloatArray
-    cov: FloatArray
-    cost: float
-    finite: bool
-    orthogonal: bool
-    rows: FloatArray
+    x: FloatArray  # (46,) the step, in units of the prior's sd [1]
+    cov: FloatArray  # (46, 46) its covariance in the same units; zero where a value is held [1]
+    cost: float  # sum of squares of residuals and prior at `at` [1]
+    finite: bool  # whether all of it are numbers; if not, the step is zero
+    orthogonal: bool  # whether reflections were necessary
+    rows: FloatArray  # (blocks, 3, 48) or (0, 3, 48) white rows, where wanted [1]
 
     @property
     def scatter(self) -> float:
@@ -80,27 +57,42 @@ def run(
 ) -> tuple[Any, FloatArray]:
     """Run the kernel: what it returns, and the white rows, shape (blocks, 3, 48), where wanted.
 
-    Parameters
-    ----------
-    t : Tumble
-        The log.
-    at : State
-        About which to linearise.
-    scale : ndarray, shape (46,)
-        What one unit of each column is [rad, packed, s].
-    checkpoints : ndarray of int, shape (c,)
-        Intervals, ascending, after which the state is kept [1].
-    rows : bool
-        Whether the white rows are wanted.
+    `scale` (46,): what one unit of each column is [rad, packed, s]; `checkpoints` (c,):
+    intervals, ascending, after which the state is kept [1].
     """
-    store = np.zeros((len(t.dt) // t.block + 1 if rows else 0, 3, COLUMNS))
+    store = np.zeros((len(t.dt) // t.block + 1 if rows or t.shared else 0, 3, COLUMNS))
     out = information_pass(
         t.dt, t.command, t.reading, t.used, at.constants, scale,
         np.ascontiguousarray(at.C_np),  # one layout, one compilation
         t.w_ie_n, t.gyro_psd, t.accel_variance, t.arms, t.gravity, t.mean, t.block, store,
         checkpoints, at.delay + t.late,
     )  # fmt: skip
-    return out, store[: len(out[9])]
+    white = store[: len(out[9])]
+    if t.shared and len(white):
+        white = apart(white, out[9], t.shared)
+        ends = np.searchsorted(out[9], out[4], side="right")
+        gram, *some = (np.einsum("kai,kaj->ij", x, x) for x in (white, *(white[:k] for k in ends)))
+        out = (gram[None], *out[1:5], np.array(some).reshape(out[5].shape), *out[6:])
+    return out, white if rows else white[:0]
+
+
+def apart(white: FloatArray, time: FloatArray, shared: float) -> FloatArray:
+    """Return rows without what neighbours share: e_k = x_k - (r / s) e_k-1, divided by its sd.
+
+    `white` (b, 3, 48): rows of unit variance [1]; `time` (b,): their times [s]; `shared`:
+    correlation r of neighbours [1]. Across a gap nothing is shared.
+    """
+    out = np.empty_like(white)
+    gap = np.diff(time, prepend=-np.inf) > 1.5 * float(np.median(np.diff(time)))
+    left = 1.0
+    for k, x in enumerate(white):
+        if gap[k]:
+            left, out[k] = 1.0, x
+        else:
+            weight = shared / np.sqrt(left)
+            left = 1.0 - shared**2 / left
+            out[k] = (x - weight * out[k - 1]) / np.sqrt(left)
+    return out
 
 
 def look(
@@ -108,18 +100,7 @@ def look(
 ) -> Pass:
     """Linearise a log about a state, and find the step from there.
 
-    Parameters
-    ----------
-    t : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand.
-    at : State
-        About which to linearise.
-    checkpoints : ndarray of int, shape (c,)
-        Intervals, ascending, after which the state is kept [1].
-    rows : bool
-        Whether the white rows are wanted.
+    `checkpoints` (c,): intervals, ascending, after which the state is kept [1].
     """
     out, white = run(t, at, prior.unit, checkpoints, rows)
     gram = np.triu(out[0][0]) + np.triu(out[0][0], 1).T
@@ -147,25 +128,9 @@ def solve_step(
 ) -> tuple[FloatArray, FloatArray, bool]:
     """Solve the normal equations, scaled to a unit diagonal; say whether they are too poor.
 
-    Parameters
-    ----------
-    gram : ndarray, shape (48, 48)
-        Information of the log [1].
-    miss : ndarray, shape (46,)
-        White residuals of the prior [1].
-    slope : ndarray, shape (46, 46)
-        Their slopes [1].
-    sought : ndarray of int, shape (k,)
-        Entries that are estimated [1].
-
-    Returns
-    -------
-    x : ndarray, shape (46,)
-        The step [1].
-    cov : ndarray, shape (46, 46)
-        Its covariance [1].
-    poor : bool
-        Whether rounding may spoil both.
+    `gram` (48, 48): information of the log [1]; `miss` (46,): white residuals of the prior [1];
+    `slope` (46, 46): their slopes [1]; `sought` (k,): entries that are estimated [1]. Returns `x`
+    (46,): the step [1]; `cov` (46, 46): its covariance [1].
     """
     x, cov = np.zeros(STATES), np.zeros((STATES, STATES))
     N = (gram[:STATES, :STATES] + slope.T @ slope)[np.ix_(sought, sought)]

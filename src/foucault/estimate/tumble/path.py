@@ -5,26 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.estimate.tumble.one_pass import NO_MOMENTS, run
-from foucault.estimate.tumble.state import STATES, IntArray, Prior, State, Tumble
+from foucault.estimate.tumble.state import STATES, Prior, State, Tumble
 from foucault.models.rotation import aligning, exp
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def levelled(tumble: Tumble, prior: Prior, seconds: float = 1.0) -> State:
     """Return the mean of the prior, turned the shortest way so that the first readings are up.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand.
-    seconds : float
-        Over how long the readings are averaged [s].
+    `seconds`: over how long the readings are averaged [s].
     """
     first = np.flatnonzero(tumble.used)
     within = np.cumsum(tumble.dt)[first] <= np.cumsum(tumble.dt)[first[:1]] + seconds
@@ -37,16 +28,8 @@ def levelled(tumble: Tumble, prior: Prior, seconds: float = 1.0) -> State:
 def beginning(tumble: Tumble, prior: Prior, constants: FloatArray, C_np: FloatArray) -> State:
     """Return the state at the start that ends in an attitude.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log; its readings say about where it began.
-    prior : Prior
-        Where the start was believed to be.
-    constants : ndarray, shape (42,)
-        Packed: local gravity is 1.
-    C_np : ndarray, shape (3, 3)
-        Attitude at the end [1].
+    `tumble`: the log, its readings say about where it began; `constants` (42,): packed: local
+    gravity is 1; `C_np` (3, 3): attitude at the end [1].
     """
     at = replace(levelled(tumble, prior), constants=constants)
     last = np.array([len(tumble.dt)])
@@ -60,14 +43,7 @@ def beginning(tumble: Tumble, prior: Prior, constants: FloatArray, C_np: FloatAr
 def attitudes(tumble: Tumble, at: State, rows: IntArray) -> FloatArray:
     """Return C_pn at rows of the log along the trajectory of a state, shape (k, 3, 3).
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log; its readings do not matter.
-    at : State
-        Attitude at the start and constants.
-    rows : ndarray of int, shape (k,)
-        Ascending: 0 is the start, n the end of the last interval [1].
+    `rows` (k,): ascending: 0 is the start, n the end of the last interval [1].
     """
     blind = replace(tumble, used=np.zeros(len(tumble.dt), bool))
     later = rows[rows > 0]
@@ -80,16 +56,10 @@ def attitudes(tumble: Tumble, at: State, rows: IntArray) -> FloatArray:
 def sensitivities(tumble: Tumble, at: State, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return time, shape (b,) [s], and d reading / d state times `scale`, shape (b, 3, 46).
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log; its noise does not matter.
-    at : State
-        About which to linearise.
-    scale : ndarray, shape (46,)
-        What one unit of each is, such as its prior sd [rad, packed, s].
+    `scale` (46,): what one unit of each is, such as its prior sd [rad, packed, s].
     """
-    still = replace(tumble, gyro_psd=0.0, accel_variance=1.0)  # no noise: the gain is zero
+    # No noise: the gain is zero.
+    still = replace(tumble, gyro_psd=0.0, accel_variance=1.0, shared=0.0)
     out, rows = run(still, at, scale, NO_MOMENTS, True)
     block = tumble.block
     total = np.concatenate([[0], np.cumsum(tumble.used)])

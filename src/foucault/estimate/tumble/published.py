@@ -32,17 +32,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Status
 from foucault.estimate.tumble.fit import STATES, History, Prior, State, Tumble, attitudes
 from foucault.kernels import cluster_transition as kernels
 from foucault.kernels.cluster_filter import run
 from foucault.models.cluster import angle_rates, angles_of, attitude_of
 from foucault.models.rotation import exp, log
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 DIVERGED = 2.0
 """Mean square of the innovations of the second half beyond which the filter is not believed, in
@@ -73,35 +70,19 @@ _CONVERGED = "The innovations are no larger than the filter expects."
 
 @dataclass(frozen=True)
 class Options:
-    """How the filter of angles runs.
+    """How the filter of angles runs."""
 
-    Attributes
-    ----------
-    full_rate : bool
-        The inverse of the input axes stands in front of the drift too; False as printed in
-        eqs. (19) and (20), which costs 6e-4 deg/h.
-    extra_sd : float
-        Added to the sd of the readings at first [local g].
-    fading : float
-        Time constant with which that goes [s].
-    iterations : int, shape ()
-        How often the first readings are linearised [1].
-    """
-
+    # the inverse of the input axes stands in front of the drift too; False as printed in eqs. (19)
+    # and (20), which costs 6e-4 deg/h
     full_rate: bool = True
-    extra_sd: float = 1e-4
-    fading: float = 1000.0
-    iterations: int = 5
+    extra_sd: float = 1e-4  # added to the sd of the readings at first [local g]
+    fading: float = 1000.0  # time constant with which that goes [s]
+    iterations: int = 5  # how often the first readings are linearised [1]
 
     def variance(self, time: FloatArray, sd: float) -> FloatArray:
         """Return the variance of the readings at `time` since the start, shape (n, 3) [local g^2].
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Since the start [s].
-        sd : float
-            Of one reading [local g].
+        `time` (n,): since the start [s]; `sd`: of one reading [local g].
         """
         now = sd + self.extra_sd * np.exp(-time / self.fading)
         return np.repeat(now[:, None] ** 2, 3, axis=1)
@@ -119,64 +100,30 @@ CONSTANT = Options(extra_sd=0.0, iterations=1)
 
 @dataclass(frozen=True)
 class Course:
-    """The estimate in the course of time.
+    """The estimate in the course of time."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (c,)
-        Since the start [s].
-    angles : ndarray, shape (c, 3)
-        Outer, middle and inner angle [rad].
-    constants : ndarray, shape (c, 42)
-        Packed as in `models.cluster.CONSTANTS`: local gravity is 1.
-    sd : ndarray, shape (c, 45)
-        Standard deviations of angles [rad] and constants.
-    innovation : ndarray, shape (c,)
-        Mean square of the normalised innovations since the moment before; 1 is expected [1].
-    readings : ndarray of int, shape (c,)
-        How many innovations these were [1].
-    """
-
-    time: FloatArray
-    angles: FloatArray
-    constants: FloatArray
-    sd: FloatArray
+    time: FloatArray  # (c,) since the start [s]
+    angles: FloatArray  # (c, 3) outer, middle and inner angle [rad]
+    constants: FloatArray  # (c, 42) packed as in `models.cluster.CONSTANTS`: local gravity is 1
+    sd: FloatArray  # (c, 45) standard deviations of angles [rad] and constants
+    # (c,) mean square of the normalised innovations since the moment before; 1 is expected [1]
     innovation: FloatArray
-    readings: IntArray
+    readings: IntArray  # (c,) how many innovations these were [1]
 
 
 @dataclass(frozen=True)
 class Filtered:
-    """What one pass of a filter found; finite numbers whatever became of it.
+    """What one pass of a filter found; finite numbers whatever became of it."""
 
-    Attributes
-    ----------
-    C_np : ndarray, shape (3, 3)
-        Attitude at the end, or where the filter stopped [1].
-    constants : ndarray, shape (42,)
-        Packed as in `models.cluster.CONSTANTS`: local gravity is 1.
-    cov : ndarray, shape (45, 45)
-        Covariance of attitude (rotation vector in p) [rad] and constants.
-    status : Status
-        How it ended.
-    advice : str
-        The same in words.
-    intervals : int, shape ()
-        How many intervals were filtered [1].
-    innovation : float
-        Mean square of the normalised innovations over the second half; 1 is expected [1].
-    course : Course
-        The estimate in the course of time, up to where the filter stopped.
-    """
-
-    C_np: FloatArray
-    constants: FloatArray
-    cov: FloatArray
+    C_np: FloatArray  # (3, 3) attitude at the end, or where the filter stopped [1]
+    constants: FloatArray  # (42,) packed as in `models.cluster.CONSTANTS`: local gravity is 1
+    cov: FloatArray  # (45, 45) covariance of attitude (rotation vector in p) [rad] and constants
     status: Status
-    advice: str
-    intervals: int
+    advice: str  # the same in words
+    intervals: int  # how many intervals were filtered [1]
+    # mean square of the normalised innovations over the second half; 1 is expected [1]
     innovation: float
-    course: Course
+    course: Course  # the estimate in the course of time, up to where the filter stopped
 
     @property
     def angles(self) -> FloatArray:
@@ -189,16 +136,9 @@ def filter_angles(
 ) -> Filtered:
     """Run the published filter: three angles and 42 constants, one pass.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log; every reading is used by itself, whatever its `block`.
-    prior : Prior
-        Where the filter starts, and with what covariance; a delay is not among its states.
-    options : Options
-        How it runs.
-    moments : int, shape ()
-        In how many moments the estimate is kept [1].
+    `tumble`: the log, every reading is used by itself, whatever its `block`; `prior`: where the
+    filter starts, and with what covariance, a delay is not among its states; `moments`: in how
+    many moments the estimate is kept [1].
     """
     return _filtered(tumble, prior, options, kernels.FREE_ANGLES, moments)
 
@@ -213,20 +153,12 @@ def filter_misalignment(
 ) -> Filtered:
     """Run a filter of small misalignment angles and 42 constants, one pass.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log; every reading is used by itself, whatever its `block`.
-    prior : Prior
-        Attitude and constants about which all is linearised, and with what covariance. About the
-        truth, the planned form has the Cramer-Rao bound for its covariance.
-    integrated : bool
-        Feed the constants back and integrate the attitude with them.
-    options : Options
-        How it runs; readings of a linear filter need no second linearisation, so that the number of
-        `iterations` does not matter.
-    moments : int, shape ()
-        In how many moments the estimate is kept [1].
+    `tumble`: the log, every reading is used by itself, whatever its `block`; `prior`: attitude
+    and constants about which all is linearised, and with what covariance. About the truth, the
+    planned form has the Cramer-Rao bound for its covariance; `integrated`: feed the constants
+    back and integrate the attitude with them; `options`: how it runs, readings of a linear filter
+    need no second linearisation, so that the number of `iterations` does not matter; `moments`:
+    in how many moments the estimate is kept [1].
     """
     form = kernels.INTEGRATED if integrated else kernels.PLANNED
     return _filtered(tumble, prior, options, form, moments)
@@ -300,17 +232,6 @@ def _end(out: Any, form: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 def history(tumble: Tumble, found: Filtered, start: State) -> History:
     """Return the course of a filter beside the trajectory that its end leads back to.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    found : Filtered
-        What the filter found.
-    start : State
-        Where that trajectory begins.
-
-    Notes
-    -----
     Standard deviations of the attitude are NaN: the course has those of angles only.
     """
     course = found.course

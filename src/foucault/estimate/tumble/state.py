@@ -10,10 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.models.rotation import exp, log, right_jacobian_inverse
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 STATES = 46
 """Attitude at the start 3, constants 42, delay 1."""
@@ -24,93 +22,52 @@ DELAY_UNIT = 0.01
 
 @dataclass(frozen=True)
 class Tumble:
-    """A log of a torqued cluster, ready for the kernels: local gravity is 1.
+    """A log of a torqued cluster, ready for the kernels: local gravity is 1."""
 
-    Attributes
-    ----------
-    dt : ndarray, shape (n,)
-        Length of the intervals [s].
-    command : ndarray, shape (n, 3)
-        Rate commanded during each [rad/s].
-    reading : ndarray, shape (n, 3)
-        Of the accelerometers, at the end of each or its mean over each [local g].
-    used : ndarray of bool, shape (n,)
-        Which readings count.
-    w_ie_n : ndarray, shape (3,)
-        The Earth's rate in n [rad/s].
-    gravity : float
-        Local gravity [m/s^2].
-    gyro_psd : float
-        White noise of the gyros [rad^2/s].
-    accel_variance : float
-        Variance of one reading [local g^2].
-    arms : ndarray, shape (3, 3)
-        Positions of the accelerometers in its rows, frame p [m].
-    mean : bool
-        Whether readings are means over the interval.
-    block : int, shape ()
-        So many readings are averaged to one residual [1].
-    late : float
-        By how much all readings are older than that, whatever delay is estimated besides [s].
-    """
-
-    dt: FloatArray
-    command: FloatArray
+    dt: FloatArray  # (n,) length of the intervals [s]
+    command: FloatArray  # (n, 3) rate commanded during each [rad/s]
+    # (n, 3) of the accelerometers, at the end of each or its mean over each [local g]
     reading: FloatArray
-    used: npt.NDArray[np.bool_]
-    w_ie_n: FloatArray
-    gravity: float
-    gyro_psd: float
-    accel_variance: float
+    used: npt.NDArray[np.bool_]  # (n,) which readings count
+    w_ie_n: FloatArray  # (3,) the Earth's rate in n [rad/s]
+    gravity: float  # local gravity [m/s^2]
+    gyro_psd: float  # white noise of the gyros [rad^2/s]
+    accel_variance: float  # variance of one reading [local g^2]
+    # (3, 3) positions of the accelerometers in its rows, frame p [m]
     arms: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    mean: bool = False
-    block: int = 1
+    mean: bool = False  # whether readings are means over the interval
+    block: int = 1  # so many readings are averaged to one residual [1]
+    # correlation of the noise of neighbouring averages, from -0.5 where it is rounding alone that
+    # is carried to the next reading to 0 [1]
+    shared: float = 0.0
+    # by how much all readings are older than that, whatever delay is estimated besides [s]
     late: float = 0.0
 
 
 @dataclass(frozen=True)
 class State:
-    """What is wanted of a tumble.
+    """What is wanted of a tumble."""
 
-    Attributes
-    ----------
-    C_np : ndarray, shape (3, 3)
-        Attitude at the start [1].
-    constants : ndarray, shape (42,)
-        In the order of `models.cluster.CONSTANTS` and packed: local gravity is 1.
-    delay : float
-        Of the readings against the command [s].
-    """
-
-    C_np: FloatArray
+    C_np: FloatArray  # (3, 3) attitude at the start [1]
+    # (42,) in the order of `models.cluster.CONSTANTS` and packed: local gravity is 1
     constants: FloatArray
-    delay: float = 0.0
+    delay: float = 0.0  # of the readings against the command [s]
 
     def moved(self, x: FloatArray) -> State:
         """Return the state after a step.
 
-        Parameters
-        ----------
-        x : ndarray, shape (46,)
-            Rotation in n [rad], constants [packed], delay [s].
+        `x` (46,): rotation in n [rad], constants [packed], delay [s].
         """
         return State(exp(x[:3]) @ self.C_np, self.constants + x[3:45], self.delay + float(x[45]))
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of it beforehand.
-
-    Attributes
-    ----------
-    mean : State
-        Its mean.
-    sd : ndarray, shape (46,)
-        Standard deviations: of the attitude at the start about East, North, Up [rad], of the
-        constants [packed], of the delay [s]; zero holds a value.
-    """
+    """What is known of it beforehand."""
 
     mean: State
+    # (46,) standard deviations: of the attitude at the start about East, North, Up [rad], of the
+    # constants [packed], of the delay [s]; zero holds a value
     sd: FloatArray
 
     @property
@@ -124,13 +81,7 @@ class Prior:
         return np.flatnonzero(self.sd > 0)
 
     def rows(self, at: State) -> tuple[FloatArray, FloatArray]:
-        """Return the white residuals, shape (46,), and their slopes by x / sd, shape (46, 46).
-
-        Parameters
-        ----------
-        at : State
-            Where.
-        """
+        """Return the white residuals, shape (46,), and their slopes by x / sd, shape (46, 46)."""
         safe = np.where(self.sd > 0, self.sd, 1.0)
         phi = log(at.C_np @ self.mean.C_np.T)
         slope = np.eye(STATES)

@@ -20,15 +20,13 @@ from math import cos, inf, sin, sqrt
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.north.noise import NEARLY_FREE
 from foucault.diagnose.north.plan import HEADINGS, Conditions
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import TriadNoise
 from foucault.models.session_noise import window_covariance
-
-FloatArray = npt.NDArray[np.float64]
 
 COLLINEAR = 1e-9
 """A smaller eigenvalue below this times the larger one is rounding: a direction not seen [1]."""
@@ -38,29 +36,16 @@ EYE = np.eye(2)
 
 @dataclass(frozen=True)
 class Known:
-    """What the solution is told, and what the stops are seen by.
+    """What the solution is told, and what the stops are seen by."""
 
-    Attributes
-    ----------
-    conditions : Conditions
-        Instrument and place; drift is below, tilt does not count here [SI].
-    drift : float
-        Linear drift of the gyro that is expected [rad/s^2].
-    solved : {"auto", "none", "linear"}
-        Whether the solution estimates it, as in [procedure].
-    drift_sd : float or None
-        Standard deviation that it gives it [rad/s^2].
-    on_case : bool
-        Whether two accelerometers stay with the case, or one turns with the gyro.
-    rough_sd : float or None
-        Of a rough heading, from which the angles count; None where they count from forward [rad].
-    """
-
-    conditions: Conditions
-    drift: float = 0.0
+    conditions: Conditions  # instrument and place; drift is below, tilt does not count here [SI]
+    drift: float = 0.0  # linear drift of the gyro that is expected [rad/s^2]
+    # whether the solution estimates it, as in [procedure]
     solved: Literal["auto", "none", "linear"] = "auto"
-    drift_sd: float | None = None
+    drift_sd: float | None = None  # standard deviation that it gives it [rad/s^2]
+    # whether two accelerometers stay with the case, or one turns with the gyro
     on_case: bool = False
+    # of a rough heading, from which the angles count; None where they count from forward [rad]
     rough_sd: float | None = None
 
     @cached_property
@@ -78,31 +63,19 @@ class Known:
 
 @dataclass(frozen=True)
 class Seen:
-    """What stops show.
+    """What stops show."""
 
-    Attributes
-    ----------
-    mean_square : float
-        Of the heading's error over the headings, infinite where one is not seen [rad^2].
-    drift_sd : float
-        What the solution gives the drift beforehand: 0 none, infinite where it is free [rad/s^2].
-    """
-
+    # of the heading's error over the headings, infinite where one is not seen [rad^2]
     mean_square: float
+    # what the solution gives the drift beforehand: 0 none, infinite where it is free [rad/s^2]
     drift_sd: float
 
 
 def seen(angle: FloatArray, start: FloatArray, time: FloatArray, known: Known) -> Seen:
     """Return what stops show of the heading.
 
-    Parameters
-    ----------
-    angle : ndarray, shape (k,)
-        Index angles; from north, where a rough heading is known [rad].
-    start, time : ndarray, shape (k,)
-        When each stop begins and how long it is measured [s].
-    known : Known
-        What the solution is told.
+    `angle` (k,): index angles, from north, where a rough heading is known [rad]; `start`, `time`
+    (k,): when each stop begins and how long it is measured [s].
     """
     e = np.stack([np.sin(angle), np.cos(angle)], 1)
     t = start + time / 2
@@ -217,13 +190,7 @@ def _tilt(e: FloatArray, time: FloatArray, known: Known) -> FloatArray | None:
 def root_mean_square(angle: FloatArray, start: FloatArray, time: FloatArray, known: Known) -> float:
     """Return the root mean square error of the heading [rad].
 
-    Parameters
-    ----------
-    angle : ndarray, shape (k,)
-        Index angles; from north, where a rough heading is known [rad].
-    start, time : ndarray, shape (k,)
-        When each stop begins and how long it is measured [s].
-    known : Known
-        What the solution is told.
+    `angle` (k,): index angles, from north, where a rough heading is known [rad]; `start`, `time`
+    (k,): when each stop begins and how long it is measured [s].
     """
     return sqrt(seen(angle, start, time, known).mean_square)

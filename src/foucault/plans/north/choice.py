@@ -53,27 +53,13 @@ STEPS = 14
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be planned.
+    """What is to be planned."""
 
-    Attributes
-    ----------
-    conditions : Conditions
-        Instrument, place, and what is known [SI].
-    accuracy : float or None
-        Wanted standard deviation of the heading [rad].
-    total : float or None
-        Time there is [s].
-    move : float
-        Time from one stop to the next [s].
-    rough_sd : float or None
-        Standard deviation of a rough heading; None without one [rad].
-    """
-
-    conditions: Conditions
-    accuracy: float | None = None
-    total: float | None = None
-    move: float = 10.0
-    rough_sd: float | None = None
+    conditions: Conditions  # instrument, place, and what is known [SI]
+    accuracy: float | None = None  # wanted standard deviation of the heading [rad]
+    total: float | None = None  # time there is [s]
+    move: float = 10.0  # time from one stop to the next [s]
+    rough_sd: float | None = None  # standard deviation of a rough heading; None without one [rad]
 
 
 GUESS = np.radians(2.0)
@@ -82,34 +68,17 @@ GUESS = np.radians(2.0)
 
 @dataclass(frozen=True)
 class Row:
-    """What one order gives.
+    """What one order gives."""
 
-    Attributes
-    ----------
-    order : StopOrder or TurningOrder
-        The order; of those to choose from, the best.
-    needed : float
-        Time for the wanted accuracy; infinite where it is not reached, NaN where none is wanted
-        [s].
-    at : Prediction or None
-        In `time`; None where that is too short for its stops.
-    time : float
-        The time there is, else the time needed, else that of the floor [s].
-    floor : Prediction or None
-        The best that it gives in any time, where the accuracy is not reached.
-    floor_time : float
-        In which it does [s].
-    why : str
-        Why there is nothing to say.
-    """
-
-    order: Order
+    order: Order  # the order; of those to choose from, the best
+    # time for the wanted accuracy; infinite where it is not reached, NaN where none is wanted [s]
     needed: float
-    at: Prediction | None
-    time: float
+    at: Prediction | None  # in `time`; None where that is too short for its stops
+    time: float  # the time there is, else the time needed, else that of the floor [s]
+    # the best that it gives in any time, where the accuracy is not reached
     floor: Prediction | None = None
-    floor_time: float = np.nan
-    why: str = ""
+    floor_time: float = np.nan  # in which it does [s]
+    why: str = ""  # why there is nothing to say
 
     @property
     def sd(self) -> float:
@@ -134,12 +103,8 @@ class Row:
     def as_dict(self, move: float, drift: float) -> dict[str, Any]:
         """Return the row as plain values.
 
-        Parameters
-        ----------
-        move : float
-            Time from one stop to the next [s].
-        drift : float
-            Linear drift to give the effect of [rad/s^2].
+        `move`: time from one stop to the next [s]; `drift`: linear drift to give the effect of
+        [rad/s^2].
         """
         stops = None
         if isinstance(self.order, StopOrder) and self.at is not None:
@@ -169,30 +134,15 @@ def _finite(value: float) -> float | None:
 
 @dataclass(frozen=True)
 class Choice:
-    """All that were compared, and the one to take.
-
-    Attributes
-    ----------
-    task : Task
-        What was asked.
-    rows : tuple of Row
-        One per order.
-    best : Row
-        The one to take.
-    reason : str
-        Why.
-    beyond : Row or None
-        A better one, if what it needs is to be had.
-    repeats : (int, float) or None
-        How often to go through the best in the same time [1] and the sd that this gives [rad],
-        where slow noise makes it pay.
-    """
+    """All that were compared, and the one to take."""
 
     task: Task
     rows: tuple[Row, ...]
-    best: Row
+    best: Row  # the one to take
     reason: str
-    beyond: Row | None = None
+    beyond: Row | None = None  # A better one, if what it needs is to be had
+    # how often to go through the best in the same time [1] and the sd that this gives [rad], where
+    # slow noise makes it pay
     repeats: tuple[int, float] | None = None
 
     @property
@@ -204,14 +154,7 @@ class Choice:
 def compare(task: Task, names: Iterable[str] = NAMES, cycles: int = 1) -> Choice:
     """Compare orders.
 
-    Parameters
-    ----------
-    task : Task
-        What is to be planned [SI].
-    names : iterable of str
-        Of the orders.
-    cycles : int, shape ()
-        How often orders of stops are gone through [1].
+    `task`: what is to be planned [SI]; `cycles`: how often orders of stops are gone through [1].
     """
     rows = tuple(_row(orders(name, cycles), task) for name in names)
     return _chosen(task, rows)
@@ -220,16 +163,8 @@ def compare(task: Task, names: Iterable[str] = NAMES, cycles: int = 1) -> Choice
 def at_time(order: Order, total: float, task: Task, *, drift: bool = True) -> Prediction:
     """Predict what an order gives in a time.
 
-    Parameters
-    ----------
-    order : StopOrder or TurningOrder
-        The order.
-    total : float
-        All of the time, moves included [s].
-    task : Task
-        Conditions, moves and rough heading [SI].
-    drift : bool
-        Whether to find the error by drift too.
+    `total`: all of the time, moves included [s]; `task`: conditions, moves and rough heading
+    [SI]; `drift`: whether to find the error by drift too.
     """
     c = task.conditions
     at = poses(c.tilt)

@@ -11,9 +11,9 @@ from functools import cached_property
 from math import ceil, floor, inf, pi, radians
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
+
 Move = tuple[list[int], list[int]]
 
 UNIT = radians(1e-3)
@@ -34,52 +34,24 @@ TRIES = 20
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """What the base can do, and the time there is.
+    """What the base can do, and the time there is."""
 
-    Attributes
-    ----------
-    total : float
-        Time of a set-up, moves included [s].
-    move : float
-        From one stop to the next [s].
-    shortest : float
-        Shortest stop [s].
-    settle : float
-        Left out of each stop [s].
-    most : int
-        Most stops [1].
-    index_limit : float
-        How far the base turns either way from 0 [rad].
-    index_step : float or None
-        Detents; None for any angle [rad].
-    opposite : bool
-        Whether every stop has its opposite.
-    """
-
-    total: float
-    move: float
-    shortest: float
-    settle: float = 0.0
-    most: int = 24
-    index_limit: float = inf
-    index_step: float | None = None
-    opposite: bool = True
+    total: float  # time of a set-up, moves included [s]
+    move: float  # from one stop to the next [s]
+    shortest: float  # shortest stop [s]
+    settle: float = 0.0  # left out of each stop [s]
+    most: int = 24  # most stops [1]
+    index_limit: float = inf  # how far the base turns either way from 0 [rad]
+    index_step: float | None = None  # detents; None for any angle [rad]
+    opposite: bool = True  # whether every stop has its opposite
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """Stops in order.
+    """Stops in order."""
 
-    Attributes
-    ----------
-    index : tuple of int, length k
-        Index angles, in units of 0.001 deg [1].
-    dwell : tuple of int, length k
-        How long each lasts, in units of 0.1 s [1].
-    """
-
-    index: tuple[int, ...]
-    dwell: tuple[int, ...]
+    index: tuple[int, ...]  # index angles, in units of 0.001 deg [1]
+    dwell: tuple[int, ...]  # how long each lasts, in units of 0.1 s [1]
 
     def __len__(self) -> int:
         return len(self.index)
@@ -87,15 +59,9 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Moves:
-    """Draws orders of stops that a base allows, and changes them.
+    """Draws orders of stops that a base allows, and changes them."""
 
-    Attributes
-    ----------
-    rig : Rig
-        What the base can do.
-    """
-
-    rig: Rig
+    rig: Rig  # what the base can do
 
     @property
     def step(self) -> float:
@@ -166,14 +132,7 @@ class Moves:
     def moved(self, plan: Schedule, rng: np.random.Generator, heat: float) -> Schedule:
         """Return a neighbour of `plan`.
 
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        rng : Generator
-            Random numbers.
-        heat : float
-            1 at the beginning, 0 at the end: how large moves are [1].
+        `heat`: 1 at the beginning, 0 at the end: how large moves are [1].
         """
         moves = (self._time, self._time, self._swap, self._reverse, self._turned, self._insert,
                  self._remove, self._mirror, self._even, self._square)  # fmt: skip
@@ -271,14 +230,7 @@ def across(angle: int) -> int:
 def schedule(index: FloatArray, dwell: FloatArray, rig: Rig) -> Schedule:
     """Return stops as a plan of the whole time there is.
 
-    Parameters
-    ----------
-    index : ndarray, shape (k,)
-        Index angles [rad].
-    dwell : ndarray, shape (k,)
-        How long each lasts; scaled to the time [s].
-    rig : Rig
-        The time there is.
+    `index` (k,): index angles [rad]; `dwell` (k,): how long each lasts, scaled to the time [s].
     """
     whole = rig.total - (len(index) - 1) * rig.move
     ends = np.rint(np.cumsum(dwell) / dwell.sum() * floor(whole / TICK + 1e-6)).astype(int)

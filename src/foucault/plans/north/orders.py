@@ -20,12 +20,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.north.dwells import PIECE, PIECES
 from foucault.errors import error, suggestion
 from foucault.files import atomic, keep_others
 from foucault.models.dwells import Dwells
-
-FloatArray = npt.NDArray[np.float64]
 
 ROUGH = "a rough heading, and two accelerometers or a level case"
 FIRST = "a first solution on the spot"
@@ -37,27 +36,14 @@ HEADINGS = ("index (deg)", "dwell (s)")
 
 @dataclass(frozen=True)
 class StopOrder:
-    """The base stops at one index angle after the other.
+    """The base stops at one index angle after the other."""
 
-    Attributes
-    ----------
-    name : str
-        As people call it.
-    index : ndarray, shape (k,)
-        Index angles in order, clockwise seen from above [rad].
-    share : ndarray, shape (k,)
-        Of the time at the stops, with the sum 1 [1].
-    from_north : ndarray of bool, shape (k,)
-        Whether the angle counts from north, by a rough heading, not from forward.
-    needs : str
-        What is needed beside a base that stops; empty for nothing.
-    """
-
-    name: str
-    index: FloatArray
-    share: FloatArray
+    name: str  # as people call it
+    index: FloatArray  # (k,) index angles in order, clockwise seen from above [rad]
+    share: FloatArray  # (k,) of the time at the stops, with the sum 1 [1]
+    # (k,) whether the angle counts from north, by a rough heading, not from forward
     from_north: npt.NDArray[np.bool_]
-    needs: str = ""
+    needs: str = ""  # what is needed beside a base that stops; empty for nothing
 
     def __len__(self) -> int:
         return len(self.index)
@@ -65,24 +51,14 @@ class StopOrder:
     def shortest(self, move: float, stop: float) -> float:
         """Return the shortest total time [s] that leaves every stop long enough.
 
-        Parameters
-        ----------
-        move : float
-            Time from one stop to the next [s].
-        stop : float
-            Length of the shortest stop [s].
+        `move`: time from one stop to the next [s]; `stop`: length of the shortest stop [s].
         """
         return (len(self) - 1) * move + stop / float(self.share.min())
 
     def stops(self, total: float, move: float) -> FloatArray:
         """Return how long each stop lasts, shape (k,) [s].
 
-        Parameters
-        ----------
-        total : float
-            All of the time, moves included [s].
-        move : float
-            Time from one stop to the next [s].
+        `total`: all of the time, moves included [s]; `move`: time from one stop to the next [s].
         """
         return np.asarray(self.share * (total - (len(self) - 1) * move))
 
@@ -91,16 +67,9 @@ class StopOrder:
     ) -> Dwells:
         """Return the dwells of m set-ups, with readings still zero.
 
-        Parameters
-        ----------
-        total : float
-            All of the time, moves included [s].
-        move : float
-            Time from one stop to the next [s].
-        heading : ndarray, shape (m,)
-            True heading of each set-up [rad].
-        rough : ndarray, shape (m,)
-            Error of the rough heading of each [rad].
+        `total`: all of the time, moves included [s]; `move`: time from one stop to the next [s];
+        `heading` (m,): true heading of each set-up [rad]; `rough` (m,): error of the rough
+        heading of each [rad].
         """
         length = self.stops(total, move)
         start = np.cumsum(length + move) - length - move
@@ -119,31 +88,16 @@ class StopOrder:
 
 @dataclass(frozen=True)
 class TurningOrder:
-    """The base turns on and on at one rate.
+    """The base turns on and on at one rate."""
 
-    Attributes
-    ----------
-    name : str
-        As people call it.
-    turns : int
-        Turns in all of the time, whole ones [1].
-    needs : str
-        What is needed.
-    """
-
-    name: str
-    turns: int
+    name: str  # as people call it
+    turns: int  # turns in all of the time, whole ones [1]
     needs: str = TURNING
 
     def shortest(self, move: float, stop: float) -> float:
         """Return the shortest total time [s]: four shortest stops to a turn.
 
-        Parameters
-        ----------
-        move : float
-            Not needed here [s].
-        stop : float
-            Length of the shortest stop [s].
+        `move`: not needed here [s]; `stop`: length of the shortest stop [s].
         """
         return 4 * stop * self.turns
 
@@ -152,16 +106,8 @@ class TurningOrder:
     ) -> Dwells:
         """Return the dwells of m set-ups, pieces of the rotation, with readings still zero.
 
-        Parameters
-        ----------
-        total : float
-            All of the time [s].
-        move : float
-            Not needed here [s].
-        heading : ndarray, shape (m,)
-            True heading of each set-up [rad].
-        rough : ndarray, shape (m,)
-            Not needed here [rad].
+        `total`: all of the time [s]; `move`: not needed here [s]; `heading` (m,): true heading of
+        each set-up [rad]; `rough` (m,): not needed here [rad].
         """
         whole = 2 * np.pi * self.turns
         count = round(whole / float(np.clip(whole / PIECES, *PIECE)))  # as logs are cut
@@ -200,12 +146,7 @@ def _joined(
 def stops(name: str, degrees: tuple[float, ...]) -> StopOrder:
     """Return an order of equal stops; neighbours at the same angle are one stop.
 
-    Parameters
-    ----------
-    name : str
-        As people call it.
-    degrees : tuple of float, shape (k,)
-        Index angles in order [deg].
+    `degrees` (k,): index angles in order [deg].
     """
     index = np.radians(degrees)
     k = len(index)
@@ -272,12 +213,8 @@ _COUNT = re.compile(r"[0-9]{1,5}")
 def orders(name: str, cycles: int = 1) -> tuple[Order, ...]:
     """Return the order called `name`; several to choose from, where a share is to be found.
 
-    Parameters
-    ----------
-    name : str
-        As in `NAMES`, with any number of positions or turns.
-    cycles : int, shape ()
-        How often orders of stops are gone through [1].
+    `name`: as in `NAMES`, with any number of positions or turns; `cycles`: how often orders of
+    stops are gone through [1].
     """
     if cycles < 1:
         raise error("north_plan.count", given=cycles, what="cycles")
@@ -302,16 +239,8 @@ def orders(name: str, cycles: int = 1) -> tuple[Order, ...]:
 def write_stops(order: Order, total: float, move: float, path: str | Path) -> None:
     """Write the stops as CSV, index angle [deg] and length [s], whole or not at all.
 
-    Parameters
-    ----------
-    order : StopOrder
-        The order; a rotation has no stops and is refused.
-    total : float
-        All of the time, moves included [s].
-    move : float
-        Time from one stop to the next [s].
-    path : str or Path
-        File to write.
+    `order`: the order, a rotation has no stops and is refused; `total`: all of the time, moves
+    included [s]; `move`: time from one stop to the next [s].
     """
     if isinstance(order, TurningOrder):
         raise error("north_plan.no_stops", name=order.name)

@@ -16,8 +16,8 @@ from math import degrees, inf, isfinite, log, radians
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
 from foucault.diagnose.north.input import spans
 from foucault.diagnose.north.plan import poses, predict
@@ -36,8 +36,6 @@ from foucault.plans.north.moves import (
 )
 from foucault.units import span
 
-FloatArray = npt.NDArray[np.float64]
-
 TILTED = radians(10.0)
 """Up to which the case is tilted in one of the comparisons [rad]."""
 
@@ -53,27 +51,13 @@ PLAIN = 2e-4
 
 @dataclass(frozen=True)
 class NorthSpace:
-    """Orders of stops that a base allows: a `plans.optimise.Space`.
+    """Orders of stops that a base allows: a `plans.optimise.Space`."""
 
-    Attributes
-    ----------
-    rig : Rig
-        What the base can do.
-    known : Known
-        Instrument, place, and what the solution is told [SI].
-    beaten : Schedule
-        The order to beat; it may be one that the base cannot do.
-    reference_name : str
-        What to call it.
-    findings : tuple of Finding
-        What the user should know.
-    """
-
-    rig: Rig
-    known: Known
-    beaten: Schedule
-    reference_name: str
-    findings: tuple[Finding, ...] = ()
+    rig: Rig  # what the base can do
+    known: Known  # instrument, place, and what the solution is told [SI]
+    beaten: Schedule  # the order to beat; it may be one that the base cannot do
+    reference_name: str  # what to call it
+    findings: tuple[Finding, ...] = ()  # what the user should know
 
     names = ("heading",)
     kinds = ("angle",)
@@ -136,27 +120,14 @@ class NorthSpace:
     def moved(self, plan: Schedule, rng: np.random.Generator, heat: float) -> Schedule:
         """Return a neighbour of `plan`.
 
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        rng : Generator
-            Random numbers.
-        heat : float
-            1 at the beginning, 0 at the end: how large moves are [1].
+        `heat`: 1 at the beginning, 0 at the end: how large moves are [1].
         """
         return self.moves.moved(plan, rng, heat)
 
     # -- how good they are ---------------------------------------------------------------------
 
     def cost(self, plan: Schedule) -> float:
-        """Return the logarithm of the sd over that of the order to beat, level; and `PLAIN`.
-
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        """
+        """Return the logarithm of the sd over that of the order to beat, level; and `PLAIN`."""
         if not self._can(plan):
             return inf
         value = self._price(plan)
@@ -200,15 +171,7 @@ class NorthSpace:
         return angle, start + self.rig.settle, length - self.rig.settle
 
     def sd(self, plan: Schedule, case: str) -> FloatArray:
-        """Return the root mean square error of the heading in one of `cases`, shape (1,) [rad].
-
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        case : str
-            One of `cases`.
-        """
+        """Return the root mean square error of the heading in one of `cases`, shape (1,) [rad]."""
         c = self.known.conditions
         if case == self.cases[1]:
             c = replace(c, tilt=TILTED)
@@ -242,13 +205,7 @@ class NorthSpace:
     # -- plans as text -------------------------------------------------------------------------
 
     def as_json(self, plan: Schedule) -> dict[str, list[int]]:
-        """Return a plan as plain values.
-
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        """
+        """Return a plan as plain values."""
         return {"index": list(plan.index), "dwell": list(plan.dwell)}
 
     def from_json(self, plain: Mapping[str, Any]) -> Schedule:
@@ -258,10 +215,7 @@ class NorthSpace:
     def changes(self, plan: Schedule) -> dict[str, dict[str, Any]]:
         """Return what makes a campaign do this plan: keys of its tables, as in the file.
 
-        Parameters
-        ----------
-        plan : Schedule
-            A plan. One that counts from north is for a fix: one set-up that faces north.
+        `plan`: a plan. One that counts from north is for a fix: one set-up that faces north.
         """
         order = [{"index": f"{a} deg", "dwell": f"{t} s"} for a, t in self._texts(plan)]
         if self.known.rough_sd is None:
@@ -274,13 +228,7 @@ class NorthSpace:
         return list(zip(angle, [f"{TICK * t:.10g}" for t in plan.dwell], strict=True))
 
     def steps(self, plan: Schedule) -> tuple[tuple[str, ...], ...]:
-        """Return the plan as a table for people: the headings, then one row per stop.
-
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        """
+        """Return the plan as a table for people: the headings, then one row per stop."""
         counted = "index from north (deg)" if self.known.rough_sd is not None else "index (deg)"
         start = self._times(plan)[1] - self.rig.settle
         rows = [
@@ -290,23 +238,11 @@ class NorthSpace:
         return (("start (s)", counted, "dwell (s)"), *rows)
 
     def needs(self, plan: Schedule) -> tuple[Limit, ...]:
-        """Return what a plan needs of the base.
-
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        """
+        """Return what a plan needs of the base."""
         widest = UNIT * max(abs(a) for a in plan.index)
         allowed = None if self.rig.index_limit == inf else self.rig.index_limit
         return (Limit("index angle", "angle", widest, allowed),)
 
     def duration(self, plan: Schedule) -> float:
-        """Return the time of a set-up, moves included [s].
-
-        Parameters
-        ----------
-        plan : Schedule
-            A plan.
-        """
+        """Return the time of a set-up, moves included [s]."""
         return TICK * sum(plan.dwell) + (len(plan) - 1) * self.rig.move

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable
 from math import pi
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest, Rotate
@@ -30,8 +30,6 @@ from foucault.plans.systematic.sequence import (
     spin,
 )
 from foucault.plans.systematic.spin_poses import poses
-
-FloatArray = npt.NDArray[np.float64]
 
 SPIN_RATE = 18.0 * pi / 180.0
 """Rate of the published spins: ten turns in 200 s [rad/s]."""
@@ -51,20 +49,9 @@ def quarter_turns(
 ) -> CalibrationSequence:
     """Return rests with quarter turns about body axes between them.
 
-    Parameters
-    ----------
-    name : str
-        Name of the sequence.
-    start : iterable of str
-        Where x, y and z point at first, such as "UEN".
-    turns : str
-        Axis and sense of each turn, such as "+y -x"; a half turn is "+2y".
-    rest : float
-        Length of each rest [s].
-    rate : float
-        Rate of the turns [rad/s].
-    ramp : float
-        Growth of the rate, and its fading [s].
+    `start`: where x, y and z point at first, such as "UEN"; `turns`: axis and sense of each turn,
+    such as "+y -x", a half turn is "+2y"; `rest`: length of each rest [s]; `rate`: rate of the
+    turns [rad/s]; `ramp`: growth of the rate, and its fading [s].
     """
     actions: list[Action] = [Rest(rest, "P1")]
     for k, word in enumerate(turns.split(), 2):
@@ -79,14 +66,8 @@ def nineteen_positions(
 ) -> CalibrationSequence:
     """Return the nineteen positions of ref. [1]: 3021 s with the defaults.
 
-    Parameters
-    ----------
-    rest : float
-        Length of each rest [s].
-    rate : float
-        Rate of the turns [rad/s].
-    ramp : float
-        Growth of the rate, and its fading [s].
+    `rest`: length of each rest [s]; `rate`: rate of the turns [rad/s]; `ramp`: growth of the
+    rate, and its fading [s].
     """
     name = "19 positions"
     return quarter_turns(name, "UEN", _NINETEEN, rest=rest, rate=rate, ramp=ramp)
@@ -97,17 +78,9 @@ def nine_positions(
 ) -> CalibrationSequence:
     """Return nine positions: our own, the best found among chains of eight quarter or half turns.
 
-    Parameters
-    ----------
-    rest : float
-        Length of each rest [s].
-    rate : float
-        Rate of the turns [rad/s].
-    ramp : float
-        Growth of the rate, and its fading [s].
+    `rest`: length of each rest [s]; `rate`: rate of the turns [rad/s]; `ramp`: growth of the
+    rate, and its fading [s].
 
-    Notes
-    -----
     Sought was the least of the largest ratio of a coefficient's sd to that of the nineteen
     positions, rests as long, over the 24 errors of the instrument: 2.0, in half of the time.
     """
@@ -121,14 +94,8 @@ def gimbal_moves(
 
     The inner axis is z of the body, the outer one East; both senses are counter-clockwise.
 
-    Parameters
-    ----------
-    before, after : ndarray, shape (2,)
-        Outer and inner angle [rad].
-    rate : float
-        Rate of the moves [rad/s].
-    ramp : float
-        Growth of the rate, and its fading [s].
+    `before`, `after` (2,): outer and inner angle [rad]; `rate`: rate of the moves [rad/s];
+    `ramp`: growth of the rate, and its fading [s].
     """
     (outer, inner) = np.asarray(after, float) - np.asarray(before, float)
     moves = (("z", inner, "inner"), ("east", outer, "outer"))
@@ -149,20 +116,9 @@ def gimbal_sequence(
     ``C_nb = R_E(outer) C_nb(0, 0) R_z(inner)``: the outer axis points East, the inner one is z of
     the body.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, 2)
-        Outer and inner angle of each position [rad].
-    name : str
-        Name of the sequence.
-    start : ndarray, shape (3, 3), or None
-        C_nb where both angles are zero; None for x east, y north, z up [1].
-    rest : float
-        Length of each rest [s].
-    rate : float
-        Rate of the moves [rad/s].
-    ramp : float
-        Growth of the rate, and its fading [s].
+    `angles` (n, 2): outer and inner angle of each position [rad]; `start` (3, 3): C_nb where both
+    angles are zero, None for x east, y north, z up [1]; `rest`: length of each rest [s]; `rate`:
+    rate of the moves [rad/s]; `ramp`: growth of the rate, and its fading [s].
     """
     angles = np.atleast_2d(np.asarray(angles, float))
     if angles.ndim != 2 or angles.shape[1] != 2 or not np.isfinite(angles).all():
@@ -193,23 +149,11 @@ def action_sequences(
 ) -> CalibrationSequence:
     """Return the action sequences of ref. [2]: to each pose with the gimbals, a spin, a rest.
 
-    Parameters
-    ----------
-    angles : str or ndarray, shape (n, 2)
-        Name of a set of poses, see `plans.systematic.spin_poses`, or angle a about z and b about
-        East of each [rad].
-    about : str
-        Axis of the spins, "north" or "east".
-    turns : int, shape ()
-        Turns of each spin: whole ones, or the gimbals' outer axis would not be East after it [1].
-    spin_rate : float
-        Rate of the spins [rad/s].
-    before, rest : float
-        Length of the rest before each spin (0: none) and after it [s].
-    rate : float
-        Rate of the gimbals [rad/s].
-    ramp : float
-        Growth of each rate, and its fading [s].
+    `angles` (n, 2): name of a set of poses, see `plans.systematic.spin_poses`, or angle a about z
+    and b about East of each [rad]; `turns`: turns of each spin: whole ones, or the gimbals' outer
+    axis would not be East after it [1]; `spin_rate`: rate of the spins [rad/s]; `before`, `rest`:
+    length of the rest before each spin (0: none) and after it [s]; `rate`: rate of the gimbals
+    [rad/s]; `ramp`: growth of each rate, and its fading [s].
     """
     if turns < 1 or turns != int(turns):
         raise error("sequence.turns", given=turns)
@@ -236,18 +180,8 @@ def navigation_test(
 ) -> CalibrationSequence:
     """Return the navigation test of ref. [2]: x up, y east, z north; a spin, then a long rest.
 
-    Parameters
-    ----------
-    about : str
-        Axis of the spin, "east" or "north".
-    before : float
-        Length of the rest before it, for alignment [s].
-    turns : int, shape ()
-        Turns of the spin [1].
-    spin_rate : float
-        Its rate [rad/s].
-    rest : float
-        Length of the rest after it [s].
+    `before`: length of the rest before it, for alignment [s]; `turns`: turns of the spin [1];
+    `spin_rate`: its rate [rad/s]; `rest`: length of the rest after it [s].
     """
     actions = (
         Rest(before, "alignment"), spin(about, turns, spin_rate, label="spin"), Rest(rest, "rest")

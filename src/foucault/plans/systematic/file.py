@@ -160,15 +160,7 @@ class SequenceTable(BaseModel):
 def read_sequence(path: str | Path) -> CalibrationSequence:
     """Read a sequence from a TOML file.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Raises
-    ------
-    FoucaultError
-        ``sequence.file``, ``sequence.entry`` or ``sequence.directions``.
+    Raises ``sequence.file``, ``sequence.entry`` or ``sequence.directions``.
     """
     try:
         text = read_text(path)

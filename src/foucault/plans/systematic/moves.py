@@ -7,15 +7,13 @@ from functools import cached_property
 from math import ceil, floor, inf
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.built_in import action_sequences, built_in
 from foucault.plans.systematic.pose_search import best_poses
 from foucault.plans.systematic.sequence import CalibrationSequence, turns_to
-
-FloatArray = npt.NDArray[np.float64]
 
 WIDE, NARROW = 40.0, 0.5
 """How far a pose is shifted at the start of a descent and at its end [deg]."""
@@ -26,69 +24,34 @@ FIRST_REST = 30
 
 @dataclass(frozen=True)
 class SpinPlan:
-    """What is open of a sequence, in the numbers that are written.
+    """What is open of a sequence, in the numbers that are written."""
 
-    Attributes
-    ----------
-    rests : tuple of int
-        Rests of the first part [s].
-    poses : tuple of (float, float)
-        Angle a about z and b about East of every spin [deg].
-    turns : int
-        Turns of a spin [1].
-    rate : float
-        Its rate [deg/s].
-    before, after : int
-        Rest before a spin, 0 for none, and after it [s].
-    """
-
-    rests: tuple[int, ...]
+    rests: tuple[int, ...]  # rests of the first part [s]
+    # angle a about z and b about East of every spin [deg]
     poses: tuple[tuple[float, float], ...] = ()
-    turns: int = 0
-    rate: float = 0.0
+    turns: int = 0  # turns of a spin [1]
+    rate: float = 0.0  # its rate [deg/s]
+    # before, after: rest before a spin, 0 for none, and after it [s]
     before: int = 0
     after: int = 0
 
 
 @dataclass(frozen=True)
 class Allowed:
-    """What may be done.
+    """What may be done."""
 
-    Attributes
-    ----------
-    first : str
-        Name of the first part.
-    total : float
-        Time there is; infinite if it does not matter [s].
-    poses : int
-        Number of spins; 0 for none [1].
-    rate : float
-        Highest rate [rad/s].
-    moves : float
-        Rate of the moves between the poses and of the first part [rad/s].
-    step : float
-        Angles are multiples of it; 0 for any [rad].
-    shortest, longest : float
-        Length of a rest [s].
-    most : int
-        Turns of a spin [1].
-    alike : bool
-        Whether the rests of the first part are alike.
-    fill : bool
-        Whether the rests of the first part take all the time that is left.
-    """
-
-    first: str
-    total: float
-    poses: int
-    rate: float
-    moves: float
-    step: float
+    first: str  # name of the first part
+    total: float  # time there is; infinite if it does not matter [s]
+    poses: int  # number of spins; 0 for none [1]
+    rate: float  # highest rate [rad/s]
+    moves: float  # rate of the moves between the poses and of the first part [rad/s]
+    step: float  # angles are multiples of it; 0 for any [rad]
+    # shortest, longest: length of a rest [s]
     shortest: float
     longest: float
-    most: int
-    alike: bool
-    fill: bool
+    most: int  # turns of a spin [1]
+    alike: bool  # whether the rests of the first part are alike
+    fill: bool  # whether the rests of the first part take all the time that is left
 
     @property
     def words(self) -> str:

@@ -10,12 +10,10 @@ import re
 from math import pi
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.plans.systematic.spin_poses import design, poses, quality, spin_axis
-
-FloatArray = npt.NDArray[np.float64]
 
 FREE = (-pi, pi)
 
@@ -30,23 +28,10 @@ def best_poses(
 ) -> FloatArray:
     """Return the angles of a good set of poses, shape (count, 2) [rad].
 
-    Parameters
-    ----------
-    count : int, shape ()
-        Number of poses; six at least [1].
-    starts : int, shape ()
-        Random sets to start from [1].
-    seed : int, shape ()
-        Seed [1].
-    about_z : tuple of float, shape (2,)
-        Range of the angle a about the z axis of the case [rad].
-    about_east : tuple of float, shape (2,)
-        Range of the angle b about East [rad].
-
-    Raises
-    ------
-    FoucaultError
-        ``poses.singular``: no six coefficients from so few poses, or within such limits.
+    `count`: number of poses, six at least [1]; `starts`: random sets to start from [1]; `seed`:
+    seed [1]; `about_z` (2,): range of the angle a about the z axis of the case [rad];
+    `about_east` (2,): range of the angle b about East [rad]. Raises ``poses.singular``: no six
+    coefficients from so few poses, or within such limits.
     """
     from scipy.optimize import minimize
 

@@ -20,9 +20,9 @@ from math import inf, log
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
 from foucault.diagnose.systematic.rests import LEAST_TURN
 from foucault.errors import Finding, FoucaultError
@@ -32,8 +32,6 @@ from foucault.plans.systematic.moves import Allowed, SpinPlan
 from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.plans.systematic.steps import plain_action, plain_start, rows
 from foucault.plans.weights import require_seen
-
-FloatArray = npt.NDArray[np.float64]
 
 PULL = 10.0
 """Cost of a wanted uncertainty that is missed, per its logarithm: more than any time saved [1]."""
@@ -53,46 +51,24 @@ SAMPLED = 4
 
 @dataclass(frozen=True)
 class SystematicSpace:
-    """The sequences that are allowed, and how good each of them is; a `plans.optimise.Space`.
+    """The sequences that are allowed, and how good each of them is; a `plans.optimise.Space`."""
 
-    Attributes
-    ----------
-    allowed : Allowed
-        What may be done.
-    names, kinds : tuple of str
-        The coefficients that are estimated, and the kinds of their units.
-    weights : ndarray, shape (p,)
-        How much each counts [1].
-    prior_sd : ndarray, shape (p,)
-        Uncertainty beforehand [SI].
-    accuracy : mapping of str to float
-        Coefficient or group -> largest sd that is wanted; then the shortest time is sought [SI].
-    reference : CalibrationSequence
-        The plan to beat.
-    reference_name : str
-        What to call it.
-    cases : tuple of str
-        Circumstances in which plans are compared.
-    quick : callable
-        Sequence -> sd of the coefficients, nearly, shape (p,) [SI].
-    stated : callable
-        Sequence, case -> sd that a calibration would state, shape (p,) [SI].
-    findings : tuple of Finding
-        What was noticed of what is assumed.
-    """
-
-    allowed: Allowed
+    allowed: Allowed  # what may be done
+    # names, kinds: the coefficients that are estimated, and the kinds of their units
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    weights: FloatArray
-    prior_sd: FloatArray
+    weights: FloatArray  # (p,) how much each counts [1]
+    prior_sd: FloatArray  # (p,) uncertainty beforehand [SI]
+    # coefficient or group -> largest sd that is wanted; then the shortest time is sought [SI]
     accuracy: Mapping[str, float]
-    reference: CalibrationSequence
-    reference_name: str
-    cases: tuple[str, ...]
+    reference: CalibrationSequence  # the plan to beat
+    reference_name: str  # what to call it
+    cases: tuple[str, ...]  # circumstances in which plans are compared
+    # sequence -> sd of the coefficients, nearly, shape (p,) [SI]
     quick: Callable[[CalibrationSequence], FloatArray]
+    # sequence, case -> sd that a calibration would state, shape (p,) [SI]
     stated: Callable[[CalibrationSequence, str], FloatArray]
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was noticed of what is assumed
 
     @property
     def aim(self) -> str:
@@ -251,16 +227,7 @@ class SystematicSpace:
 def sd_limit(name: str, kind: str, sd: float, wanted: float) -> Limit:
     """Return what is attained of a wanted accuracy.
 
-    Parameters
-    ----------
-    name : str
-        Coefficient or group.
-    kind : str
-        Kind of its unit.
-    sd : float
-        The largest of it [SI].
-    wanted : float
-        What is wanted [SI].
+    `sd`: the largest of it [SI]; `wanted`: what is wanted [SI].
     """
     return Limit(f"largest sd of {name}", kind, sd, wanted, units.display_unit(kind, wanted))
 
@@ -270,14 +237,8 @@ def table_needs(
 ) -> tuple[Limit, ...]:
     """Return what a sequence needs of the table.
 
-    Parameters
-    ----------
-    sequence : CalibrationSequence
-        Rests, turns and spins.
-    rate : float or None
-        Highest rate of the table [rad/s].
-    step : float or None
-        Angles have to be multiples of it; None or 0 for any [rad].
+    `rate` or None: highest rate of the table [rad/s]; `step`: angles have to be multiples of it,
+    None or 0 for any [rad].
     """
     turns = [a for a in sequence.actions if isinstance(a, Rotate)]
     out = [Limit("highest rate", "angular rate", max((t.rate for t in turns), default=0.0), rate)]

@@ -19,14 +19,13 @@ from itertools import permutations
 from math import ceil, inf, pi
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import TABLE_AXES, Rest, Rotate
 from foucault.plans.profiles import Profile
 
-FloatArray = npt.NDArray[np.float64]
 Action = Rest | Rotate
 
 RATE = 10.0 * pi / 180.0
@@ -46,42 +45,22 @@ _SAME = 1e-9  # angles nearer than this are one [rad]
 
 @dataclass(frozen=True)
 class Position:
-    """A rest of a sequence.
+    """A rest of a sequence."""
 
-    Attributes
-    ----------
-    start, end : float
-        When it begins and ends [s].
-    label : str
-        As the sequence calls it.
-    C_nb : ndarray, shape (3, 3)
-        Attitude, body to East-North-Up [1].
-    moves : int
-        How many turns and spins come before it [1].
-    """
-
+    # start, end: when it begins and ends [s]
     start: float
     end: float
-    label: str
-    C_nb: FloatArray
-    moves: int
+    label: str  # as the sequence calls it
+    C_nb: FloatArray  # (3, 3) attitude, body to East-North-Up [1]
+    moves: int  # how many turns and spins come before it [1]
 
 
 @dataclass(frozen=True)
 class CalibrationSequence:
-    """Rests, turns and spins in order, from a start orientation.
+    """Rests, turns and spins in order, from a start orientation."""
 
-    Attributes
-    ----------
-    name : str
-        As people call it.
-    start : ndarray, shape (3, 3)
-        C_nb at the beginning: its columns are where x, y and z of the body point [1].
-    actions : tuple of Rest or Rotate
-        What is done.
-    """
-
-    name: str
+    name: str  # as people call it
+    # (3, 3) C_nb at the beginning: its columns are where x, y and z of the body point [1]
     start: FloatArray
     actions: tuple[Action, ...]
 
@@ -166,10 +145,7 @@ class CalibrationSequence:
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return C_nb, shape (n, 3, 3) [1], and w_nb_b, shape (n, 3) [rad/s].
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            When, in any order; at rest before the beginning and after the end [s].
+        `time` (n,): when, in any order, at rest before the beginning and after the end [s].
         """
         C_nb, w_nb_b = np.empty((len(time), 3, 3)), np.zeros((len(time), 3))
         number = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self) - 1)
@@ -192,14 +168,8 @@ class CalibrationSequence:
     ) -> CalibrationSequence:
         """Return this sequence followed by another, with the turns that lead to its start.
 
-        Parameters
-        ----------
-        other : CalibrationSequence
-            What follows.
-        rate : float
-            Rate of the turns in between [rad/s].
-        ramp : float
-            Growth of the rate, and its fading [s].
+        `rate`: rate of the turns in between [rad/s]; `ramp`: growth of the rate, and its fading
+        [s].
         """
         between = turns_to(self.attitudes[-1], other.start, rate=rate, ramp=ramp)
         name = f"{self.name}, then {other.name}"
@@ -211,10 +181,7 @@ class CalibrationSequence:
         Rests become longer by less than an interval; turns keep angle and rate and get a longer
         ramp. An attitude in the middle of an interval then belongs to one action.
 
-        Parameters
-        ----------
-        rate : float
-            Sample rate [Hz].
+        `rate`: sample rate [Hz].
         """
         return replace(self, actions=tuple(_on_samples(action, rate) for action in self.actions))
 
@@ -230,18 +197,8 @@ def _on_samples(action: Action, rate: float) -> Action:
 def spin(axis: str, turns: float, rate: float, *, ramp: float = RAMP, label: str = "") -> Rotate:
     """Return a spin: turns about a level axis, counter-clockwise if positive.
 
-    Parameters
-    ----------
-    axis : str
-        "east", "north" or "up".
-    turns : float
-        How many turns; whole ones bring the attitude back [1].
-    rate : float
-        Largest rate [rad/s].
-    ramp : float
-        Growth of the rate, and its fading [s].
-    label : str
-        Name of the spin.
+    `turns`: how many turns, whole ones bring the attitude back [1]; `rate`: largest rate [rad/s];
+    `ramp`: growth of the rate, and its fading [s].
     """
     return Rotate(axis, 2 * pi * turns, rate, ramp, label)
 
@@ -249,10 +206,8 @@ def spin(axis: str, turns: float, rate: float, *, ramp: float = RAMP, label: str
 def orientation(directions: Iterable[str]) -> FloatArray:
     """Return C_nb, shape (3, 3) [1], of a body whose x, y and z point along named directions.
 
-    Parameters
-    ----------
-    directions : iterable of str
-        Three of `DIRECTIONS`, or their first letters, with a leading "-" for the opposite.
+    `directions`: three of `DIRECTIONS`, or their first letters, with a leading "-" for the
+    opposite.
     """
     words = [str(word) for word in directions]
     columns = [unit for unit in map(_direction, words) if unit is not None]
@@ -273,10 +228,7 @@ def _direction(word: str) -> FloatArray | None:
 def pointing(C_nb: FloatArray) -> tuple[str, str, str]:
     """Return where x, y and z point, such as ("U", "E", "-N"); degrees are given where between.
 
-    Parameters
-    ----------
-    C_nb : ndarray, shape (3, 3)
-        Attitude, body to East-North-Up [1].
+    `C_nb` (3, 3): attitude, body to East-North-Up [1].
     """
     x, y, z = (_named(column) for column in np.asarray(C_nb).T)
     return x, y, z
@@ -297,14 +249,8 @@ def turns_to(
 
     Of the twelve orders of Euler angles the one that turns least is taken.
 
-    Parameters
-    ----------
-    before, after : ndarray, shape (3, 3)
-        C_nb before and after [1].
-    rate : float
-        Rate of the turns [rad/s].
-    ramp : float
-        Growth of the rate, and its fading [s].
+    `before`, `after` (3, 3): C_nb before and after [1]; `rate`: rate of the turns [rad/s];
+    `ramp`: growth of the rate, and its fading [s].
     """
     turn = np.asarray(before).T @ np.asarray(after)
     best: tuple[float, list[tuple[str, float]]] = (inf, [])

@@ -20,11 +20,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
-
-FloatArray = npt.NDArray[np.float64]
 
 COEFFICIENTS = ("xyy", "xzz", "yzz", "yxx", "zxx", "zyy")
 """Gyro, direction it bends to, direction of the specific force: the six of the design's columns."""
@@ -58,10 +56,7 @@ def poses(name: str) -> FloatArray:
 def spin_axis(angles: FloatArray) -> FloatArray:
     """Return the axis of the spin in body axes, shape (n, 3) [1]; eq. (20).
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, 2)
-        Angle a about z and angle b about East of each pose [rad].
+    `angles` (n, 2): angle a about z and angle b about East of each pose [rad].
     """
     a, b = angles.T
     return np.stack([np.sin(a) * np.cos(b), np.cos(a) * np.cos(b), -np.sin(b)], axis=1)
@@ -70,10 +65,7 @@ def spin_axis(angles: FloatArray) -> FloatArray:
 def design(u: FloatArray) -> FloatArray:
     """Return the row of each pose, shape (n, 6) [1]; eq. (25).
 
-    Parameters
-    ----------
-    u : ndarray, shape (n, 3)
-        Axis of the spin in body axes [1].
+    `u` (n, 3): axis of the spin in body axes [1].
     """
     x, y, z = u.T
     return np.stack(
@@ -83,15 +75,9 @@ def design(u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class PoseQuality:
-    """How well a set of poses tells the six coefficients.
+    """How well a set of poses tells the six coefficients."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (n, 6)
-        The design [1].
-    """
-
-    rows: FloatArray
+    rows: FloatArray  # (n, 6) the design [1]
 
     @property
     def rank(self) -> int:
@@ -119,9 +105,6 @@ class PoseQuality:
 def quality(angles: FloatArray) -> PoseQuality:
     """Judge a set of poses.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, 2)
-        Angle a about z and angle b about East of each pose [rad].
+    `angles` (n, 2): angle a about z and angle b about East of each pose [rad].
     """
     return PoseQuality(design(spin_axis(angles)))

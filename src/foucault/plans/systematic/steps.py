@@ -43,13 +43,7 @@ def turns_of(turn: Rotate) -> int:
 
 
 def rows(sequence: CalibrationSequence) -> tuple[tuple[str, ...], ...]:
-    """Return the sequence as a table for people, the headings first.
-
-    Parameters
-    ----------
-    sequence : CalibrationSequence
-        Rests, turns and spins.
-    """
+    """Return the sequence as a table for people, the headings first."""
     out = [HEADINGS]
     for k, action in enumerate(sequence.actions):
         begin, end = (f"{t:.1f}" for t in sequence.times[k : k + 2])
@@ -67,13 +61,7 @@ def _done(action: Action) -> tuple[str, str, str, str]:
 
 
 def plain_action(action: Action) -> dict[str, Any]:
-    """Return an action as a campaign or a sequence file has it; see `systematic_file.ActionTable`.
-
-    Parameters
-    ----------
-    action : Rest or Rotate
-        What is done.
-    """
+    """Return an action as sequence files have it; see `systematic_file.ActionTable`."""
     if isinstance(action, Rest):
         return {"rest": f"{action.time:.12g} s"} | ({"label": action.label} if action.label else {})
     turns = turns_of(action)
@@ -87,15 +75,8 @@ def plain_action(action: Action) -> dict[str, Any]:
 def plain_start(sequence: CalibrationSequence) -> tuple[str, ...]:
     """Return where x, y and z point at first, in words.
 
-    Parameters
-    ----------
-    sequence : CalibrationSequence
-        Rests, turns and spins; its start has to be along east, north and up.
-
-    Raises
-    ------
-    FoucaultError
-        ``sequence.slanting``.
+    `sequence`: rests, turns and spins, its start has to be along east, north and up. Raises
+    ``sequence.slanting``.
     """
     out = []
     for column in sequence.start.T:
@@ -107,15 +88,7 @@ def plain_start(sequence: CalibrationSequence) -> tuple[str, ...]:
 
 
 def write_steps(sequence: CalibrationSequence, path: str | Path) -> None:
-    """Write a sequence: a table as CSV, or a file that reads as one where it ends in .toml.
-
-    Parameters
-    ----------
-    sequence : CalibrationSequence
-        Rests, turns and spins.
-    path : str or Path
-        File to write.
-    """
+    """Write a sequence: a table as CSV, or a file that reads as one where it ends in .toml."""
     path = Path(path)
     keep_others(path, [",".join(HEADINGS).encode(), b"\n[[action]]\n"])
     if path.suffix.lower() == ".toml":

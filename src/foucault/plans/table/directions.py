@@ -13,14 +13,13 @@ from collections.abc import Callable, Sequence
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error, suggestion
 from foucault.models.turntable import up_k
 from foucault.plans.hand_rotated import spread_directions
 from foucault.units import parse
 
-FloatArray = npt.NDArray[np.float64]
 Positions = str | FloatArray | Sequence[Sequence[str]]
 
 GOLDEN = (1 + 5**0.5) / 2
@@ -59,10 +58,7 @@ def _icosahedron() -> FloatArray:
 def spread_outer(n: int) -> FloatArray:
     """Return outer angles 1/n, 2/n, ... of a turn, the last 0, shape (n,) [rad].
 
-    Parameters
-    ----------
-    n : int, shape ()
-        Number of positions [1].
+    `n`: number of positions [1].
     """
     return np.asarray(np.arange(1, n + 1) % n * (2 * np.pi / n))
 
@@ -72,10 +68,7 @@ def angles_of(directions: FloatArray) -> FloatArray:
 
     ``middle = asin(u_y)``, ``inner = atan2(-u_x, u_z)``, outer angles spread over the circle.
 
-    Parameters
-    ----------
-    directions : ndarray, shape (n, 3)
-        Directions of up in case axes, of any length but zero [1].
+    `directions` (n, 3): directions of up in case axes, of any length but zero [1].
     """
     u = np.asarray(directions, float)
     norm = np.linalg.norm(u, axis=-1)
@@ -167,16 +160,9 @@ def directions(name: str) -> FloatArray:
 def positions(given: Positions) -> tuple[str, FloatArray]:
     """Return the name and the table angles of positions, shape (n, 3) [rad].
 
-    Parameters
-    ----------
-    given : str, ndarray, shape (n, 3), or list of lists of str
-        A name; or outer, middle and inner angles as numbers [rad] or as texts with units, such as
-        ``["30 deg", "0 deg", "-31.7 deg"]``.
-
-    Raises
-    ------
-    FoucaultError
-        ``plan.unknown`` and ``plan.positions``.
+    `given` (n, 3): a name, or outer, middle and inner angles as numbers [rad] or as texts with
+    units, such as ``["30 deg", "0 deg", "-31.7 deg"]``. Raises ``plan.unknown`` and
+    ``plan.positions``.
     """
     if isinstance(given, str):
         return canonical(given), named_angles(given)

@@ -28,13 +28,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.information import INVISIBLE, Information
 from foucault.errors import error, suggestion
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.plans.table.directions import spread_outer
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 _QUADRATIC = tuple(f"accel.quadratic.{a}" for a in AXES)
 _LINEAR = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))
@@ -63,23 +62,12 @@ class Efficiency:
 
     All sd are for readings with noise of 1: in ug they are ug of bias, ppm of scale factor, urad
     of misalignment and ug/g^2 of the quadratic terms per ug of noise in one reading.
-
-    Attributes
-    ----------
-    model : str
-        A key of `MODELS`.
-    directions : ndarray, shape (n, 3)
-        Directions of up, case axes [1].
-    information : Information
-        Of the coefficients of the model [1].
-    rows : ndarray, shape (n, p)
-        Equations: of the norm, or where angles are known of one axis [1].
     """
 
-    model: str
-    directions: FloatArray
-    information: Information
-    rows: FloatArray
+    model: str  # A key of `MODELS`
+    directions: FloatArray  # (n, 3) directions of up, case axes [1]
+    information: Information  # of the coefficients of the model [1]
+    rows: FloatArray  # (n, p) equations: of the norm, or where angles are known of one axis [1]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -209,12 +197,7 @@ class Efficiency:
 def efficiency(directions: FloatArray, model: str = "accel") -> Efficiency:
     """Judge a set of positions for a model.
 
-    Parameters
-    ----------
-    directions : ndarray, shape (n, 3)
-        Directions of up, case axes; unit vectors [1].
-    model : str
-        A key of `MODELS`.
+    `directions` (n, 3): directions of up, case axes, unit vectors [1].
     """
     known = model_named(model)
     names = MODELS[known]
@@ -243,19 +226,8 @@ def model_named(name: str) -> str:
 def refuse_singular(plan: str, directions: FloatArray, model: str = "accel") -> Efficiency:
     """Judge a set of positions and refuse one that cannot determine the model.
 
-    Parameters
-    ----------
-    plan : str
-        Its name, for the message.
-    directions : ndarray, shape (n, 3)
-        Directions of up, case axes; unit vectors [1].
-    model : str
-        A key of `MODELS`.
-
-    Raises
-    ------
-    FoucaultError
-        ``plan.too_few`` and ``plan.singular``.
+    `directions` (n, 3): directions of up, case axes, unit vectors [1]. Raises ``plan.too_few``
+    and ``plan.singular``.
     """
     found = efficiency(directions, model)
     words = {"plan": plan, "n": len(directions), "reason": found.reason}

@@ -6,12 +6,10 @@ import csv
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.files import atomic, keep_others, read_text
-
-FloatArray = npt.NDArray[np.float64]
 
 HEADINGS = ("outer", "middle", "inner")
 """The first line of a file."""
@@ -22,14 +20,8 @@ def write_positions(
 ) -> None:
     """Write positions as CSV in degrees, whole or not at all.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, k)
-        Outer, middle and inner angle of each position, or what `headings` name [rad].
-    path : str or Path
-        File to write.
-    headings : tuple of str
-        Names of the angles.
+    `angles` (n, k): outer, middle and inner angle of each position, or what `headings` name
+    [rad].
     """
     keep_others(path, [",".join(headings).encode() + b"\n"])
     lines = [",".join(headings), *(",".join(f"{a:.9f}" for a in row) for row in np.degrees(angles))]
@@ -40,15 +32,7 @@ def write_positions(
 def read_positions(path: str | Path) -> FloatArray:
     """Read positions from CSV in degrees, shape (n, 3) [rad].
 
-    Parameters
-    ----------
-    path : str or Path
-        File as `write_positions` writes it.
-
-    Raises
-    ------
-    FoucaultError
-        ``plan.file``.
+    Raises ``plan.file``.
     """
     try:
         lines = read_text(path).splitlines()

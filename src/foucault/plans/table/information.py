@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.plans.table.periodic import Periodic
 from foucault.plans.table.reach import Position
-
-FloatArray = npt.NDArray[np.float64]
 
 SEEN = 1e-7
 """A pivot of the scaled information below this is rounding: nothing is seen along it [1]."""
@@ -22,12 +21,7 @@ FAINT = 1e-13
 def without(F: FloatArray, kept: int) -> FloatArray:
     """Return the information of the first unknowns, the others eliminated.
 
-    Parameters
-    ----------
-    F : ndarray, shape (n, n)
-        Information of all.
-    kept : int, shape ()
-        Number of those kept [1].
+    `F` (n, n): information of all; `kept`: number of those kept [1].
     """
     if kept == len(F):
         return F
@@ -37,18 +31,10 @@ def without(F: FloatArray, kept: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Parts:
-    """What one position tells of the coefficients and of all else that positions share.
+    """What one position tells of the coefficients and of all else that positions share."""
 
-    Attributes
-    ----------
-    table : Periodic
-        Information of a position; what it has to itself comes last.
-    kept : int
-        Unknowns that positions share, coefficients first [1].
-    """
-
-    table: Periodic
-    kept: int
+    table: Periodic  # information of a position; what it has to itself comes last
+    kept: int  # unknowns that positions share, coefficients first [1]
 
     def __call__(self, position: Position) -> FloatArray:
         """Return the information of a `position` [rad] for what is shared, shape (kept, kept)."""
@@ -62,12 +48,7 @@ class Parts:
     def slope(self, position: Position, M: FloatArray) -> FloatArray:
         """Return the derivatives of ``sum(M * F)`` by the angles, shape (3,).
 
-        Parameters
-        ----------
-        position : tuple of float, shape (3,)
-            The angles [rad].
-        M : ndarray, shape (kept, kept)
-            A symmetric matrix.
+        `position` (3,): the angles [rad]; `M` (kept, kept): a symmetric matrix.
         """
         if self.kept == self.table.size:
             return self.table.slope(position, M)
@@ -81,14 +62,8 @@ def half_covariance(
 ) -> FloatArray | None:
     """Return H with covariance ``H' H``; None where something of the `used` is not seen.
 
-    Parameters
-    ----------
-    F : ndarray, shape (u, u)
-        Information of all unknowns.
-    used : ndarray of int, shape (k,)
-        Those of interest [1].
-    scale : ndarray, shape (u,)
-        Root of the information that is usual of each.
+    `F` (u, u): information of all unknowns; `used` (k,): those of interest [1]; `scale` (u,):
+    root of the information that is usual of each.
     """
     scaled = F / np.outer(scale, scale)
     others = np.ones(len(F), bool)

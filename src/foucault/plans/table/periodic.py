@@ -15,25 +15,16 @@ from math import cos, sin
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from foucault.arrays import FloatArray
 
 
 @dataclass(frozen=True)
 class Periodic:
-    """A function of three angles with symmetric matrices as values.
+    """A function of three angles with symmetric matrices as values."""
 
-    Attributes
-    ----------
-    degrees : tuple of int, shape (3,)
-        Highest harmonic in each angle [1].
-    size : int
-        Rows of a matrix [1].
-    amplitudes : ndarray, shape (k, size (size + 1) / 2)
-        Of every product of harmonics, for the upper triangle row by row.
-    """
-
-    degrees: tuple[int, int, int]
-    size: int
+    degrees: tuple[int, int, int]  # (3,) highest harmonic in each angle [1]
+    size: int  # rows of a matrix [1]
+    # (k, size (size + 1) of every product of harmonics, for the upper triangle row by row
     amplitudes: FloatArray
 
     @classmethod
@@ -44,12 +35,8 @@ class Periodic:
     ) -> Periodic:
         """Table a function.
 
-        Parameters
-        ----------
-        function : callable
-            Angles, shape (n, 3) [rad] -> symmetric matrices, shape (n, size, size).
-        degrees : tuple of int, shape (3,)
-            Highest harmonic in each angle [1].
+        `function`: angles, shape (n, 3) [rad] -> symmetric matrices, shape (n, size, size);
+        `degrees` (3,): highest harmonic in each angle [1].
         """
         grids = [2 * np.pi * np.arange(2 * d + 1) / (2 * d + 1) for d in degrees]
         values = function(np.array(list(product(*grids))))
@@ -78,10 +65,7 @@ class Periodic:
     def __call__(self, angles: tuple[float, float, float]) -> FloatArray:
         """Return the matrix at three angles, shape (size, size).
 
-        Parameters
-        ----------
-        angles : tuple of float, shape (3,)
-            The angles [rad].
+        `angles` (3,): the angles [rad].
         """
         a, b, c = (_harmonics(x, d) for x, d in zip(angles, self.degrees, strict=True))
         found = ((a[:, None] * b).ravel()[:, None] * c).ravel() @ self.amplitudes
@@ -93,12 +77,7 @@ class Periodic:
     def slope(self, angles: tuple[float, float, float], M: FloatArray) -> FloatArray:
         """Return the derivatives of ``sum(M * F)`` by the angles, shape (3,).
 
-        Parameters
-        ----------
-        angles : tuple of float, shape (3,)
-            The angles [rad].
-        M : ndarray, shape (size, size)
-            A symmetric matrix.
+        `angles` (3,): the angles [rad]; `M` (size, size): a symmetric matrix.
         """
         rows, columns = self._upper
         along = self.amplitudes @ (M[rows, columns] * np.where(rows == columns, 1.0, 2.0))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.turntable import TablePlan
 from foucault.plans.table.directions import Positions, positions
-
-FloatArray = npt.NDArray[np.float64]
 
 FOUR_POSITIONS = np.radians(
     [[0.0, 0.0, 0.0], [0.0, 90.0, 0.0], [180.0, 0.0, 0.0], [180.0, 90.0, 0.0]]
@@ -29,23 +27,11 @@ def table_plan(
 ) -> TablePlan:
     """Plan rests in all positions, then spins of the outer axis in all of them.
 
-    Parameters
-    ----------
-    name_or_positions : str, ndarray, shape (n, 3), or list of lists of str
-        Name of a set of positions, or outer, middle and inner angles [rad].
-    spin_rate : float
-        Rate of the outer axis, counter-clockwise seen from above [rad/s].
-    rest_time : float
-        Length of each rest [s].
-    turns : int, shape ()
-        Whole turns of each spin [1].
-    spins : bool
-        Whether there are spins at all.
-    both_senses : bool
-        Whether each spin is followed by one the other way.
-    four_positions : bool
-        Whether the rests and spins that the published frame unification needs are added where
-        they are missing.
+    `name_or_positions` (n, 3): name of a set of positions, or outer, middle and inner angles
+    [rad]; `spin_rate`: rate of the outer axis, counter-clockwise seen from above [rad/s];
+    `rest_time`: length of each rest [s]; `turns`: whole turns of each spin [1]; `both_senses`:
+    whether each spin is followed by one the other way; `four_positions`: whether the rests and
+    spins that the published frame unification needs are added where they are missing.
     """
     name, angles = positions(name_or_positions)
     if spins and not (spin_rate and turns >= 1):

@@ -8,9 +8,9 @@ from math import asin, atan2, ceil, cos, floor, inf, pi, remainder, sin
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 
-FloatArray = npt.NDArray[np.float64]
 Position = tuple[float, float, float]
 Range = tuple[float, float]
 
@@ -24,20 +24,13 @@ NEARLY = 1e-7
 
 @dataclass(frozen=True)
 class Reach:
-    """What the three axes of a table allow in a rest.
+    """What the three axes of a table allow in a rest."""
 
-    Attributes
-    ----------
-    outer, middle, inner : tuple of float, shape (2,)
-        Smallest and largest angle [rad].
-    step : float
-        Angles are multiples of this; 0 where any angle will do [rad].
-    """
-
+    # outer, middle, inner: (2,) smallest and largest angle [rad]
     outer: Range = EVERYWHERE
     middle: Range = EVERYWHERE
     inner: Range = EVERYWHERE
-    step: float = 0.0
+    step: float = 0.0  # angles are multiples of this; 0 where any angle will do [rad]
 
     @property
     def ranges(self) -> tuple[Range, Range, Range]:
@@ -94,12 +87,8 @@ class Reach:
     def pointing(self, up: FloatArray, outer: float) -> Position:
         """Return the allowed position that turns a direction upwards as nearly as it can.
 
-        Parameters
-        ----------
-        up : ndarray, shape (3,)
-            Direction that is to be up, case axes, not of length zero [1].
-        outer : float
-            Outer angle [rad].
+        `up` (3,): direction that is to be up, case axes, not of length zero [1]; `outer`: outer
+        angle [rad].
         """
         x, y, z = (up / np.linalg.norm(up)).tolist()
         middle = asin(min(max(y, -1.0), 1.0))
@@ -120,12 +109,7 @@ def travel_time(angles: FloatArray, rate: float) -> FloatArray:
 
     The outer axis goes the shorter way round; in units of 1 / rate.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle [rad].
-    rate : float
-        Rate of the axes [rad/s].
+    `angles` (n, 3): outer, middle and inner angle [rad]; `rate`: rate of the axes [rad/s].
     """
     apart = np.abs(angles[:, None, :] - angles[None, :, :])
     apart[:, :, 0] = np.abs(np.remainder(apart[:, :, 0] + pi, 2 * pi) - pi)
@@ -135,10 +119,7 @@ def travel_time(angles: FloatArray, rate: float) -> FloatArray:
 def shortest_order(time: FloatArray) -> npt.NDArray[np.intp]:
     """Return an order of positions with little travel: nearest neighbours, then 2-opt, shape (n,).
 
-    Parameters
-    ----------
-    time : ndarray, shape (n, n)
-        Travel from each to each [s].
+    `time` (n, n): travel from each to each [s].
     """
     n = len(time)
     orders = [_improved(_nearest(time, first), time) for first in range(n)]

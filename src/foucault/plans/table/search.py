@@ -15,9 +15,9 @@ from math import inf
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
 from foucault.models.turntable import up_k
 from foucault.plans.table.directions import spread_outer
@@ -25,7 +25,6 @@ from foucault.plans.table.efficiency import efficiency
 from foucault.plans.table.information import Parts, half_covariance
 from foucault.plans.table.reach import NEARLY, Position, Reach, shortest_order, travel_time
 
-FloatArray = npt.NDArray[np.float64]
 Plan = tuple[Position, ...]
 Criterion = Literal["sd", "det"]
 
@@ -76,63 +75,31 @@ class PositionSpace:
     """The sets of positions that a table allows, and how good each of them is.
 
     It is a `plans.optimise.Space`.
-
-    Attributes
-    ----------
-    names, kinds : tuple of str
-        Coefficients and the kinds of their units.
-    weights : ndarray, shape (p,)
-        How much each counts [1].
-    unseen : tuple of str
-        Coefficients that no allowed positions show; their weight is 0.
-    reference : tuple of positions
-        The plan to beat.
-    reference_name : str
-        What to call it.
-    cases : tuple of str
-        Circumstances in which plans are compared.
-    count : int
-        Number of positions [1].
-    reach : Reach
-        What the table allows.
-    outer_counts : bool
-        Whether the outer angle matters; if not it is spread over the circle in the end.
-    parts : Parts
-        What one position tells.
-    beforehand : ndarray, shape (u, u)
-        Information without any position.
-    floor : ndarray, shape (p, p)
-        Covariance that no plan can take away.
-    bound : callable
-        ``(angles, case) -> sd`` of the coefficients, without approximations.
-    time : callable
-        Angles -> length of the session [s].
-    needed : callable
-        Angles -> what the session needs of the table.
-    criterion : {"sd", "det"}
-        What is made small.
-    integrity : str
-        Model for which a bad rest must be noticed and named, a key of `efficiency.MODELS`; empty
-        where it need not be.
     """
 
+    # names, kinds: coefficients and the kinds of their units
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    weights: FloatArray
-    unseen: tuple[str, ...]
-    reference: Plan
-    reference_name: str
-    cases: tuple[str, ...]
-    count: int
-    reach: Reach
+    weights: FloatArray  # (p,) how much each counts [1]
+    unseen: tuple[str, ...]  # coefficients that no allowed positions show; their weight is 0
+    reference: Plan  # the plan to beat
+    reference_name: str  # what to call it
+    cases: tuple[str, ...]  # circumstances in which plans are compared
+    count: int  # number of positions [1]
+    reach: Reach  # what the table allows
+    # whether the outer angle matters; if not it is spread over the circle in the end
     outer_counts: bool
-    parts: Parts
-    beforehand: FloatArray
-    floor: FloatArray
+    parts: Parts  # what one position tells
+    beforehand: FloatArray  # (u, u) information without any position
+    floor: FloatArray  # (p, p) covariance that no plan can take away
+    # ``(angles, case) -> sd`` of the coefficients, without approximations
     bound: Callable[[FloatArray, str], FloatArray]
-    time: Callable[[FloatArray], float]
+    time: Callable[[FloatArray], float]  # angles -> length of the session [s]
+    # angles -> what the session needs of the table
     needed: Callable[[FloatArray], tuple[Limit, ...]]
-    criterion: Criterion = "sd"
+    criterion: Criterion = "sd"  # what is made small
+    # model for which a bad rest must be noticed and named, a key of `efficiency.MODELS`; empty
+    # where it need not be
     integrity: str = ""
 
     @property
@@ -170,13 +137,7 @@ class PositionSpace:
         return f"{self.count} positions, {self.reach.words or 'any angles'}{honest}"
 
     def draw(self, rng: np.random.Generator) -> Plan:
-        """Return random positions.
-
-        Parameters
-        ----------
-        rng : Generator
-            Random numbers.
-        """
+        """Return random positions."""
         return tuple(self._anywhere(rng) for _ in range(self.count))
 
     def _anywhere(self, rng: np.random.Generator) -> Position:
@@ -186,14 +147,7 @@ class PositionSpace:
     def moved(self, plan: Plan, rng: np.random.Generator, heat: float) -> Plan:
         """Return a neighbour: one position shifted or drawn anew, or all turned together.
 
-        Parameters
-        ----------
-        plan : tuple of positions
-            Where to start.
-        rng : Generator
-            Random numbers.
-        heat : float
-            From 1 to 0; shifts become smaller [1].
+        `heat`: from 1 to 0, shifts become smaller [1].
         """
         size = max(NARROW + WIDE * heat**2, self.reach.step)
         chance, k = rng.random(), int(rng.integers(len(plan)))
@@ -217,13 +171,7 @@ class PositionSpace:
         return self.reach.pointing(up + np.cross(turn, up), outer)
 
     def cost(self, plan: Plan) -> float:
-        """Return the logarithm of how much worse a plan is than the reference; negative is better.
-
-        Parameters
-        ----------
-        plan : tuple of positions
-            The plan.
-        """
+        """Return the logarithm of how much worse a plan is than the reference; negative: better."""
         if self.integrity and not self._honest(plan):
             return inf
         return self.size(plan) - self.unit
@@ -232,23 +180,11 @@ class PositionSpace:
         return efficiency(up_k(np.array(plan)), self.integrity).named
 
     def size(self, plan: Plan) -> float:
-        """Return the logarithm of what the criterion makes small; infinite where nothing is seen.
-
-        Parameters
-        ----------
-        plan : tuple of positions
-            The plan.
-        """
+        """Return the logarithm of what the criterion makes small; infinite: nothing is seen."""
         return self.judged(plan)[0]
 
     def judged(self, plan: Plan) -> tuple[float, FloatArray]:
-        """Return `size`, and M: where the information grows by dF it falls by ``sum(M * dF)``.
-
-        Parameters
-        ----------
-        plan : tuple of positions
-            The plan.
-        """
+        """Return `size`, and M: where the information grows by dF it falls by ``sum(M * dF)``."""
         F = self.beforehand + sum(self._remembered(p) for p in plan)
         used = np.flatnonzero(self.weights > 0)
         half = half_covariance(F, used, self._scale)
@@ -315,15 +251,7 @@ class PositionSpace:
         return [p for p in dict.fromkeys(near) if p != position]
 
     def sd(self, plan: Plan, case: str) -> FloatArray:
-        """Return the bound of each coefficient, without approximations, shape (p,) [SI].
-
-        Parameters
-        ----------
-        plan : tuple of positions
-            The plan.
-        case : str
-            One of `cases`.
-        """
+        """Return the bound of each coefficient, without approximations, shape (p,) [SI]."""
         return self.bound(np.array(plan), case)
 
     def ordered(self, plan: Plan) -> Plan:
@@ -331,11 +259,6 @@ class PositionSpace:
 
         Where the outer angle does not matter, it advances evenly from one to the next. The plan to
         beat stays as it is.
-
-        Parameters
-        ----------
-        plan : tuple of positions
-            The plan.
         """
         return plan if plan == self.reference else self._ordered(plan)
 
@@ -354,10 +277,7 @@ class PositionSpace:
     def from_json(self, plain: list[list[float]]) -> Plan:
         """Return the plan that `as_json` wrote.
 
-        Parameters
-        ----------
-        plain : list of list of float, shape (n, 3)
-            Angles [rad].
+        `plain` (n, 3): angles [rad].
         """
         return tuple((float(o), float(m), float(i)) for o, m, i in plain)
 

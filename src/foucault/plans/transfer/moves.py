@@ -28,21 +28,11 @@ G = 9.80665
 
 @dataclass(frozen=True)
 class Step:
-    """A manoeuvre in the numbers that are written.
-
-    Attributes
-    ----------
-    kind : str
-        What is done.
-    amount : int
-        Angle [deg], speed to reach [m/s] or height to climb [m]; 0 for a straight run.
-    time : int
-        How long it takes [s].
-    """
+    """A manoeuvre in the numbers that are written."""
 
     kind: Kind
-    amount: int
-    time: int
+    amount: int  # angle [deg], speed to reach [m/s] or height to climb [m]; 0 for a straight run
+    time: int  # how long it takes [s]
 
 
 Steps = tuple[Step, ...]
@@ -50,70 +40,36 @@ Steps = tuple[Step, ...]
 
 @dataclass(frozen=True)
 class Needs:
-    """What a plan asks of the vehicle at most.
+    """What a plan asks of the vehicle at most."""
 
-    Attributes
-    ----------
-    bank : float
-        Angle of bank, or in a flat turn the sideways acceleration as the angle of its force [rad].
-    acceleration : float
-        Along the path [m/s^2].
-    climb : float
-        Angle of climb or descent [rad].
-    slowest, fastest : float
-        Speed [m/s].
-    lowest, highest : float
-        Height against that of the start [m].
-    """
-
+    # angle of bank, or in a flat turn the sideways acceleration as the angle of its force [rad]
     bank: float
-    acceleration: float
-    climb: float
+    acceleration: float  # along the path [m/s^2]
+    climb: float  # angle of climb or descent [rad]
+    # slowest, fastest: speed [m/s]
     slowest: float
     fastest: float
+    # lowest, highest: height against that of the start [m]
     lowest: float
     highest: float
 
 
 @dataclass(frozen=True)
 class Flyable:
-    """What the vehicle may do.
+    """What the vehicle may do."""
 
-    Attributes
-    ----------
-    start : TransferProfile
-        Where and how it begins; its manoeuvres do not count.
-    total : int
-        Time there is [s].
-    most : int
-        Manoeuvres at most, straight runs among them [1].
-    shortest : int
-        Shortest manoeuvre [s].
-    slowest, fastest : float
-        Speed [m/s].
-    bank : float
-        Largest angle of bank, see `Needs` [rad].
-    acceleration : float
-        Largest along the path [m/s^2].
-    climb : float
-        Largest angle of climb; 0 for vehicles that do not [rad].
-    height : float
-        How far above and below the start it may go [m].
-    flat : bool
-        Whether it turns without rolling.
-    """
-
-    start: TransferProfile
-    total: int
-    most: int
-    shortest: int
+    start: TransferProfile  # where and how it begins; its manoeuvres do not count
+    total: int  # time there is [s]
+    most: int  # manoeuvres at most, straight runs among them [1]
+    shortest: int  # shortest manoeuvre [s]
+    # slowest, fastest: speed [m/s]
     slowest: float
     fastest: float
-    bank: float
-    acceleration: float
-    climb: float
-    height: float
-    flat: bool
+    bank: float  # largest angle of bank, see `Needs` [rad]
+    acceleration: float  # largest along the path [m/s^2]
+    climb: float  # largest angle of climb; 0 for vehicles that do not [rad]
+    height: float  # how far above and below the start it may go [m]
+    flat: bool  # whether it turns without rolling
 
     @property
     def words(self) -> str:
@@ -269,13 +225,7 @@ def _step(segment: Segment) -> Step | None:
 
 
 def needs_of(profile: TransferProfile) -> Needs:
-    """Return what a motion before its hand-over asks of the vehicle; a sway asks for nothing.
-
-    Parameters
-    ----------
-    profile : TransferProfile
-        The motion.
-    """
+    """Return what a motion before its hand-over asks of the vehicle; a sway asks for nothing."""
     v = [float(profile.start.speed)]
     h, bank, along, climb = [0.0], [0.0], [0.0], [0.0]
     for s, speed in _with_speed(profile):

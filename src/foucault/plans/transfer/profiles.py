@@ -47,24 +47,12 @@ _DEG = pi / 180.0
 
 @dataclass(frozen=True)
 class TransferProfile:
-    """A motion for the calibration of a slave against its master.
+    """A motion for the calibration of a slave against its master."""
 
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    start : Start
-        Where and how the vehicle begins.
-    calibration : tuple of segments
-        What it does while the master is heard.
-    outage : tuple of segments
-        What it does afterwards.
-    """
-
-    name: str
-    start: Start
-    calibration: tuple[Segment, ...]
-    outage: tuple[Segment, ...] = ()
+    name: str  # what it is called
+    start: Start  # where and how the vehicle begins
+    calibration: tuple[Segment, ...]  # what it does while the master is heard
+    outage: tuple[Segment, ...] = ()  # what it does afterwards
 
     @property
     def plan(self) -> tuple[Segment, ...]:

@@ -15,8 +15,8 @@ from math import inf
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
 from foucault.errors import Finding
 from foucault.plans.manoeuvre_table import plain_manoeuvre
@@ -24,8 +24,6 @@ from foucault.plans.manoeuvres import Accelerate, Climb, Segment, Straight, STur
 from foucault.plans.transfer.moves import Flyable, Step, Steps, needs_of
 from foucault.plans.transfer.profiles import TransferProfile
 from foucault.plans.weights import require_seen
-
-FloatArray = npt.NDArray[np.float64]
 
 POSITION = "position after the outage"
 
@@ -35,40 +33,20 @@ UNSEEN = 0.9
 
 @dataclass(frozen=True)
 class TransferSpace:
-    """The motions that a vehicle can do, and how good each is; a `plans.optimise.Space`.
+    """The motions that a vehicle can do, and how good each is; a `plans.optimise.Space`."""
 
-    Attributes
-    ----------
-    allowed : Flyable
-        What the vehicle may do.
-    names, kinds : tuple of str
-        Coefficients and `POSITION`, and the kinds of their units.
-    weights : ndarray, shape (p,)
-        How much each counts [1].
-    prior_sd : ndarray, shape (p,)
-        Uncertainty beforehand; infinite for the position [SI].
-    reference : TransferProfile
-        The motion to beat.
-    cases : tuple of str
-        Circumstances in which motions are compared.
-    quick : callable
-        Motion -> sds, nearly, shape (p,) [SI].
-    stated : callable
-        Motion, case -> sds that a calibration would state, shape (p,) [SI].
-    findings : tuple of Finding
-        What was noticed of what is assumed.
-    """
-
-    allowed: Flyable
+    allowed: Flyable  # what the vehicle may do
+    # names, kinds: coefficients and `POSITION`, and the kinds of their units
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    weights: FloatArray
-    prior_sd: FloatArray
-    reference: TransferProfile
-    cases: tuple[str, ...]
-    quick: Callable[[TransferProfile], FloatArray]
+    weights: FloatArray  # (p,) how much each counts [1]
+    prior_sd: FloatArray  # (p,) uncertainty beforehand; infinite for the position [SI]
+    reference: TransferProfile  # the motion to beat
+    cases: tuple[str, ...]  # circumstances in which motions are compared
+    quick: Callable[[TransferProfile], FloatArray]  # motion -> sds, nearly, shape (p,) [SI]
+    # motion, case -> sds that a calibration would state, shape (p,) [SI]
     stated: Callable[[TransferProfile, str], FloatArray]
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was noticed of what is assumed
 
     @property
     def reference_name(self) -> str:
@@ -107,10 +85,7 @@ class TransferSpace:
     def cost(self, plan: Steps | None) -> float:
         """Return the weighted mean of log sd over sd of the motion to beat; infinite beyond limits.
 
-        Parameters
-        ----------
-        plan : tuple of Step or None
-            A plan.
+        `plan` or None: a plan.
         """
         if plan is None or not self.allowed.fits(plan):
             return inf

@@ -8,13 +8,11 @@ from itertools import product
 from math import ceil
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.plans.tumble.reach import Limits
 from foucault.tables import AXES
-
-FloatArray = npt.NDArray[np.float64]
 
 FINEST = float(np.radians(6.0))
 """Largest turn in a slot: its bounds are a few per cent too large, and order plans all the same."""
@@ -31,36 +29,16 @@ NO_LIMITS = Limits()
 
 @dataclass(frozen=True)
 class Allowed:
-    """What the rig can do, and the user wants.
+    """What the rig can do, and the user wants."""
 
-    Attributes
-    ----------
-    rates : tuple of float
-        Rates about an axis [rad/s].
-    axes : str
-        Axes that may be turned.
-    together : bool
-        Whether several axes may turn at once, each at the same rate.
-    total : float
-        Time of the whole [s].
-    shortest : float
-        Of a segment [s].
-    start : ndarray, shape (3,)
-        Outer, middle and inner angle at the beginning [rad].
-    ramp : float
-        Time in which each rate is reached, which comes on top of the whole [s].
-    limits : Limits
-        What the rig could do, and where its gimbals end.
-    """
-
-    rates: tuple[float, ...]
-    axes: str
-    together: bool
-    total: float
-    shortest: float
-    start: FloatArray
-    ramp: float = 0.0
-    limits: Limits = NO_LIMITS
+    rates: tuple[float, ...]  # rates about an axis [rad/s]
+    axes: str  # axes that may be turned
+    together: bool  # whether several axes may turn at once, each at the same rate
+    total: float  # time of the whole [s]
+    shortest: float  # of a segment [s]
+    start: FloatArray  # (3,) outer, middle and inner angle at the beginning [rad]
+    ramp: float = 0.0  # time in which each rate is reached, which comes on top of the whole [s]
+    limits: Limits = NO_LIMITS  # what the rig could do, and where its gimbals end
 
     def __post_init__(self) -> None:
         fastest = max(self.rates)

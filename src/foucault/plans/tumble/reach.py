@@ -5,41 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
 from foucault.models.cluster import angles_of
 from foucault.plans.tumble.torquing import TorquingPlan, nominal
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a rig is taken, or may be.
+    """How far a rig is taken, or may be."""
 
-    Attributes
-    ----------
-    tilt : float
-        Largest angle between where up is in the cluster and where it was at the start [rad].
-    middle : float
-        Largest middle angle [rad].
-    cable : float
-        Largest turn of the outer and of the inner gimbal from the start [rad].
-    """
-
+    # largest angle between where up is in the cluster and where it was at the start [rad]
     tilt: float
-    middle: float
-    cable: float
+    middle: float  # largest middle angle [rad]
+    cable: float  # largest turn of the outer and of the inner gimbal from the start [rad]
 
     @classmethod
     def of(cls, C_pn: FloatArray) -> Reach:
         """Return how far a motion goes.
 
-        Parameters
-        ----------
-        C_pn : ndarray, shape (n, 3, 3)
-            Attitudes in close succession: maps East-North-Up to the cluster [1].
+        `C_pn` (n, 3, 3): attitudes in close succession: maps East-North-Up to the cluster [1].
         """
         angles = np.unwrap(angles_of(C_pn), axis=0)
         return cls.since(C_pn[0], angles[0], C_pn, angles)
@@ -50,16 +36,9 @@ class Reach:
     ) -> Reach:
         """Return how far a part of a motion goes from where the whole began.
 
-        Parameters
-        ----------
-        first : ndarray, shape (3, 3)
-            Attitude at the start [1].
-        wound : ndarray, shape (3,)
-            Outer, middle and inner angle there [rad].
-        C_pn : ndarray, shape (n, 3, 3)
-            Attitudes of the part [1].
-        angles : ndarray, shape (n, 3)
-            Its angles, counted on beyond whole turns [rad].
+        `first` (3, 3): attitude at the start [1]; `wound` (3,): outer, middle and inner angle
+        there [rad]; `C_pn` (n, 3, 3): attitudes of the part [1]; `angles` (n, 3): its angles,
+        counted on beyond whole turns [rad].
         """
         up = np.clip(C_pn[..., 2] @ first[:, 2], -1.0, 1.0)
         return cls(
@@ -71,17 +50,10 @@ class Reach:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a rig allows; None where it allows everything.
+    """What a rig allows; None where it allows everything."""
 
-    Attributes
-    ----------
-    rate : float or None
-        Largest rate about an axis [rad/s].
-    tilt, middle, cable : float or None
-        As in `Reach` [rad].
-    """
-
-    rate: float | None = None
+    rate: float | None = None  # largest rate about an axis [rad/s]
+    # tilt, middle, cable: as in `Reach` [rad]
     tilt: float | None = None
     middle: float | None = None
     cable: float | None = None

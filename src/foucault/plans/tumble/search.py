@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
 from foucault.errors import Finding, error
 from foucault.kernels.cluster_information import COLUMNS, information_pass
@@ -26,7 +27,6 @@ from foucault.plans.tumble.reach import Reach, needs
 from foucault.plans.tumble.torquing import Motion, Step, TorquingPlan
 from foucault.plans.weights import require_seen
 
-FloatArray = npt.NDArray[np.float64]
 Turns = tuple[tuple[int, int], ...]
 
 NO_ROWS: FloatArray = np.zeros((0, 3, COLUMNS))
@@ -54,77 +54,36 @@ STRIDE = 0.05
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the bound of a plan depends on beside the plan: local gravity is 1.
+    """What the bound of a plan depends on beside the plan: local gravity is 1."""
 
-    Attributes
-    ----------
-    w_ie_n : ndarray, shape (3,)
-        The Earth's rate in n [rad/s].
-    constants : ndarray, shape (42,)
-        Where it is linearised, packed.
-    prior_sd : ndarray, shape (46,)
-        Of attitude [rad] and constants [packed], all above zero.
-    C_np : ndarray, shape (3, 3)
-        True attitude at the start [1].
-    gyro_psd : float
-        White noise of the gyros [rad^2/s].
-    accel_psd : float
-        White noise of the accelerometers [local g^2 s].
-    arms : ndarray, shape (3, 3)
-        Positions of the accelerometers [m].
-    gravity : float
-        Local gravity [m/s^2].
-    """
-
-    w_ie_n: FloatArray
-    constants: FloatArray
-    prior_sd: FloatArray
-    C_np: FloatArray
-    gyro_psd: float
-    accel_psd: float
-    arms: FloatArray
-    gravity: float
+    w_ie_n: FloatArray  # (3,) the Earth's rate in n [rad/s]
+    constants: FloatArray  # (42,) where it is linearised, packed
+    prior_sd: FloatArray  # (46,) of attitude [rad] and constants [packed], all above zero
+    C_np: FloatArray  # (3, 3) true attitude at the start [1]
+    gyro_psd: float  # white noise of the gyros [rad^2/s]
+    accel_psd: float  # white noise of the accelerometers [local g^2 s]
+    arms: FloatArray  # (3, 3) positions of the accelerometers [m]
+    gravity: float  # local gravity [m/s^2]
 
 
 @dataclass(frozen=True)
 class TorquingSpace:
-    """The torquing plans that are allowed; a `plans.optimise.Space`.
+    """The torquing plans that are allowed; a `plans.optimise.Space`."""
 
-    Attributes
-    ----------
-    allowed : Allowed
-        What the rig can do.
-    conditions : Conditions
-        What the bound depends on.
-    names, kinds : tuple of str
-        The 42 constants and the kinds of their units.
-    weights : ndarray, shape (42,)
-        How much each counts [1].
-    reference : TorquingPlan
-        The plan to beat.
-    reference_sd : ndarray, shape (42,)
-        Its bound over the prior [1].
-    worst : float
-        Bound over bound of the plan to beat that no constant that counts should exceed [1].
-    cases : tuple of str
-        Circumstances in which plans are compared.
-    stated : callable
-        Sd that a calibration of a plan would state in one of them, shape (42,) [SI].
-    findings : tuple of Finding
-        What was noticed of what is assumed.
-    """
-
-    allowed: Allowed
-    conditions: Conditions
+    allowed: Allowed  # what the rig can do
+    conditions: Conditions  # what the bound depends on
+    # names, kinds: the 42 constants and the kinds of their units
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    weights: FloatArray
-    reference: TorquingPlan
-    reference_sd: FloatArray
+    weights: FloatArray  # (42,) how much each counts [1]
+    reference: TorquingPlan  # the plan to beat
+    reference_sd: FloatArray  # (42,) its bound over the prior [1]
+    # bound over bound of the plan to beat that no constant that counts should exceed [1]
     worst: float
-    cases: tuple[str, ...]
+    cases: tuple[str, ...]  # circumstances in which plans are compared
+    # sd that a calibration of a plan would state in one of them, shape (42,) [SI]
     stated: Callable[[TorquingPlan, str], FloatArray]
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was noticed of what is assumed
 
     @property
     def reference_name(self) -> str:

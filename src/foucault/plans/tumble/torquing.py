@@ -22,15 +22,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
 from foucault.models.cluster import attitude_of
 from foucault.models.earth import earth_rate_n
 from foucault.models.rotation import cross_matrix
-from foucault.tables import AXES
+from foucault.tables import AXES, whole_samples
 
-FloatArray = npt.NDArray[np.float64]
 Motion = tuple[tuple[float, float, tuple[float, float, float]], ...]
 
 TOLERANCE = 1e-6
@@ -39,43 +38,22 @@ TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Step:
-    """One rate, held for a time.
+    """One rate, held for a time."""
 
-    Attributes
-    ----------
-    rate : ndarray, shape (3,)
-        Rate of the cluster relative to n, frame p [rad/s].
-    time : float
-        How long it is held [s].
-    label : str
-        For figures and messages.
-    """
-
-    rate: FloatArray
-    time: float
-    label: str = ""
+    rate: FloatArray  # (3,) rate of the cluster relative to n, frame p [rad/s]
+    time: float  # how long it is held [s]
+    label: str = ""  # for figures and messages
 
 
 @dataclass(frozen=True)
 class TorquingPlan:
-    """What the cluster is to do.
+    """What the cluster is to do."""
 
-    Attributes
-    ----------
-    name : str
-        As people call it.
-    start : ndarray, shape (3,)
-        Outer, middle and inner angle at the beginning [rad].
-    steps : tuple of Step
-        Rates in order.
-    ramp : float
-        Time in which each rate is reached from the one before, and rest at the end; the angles of
-        the steps stay what they are, so that the plan takes that much longer [s].
-    """
-
-    name: str
-    start: FloatArray
+    name: str  # as people call it
+    start: FloatArray  # (3,) outer, middle and inner angle at the beginning [rad]
     steps: tuple[Step, ...]
+    # time in which each rate is reached from the one before, and rest at the end; the angles of the
+    # steps stay what they are, so that the plan takes that much longer [s]
     ramp: float = 0.0
 
     def __post_init__(self) -> None:
@@ -127,10 +105,7 @@ class TorquingPlan:
     def mean_rates(self, time: FloatArray) -> FloatArray:
         """Return the mean rate between neighbours of `time`, frame p, shape (m, 3) [rad/s].
 
-        Parameters
-        ----------
-        time : ndarray, shape (m + 1,)
-            Times from the beginning of the plan [s].
+        `time` (m + 1,): times from the beginning of the plan [s].
         """
         mean = np.diff(self._turned(time), axis=0) / np.diff(time)[:, None]
         # Between two changes the rate itself, to the last bit.
@@ -161,39 +136,22 @@ class TorquingPlan:
 
 @dataclass(frozen=True)
 class Nominal:
-    """What a plan commands, and where it takes a cluster without errors.
+    """What a plan commands, and where it takes a cluster without errors."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (m + 1,)
-        When each command begins, and the last one ends [s].
-    rate : ndarray, shape (m, 3)
-        Rate relative to n, frame p [rad/s].
-    command : ndarray, shape (m, 3)
-        Open-loop command, a rate relative to inertial space, frame p [rad/s].
-    C_pn : ndarray, shape (m + 1, 3, 3)
-        Attitude at each time: maps East-North-Up to the cluster [1].
-    """
-
-    time: FloatArray
-    rate: FloatArray
+    time: FloatArray  # (m + 1,) when each command begins, and the last one ends [s]
+    rate: FloatArray  # (m, 3) rate relative to n, frame p [rad/s]
+    # (m, 3) open-loop command, a rate relative to inertial space, frame p [rad/s]
     command: FloatArray
-    C_pn: FloatArray
+    C_pn: FloatArray  # (m + 1, 3, 3) attitude at each time: maps East-North-Up to the cluster [1]
 
 
 def nominal(plan: TorquingPlan, latitude: float, interval: float = 1.0) -> Nominal:
     """Return the command of a plan and the attitude it is meant to give.
 
-    Parameters
-    ----------
-    plan : TorquingPlan
-        The plan.
-    latitude : float
-        Geodetic latitude [rad].
-    interval : float
-        How long each command is held; the last one may outlast the plan [s].
+    `latitude`: geodetic latitude [rad]; `interval`: how long each command is held, the last one
+    may outlast the plan [s].
     """
-    m = int(np.ceil((plan.duration - TOLERANCE) / interval))
+    m = whole_samples(np.ceil((plan.duration - TOLERANCE) / interval))
     time = interval * np.arange(m + 1, dtype=float)
     rate = plan.mean_rates(time)
     C_pn, middle = np.empty((m + 1, 3, 3)), np.empty((m, 3, 3))
@@ -235,10 +193,7 @@ def _turning(word: str, angle: float, rate: float) -> Step:
 def published(rate: float = RATE) -> TorquingPlan:
     """Return the plan of ref. [1]: half and quarter turns that put every axis up or down.
 
-    Parameters
-    ----------
-    rate : float
-        Rate of every step [rad/s].
+    `rate`: rate of every step [rad/s].
     """
     turns = (("-x", np.pi), ("-z", np.pi / 2), ("-y", np.pi), ("+z", np.pi / 2))
     steps = tuple(_turning(word, float(angle), rate) for word, angle in turns)
@@ -259,16 +214,9 @@ def sequence(
 ) -> TorquingPlan:
     """Return a plan of equal segments about one axis each.
 
-    Parameters
-    ----------
-    words : str
-        Signed axes in order, such as ``"-x -z -y +z"``.
-    rate : float
-        Rate of every segment [rad/s].
-    segment : float or None
-        Time of each; None shares `total` out evenly [s].
-    total : float or None
-        Time of the whole, where `segment` is not given; None for that of the published plan [s].
+    `words`: signed axes in order, such as ``"-x -z -y +z"``; `rate`: rate of every segment
+    [rad/s]; `segment`: time of each, None shares `total` out evenly [s]; `total`: time of the
+    whole, where `segment` is not given, None for that of the published plan [s].
     """
     signed = words.lower().replace(",", " ").split()
     if not signed:
@@ -292,14 +240,7 @@ def from_rates(
 ) -> TorquingPlan:
     """Return a plan of any rates.
 
-    Parameters
-    ----------
-    rates : sequence of ndarray, shape (3,)
-        Rate of each step, frame p [rad/s].
-    times : sequence of float
-        How long each is held [s].
-    name : str
-        What to call it.
+    `rates` (3,): rate of each step, frame p [rad/s]; `times`: how long each is held [s].
     """
     steps = tuple(
         Step(np.asarray(rate, float), float(time), f"step {k}")
@@ -311,13 +252,7 @@ def from_rates(
 def starting(plan: TorquingPlan, start: FloatArray, ramp: float = 0.0) -> TorquingPlan:
     """Return the plan from other angles, with ramps.
 
-    Parameters
-    ----------
-    plan : TorquingPlan
-        The plan.
-    start : ndarray, shape (3,)
-        Outer, middle and inner angle at the beginning [rad].
-    ramp : float
-        Time in which each rate is reached [s].
+    `start` (3,): outer, middle and inner angle at the beginning [rad]; `ramp`: time in which each
+    rate is reached [s].
     """
     return replace(plan, start=np.asarray(start, float), ramp=ramp)

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.navigation import reference_checks
 from foucault.diagnose.navigation.budget import Budget
 from foucault.diagnose.navigation.errors import Growth, NavigationError, covered, error_of, growth
 from foucault.diagnose.navigation.schuler import SchulerFit
+from foucault.diagnose.spikes import KNOCKS, without_spikes
 from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
 from foucault.models.earth import Site
@@ -36,99 +37,44 @@ from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import Log
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Run:
-    """One navigation of the log.
+    """One navigation of the log."""
 
-    Attributes
-    ----------
-    name : str
-        With calibration, without calibration, or as measured.
-    start : Start
-        Where it started.
-    trajectory : Trajectory
-        Thinned to the rate that is kept.
-    errors : NavigationError or None
-        Against the reference.
-    growth : tuple of Growth
-        The error at some ages.
-    schuler : SchulerFit or None
-        Terms of free inertial drift, of a run that stood still.
-    """
-
-    name: str
+    name: str  # with calibration, without calibration, or as measured
     start: Start
-    trajectory: Trajectory
+    trajectory: Trajectory  # thinned to the rate that is kept
     errors: NavigationError | None
-    growth: tuple[Growth, ...]
-    schuler: SchulerFit | None
+    growth: tuple[Growth, ...]  # the error at some ages
+    schuler: SchulerFit | None  # terms of free inertial drift, of a run that stood still
 
 
 @dataclass(frozen=True)
 class NavigationTest:
-    """What navigating a log has shown.
+    """What navigating a log has shown."""
 
-    Attributes
-    ----------
-    runs : tuple of Run
-        The one that counts first, then that without the calibration.
-    reference : Reference or None
-        What they were compared with.
-    budget : Budget
-        What coefficients, alignment and noise contribute to the first run.
-    difference : ndarray, shape (m, 3), or None
-        Position without minus with the calibration at the epochs of the budget, E N U [m].
-    opening : Opening
-        The rest at the start.
-    settings : Settings
-        What was chosen, the vertical channel included.
-    site : Site
-        Where it started.
-    longitude : float
-        Of the start [rad].
-    noise : ImuNoise
-        Noise that was taken [SI].
-    noise_source : str
-        "declared", "measured in the rest", "of the calibration" or "none".
-    calibration : dict
-        Instrument, date and verdict; empty without one.
-    coefficients : CoefficientVector or None
-        Those of the calibration.
-    stationary : str
-        Why no terms of free inertial drift were fitted; empty where they were.
-    checks : tuple of Check
-        Tests of the first run.
-    verdict : Verdict
-        What they say together.
-    findings : tuple of Finding
-        What was noticed.
-    instrument : dict
-        Name, serial and so on.
-    provenance : dict
-        Versions, input, date, duration.
-    """
-
-    runs: tuple[Run, ...]
-    reference: Reference | None
-    budget: Budget
+    runs: tuple[Run, ...]  # the one that counts first, then that without the calibration
+    reference: Reference | None  # what they were compared with
+    budget: Budget  # what coefficients, alignment and noise contribute to the first run
+    # (m, 3) position without minus with the calibration at the epochs of the budget, E N U [m]
     difference: FloatArray | None
-    opening: Opening
-    settings: Settings
+    opening: Opening  # the rest at the start
+    settings: Settings  # what was chosen, the vertical channel included
     site: Site
-    longitude: float
-    noise: ImuNoise
+    longitude: float  # of the start [rad]
+    noise: ImuNoise  # noise that was taken [SI]
+    # "declared", "declared, raised to that of the rest", "measured in the rest", "of the
+    # calibration" or "none"
     noise_source: str
-    calibration: dict[str, Any]
-    coefficients: CoefficientVector | None
-    stationary: str
-    checks: tuple[Check, ...]
-    verdict: Verdict
+    calibration: dict[str, Any]  # instrument, date and verdict; empty without one
+    coefficients: CoefficientVector | None  # those of the calibration
+    stationary: str  # why no terms of free inertial drift were fitted; empty where they were
+    checks: tuple[Check, ...]  # tests of the first run
+    verdict: Verdict  # what they say together
     findings: tuple[Finding, ...]
-    instrument: dict[str, Any]
-    provenance: dict[str, Any]
+    instrument: dict[str, Any]  # name, serial and so on
+    provenance: dict[str, Any]  # versions, input, date, duration
 
 
 def navigate_log(
@@ -174,12 +120,12 @@ def navigate_log(
     """
     began = clock.monotonic()
     settings, about = settings or Settings(), dict(instrument or {})
-    told = (*log.findings, *_calibration(calibration, about))
-    part = _part(log, settings)
+    part = without_spikes(_part(log, settings), most=KNOCKS)
+    told = (*part.findings, *_calibration(calibration, about))
     increments_of(part, gaps=settings.gaps)  # refuses what cannot be navigated at all
     require_readings(part)
     progress(0.1, "finding the rest")
-    seen = opening(part, settings)
+    seen = opening(part, settings, noise)
     if reference is not None:
         covered(reference, seen.end, float(part.time[-1]))
         places.resting(reference, seen)
@@ -210,6 +156,8 @@ def navigate_log(
     budget = evidence.budget_of(task, main, vector)
     difference = _difference(runs, budget.time)
     checks = evidence.checks(main.errors, budget, source, calibration is not None)
+    if seen.against is not None:
+        checks = (checks[0], seen.against.check, *checks[1:])
     if main.errors is not None and reference is not None:
         told += reference_checks.course(main.errors, reference)
         told += reference_checks.clock(main.errors, reference)
@@ -240,7 +188,12 @@ def _noise(
     declared: ImuNoise | None, seen: Opening, calibration: Result | None
 ) -> tuple[ImuNoise, str]:
     if declared is not None:
-        return _filled(declared, seen.noise), "declared"
+        at_rest = seen.against
+        used = declared if at_rest is None else at_rest.noise
+        more = used is not declared and used != declared
+        return _filled(
+            used, seen.noise
+        ), "declared, raised to that of the rest" if more else "declared"
     if seen.noise is not None:
         return seen.noise, "measured in the rest"
     said = {} if calibration is None else calibration.diagnostics.get("noise") or {}

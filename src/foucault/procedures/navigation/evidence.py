@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.alignment.input import POOR
 from foucault.diagnose.navigation import schuler
@@ -30,8 +31,6 @@ from foucault.result import Check, Level
 from foucault.tables import Log
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-
 EPOCHS = 150
 """Epochs at which contributions are computed [1]."""
 
@@ -48,14 +47,7 @@ QUIETEST = (1e-9, 1e-7)
 def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budget:
     """Propagate start errors, coefficients and noise along a run.
 
-    Parameters
-    ----------
-    task : Task
-        What all runs have in common.
-    made : Made
-        The run.
-    vector : CoefficientVector or None
-        The coefficients that were corrected.
+    `vector` or None: the coefficients that were corrected.
     """
     rows = _rows(made)
     names = () if vector is None else vector.names
@@ -178,16 +170,8 @@ def checks(
 ) -> tuple[Check, ...]:
     """Test whether the start is known, and whether the error is what was predicted.
 
-    Parameters
-    ----------
-    errors : NavigationError or None
-        Error of the run.
-    budget : Budget
-        What was predicted.
-    noise_source : str
-        "none" where the prediction lacks the noise.
-    calibrated : bool
-        Without a calibration the prediction lacks the errors of the sensors.
+    `errors` or None: error of the run; `calibrated`: without a calibration the prediction lacks
+    the errors of the sensors.
     """
     sd = float(np.degrees(np.sqrt(budget.start[2, 2])))
     limit = float(np.degrees(POOR))

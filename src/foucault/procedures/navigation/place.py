@@ -35,18 +35,9 @@ def place_of(
 ) -> tuple[Site, Place]:  # fmt: skip
     """Return the site, and where the run starts: as the reference says, else as given.
 
-    Parameters
-    ----------
-    site : Site or None
-        As given.
-    longitude : float
-        As given [rad].
-    reference : Reference or None
-        What is known of the trajectory.
-    seen : Opening
-        The rest.
-    position_sd : float or None
-        How well the place that is given is known; then the run starts there [m].
+    `site` or None: as given; `longitude`: as given [rad]; `reference` or None: what is known of
+    the trajectory; `position_sd` or None: how well the place that is given is known, then the run
+    starts there [m].
     """
     there = None
     if reference is not None and position_sd is None:
@@ -99,20 +90,7 @@ def reference_of(
 ) -> Reference | None:  # fmt: skip
     """Return what to compare with: the file, or the known site where it never moved.
 
-    Parameters
-    ----------
-    given : Reference or None
-        The file.
-    log : Log
-        The part that is used [SI].
-    seen : Opening
-        The rest.
-    settings : Settings
-        Whether it is said to be still.
-    site : Site
-        Where it starts.
-    longitude : float
-        There [rad].
+    `given` or None: the file; `log`: the part that is used [SI]; `longitude`: there [rad].
     """
     if given is not None:
         if settings.still:
@@ -140,17 +118,7 @@ def vertical_of(settings: Settings, reference: Reference | None) -> Any:
 def resting(reference: Reference, seen: Opening) -> None:
     """Refuse a rest during which the reference moves.
 
-    Parameters
-    ----------
-    reference : Reference
-        What is known of the trajectory.
-    seen : Opening
-        The rest.
-
-    Raises
-    ------
-    FoucaultError
-        ``navigate.moving``: it is no rest.
+    Raises ``navigate.moving``: it is no rest.
     """
     inside = (reference.time >= seen.start) & (reference.time <= seen.end)
     way = 0.0
@@ -168,15 +136,7 @@ def resting(reference: Reference, seen: Opening) -> None:
 
 
 def pushed(settings: Settings, trajectory: Trajectory) -> tuple[Finding, ...]:
-    """Return a warning where what is said to be still was moved, as no drift moves it.
-
-    Parameters
-    ----------
-    settings : Settings
-        Whether it is said to be still.
-    trajectory : Trajectory
-        As navigated.
-    """
+    """Return a warning where what is said to be still was moved, as no drift moves it."""
     steps = max(1, round(PUSHED / float(np.median(np.diff(trajectory.time)))))
     velocity = trajectory.velocity_n[:, :2]
     if not settings.still or len(velocity) <= steps:
@@ -192,14 +152,7 @@ def latitude_told(
 ) -> tuple[Finding, ...]:
     """Return a note where the Earth's rate contradicts the latitude of the reference.
 
-    Parameters
-    ----------
-    site : Site or None
-        As given.
-    place : (float, float, float)
-        Latitude, longitude [rad] and height [m] of the start.
-    told : tuple of Finding
-        What was noticed while it was aligned.
+    `site` or None: as given; `place`: latitude, longitude [rad] and height [m] of the start.
     """
     given = site is not None and site.latitude is not None
     if given or not any(f.code == "alignment.latitude" for f in told):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.navigation.errors import NavigationError, error_of
 from foucault.errors import Finding, FoucaultError, error, finding
@@ -23,8 +23,6 @@ from foucault.result import Result
 from foucault.tables import Log
 from foucault.units import plain
 
-FloatArray = npt.NDArray[np.float64]
-
 Place = tuple[float, float, float]
 
 SLOW = 1.0
@@ -36,33 +34,15 @@ WITH, WITHOUT, AS_MEASURED = "with calibration", "without calibration", "as meas
 
 @dataclass(frozen=True)
 class Task:
-    """What all runs have in common.
+    """What all runs have in common."""
 
-    Attributes
-    ----------
-    log : Log
-        The part that is used, as measured [SI].
-    site : Site
-        Where it starts.
-    place : (float, float, float)
-        Latitude, longitude [rad] and height [m] there.
-    settings : Settings
-        What was chosen.
-    seen : Opening
-        The rest at the start.
-    noise : ImuNoise
-        Noise of the sensors [SI].
-    reference : Reference or None
-        What the runs are compared with.
-    """
-
-    log: Log
+    log: Log  # the part that is used, as measured [SI]
     site: Site
-    place: Place
+    place: Place  # latitude, longitude [rad] and height [m] there
     settings: Settings
-    seen: Opening
-    noise: ImuNoise
-    reference: Reference | None
+    seen: Opening  # the rest at the start
+    noise: ImuNoise  # noise of the sensors [SI]
+    reference: Reference | None  # what the runs are compared with
 
     @property
     def gravity_offset(self) -> float:
@@ -92,37 +72,15 @@ class Task:
 
 @dataclass(frozen=True)
 class Made:
-    """A run with everything it was made of.
+    """A run with everything it was made of."""
 
-    Attributes
-    ----------
-    name : str
-        `WITH`, `WITHOUT` or `AS_MEASURED`.
-    log : Log
-        Compensated or not [SI].
-    increments : Increments
-        Of that log.
-    start : Start
-        The attitude it starts with.
-    first : int
-        Row at whose end it starts [1].
-    state : State
-        State there.
-    trajectory : Trajectory
-        Every state from there on.
-    errors : NavigationError or None
-        Against the reference.
-    told : tuple of Finding
-        What was noticed.
-    """
-
-    name: str
-    log: Log
+    name: str  # `WITH`, `WITHOUT` or `AS_MEASURED`
+    log: Log  # compensated or not [SI]
     increments: Increments
-    start: Start
-    first: int
+    start: Start  # the attitude it starts with
+    first: int  # row at whose end it starts [1]
     state: State
-    trajectory: Trajectory
+    trajectory: Trajectory  # every state from there on
     errors: NavigationError | None
     told: tuple[Finding, ...] = ()
 

@@ -23,54 +23,34 @@ VELOCITY_SD = 0.1
 
 @dataclass(frozen=True)
 class Settings:
-    """How a log is aligned and navigated.
+    """How a log is aligned and navigated."""
 
-    Attributes
-    ----------
-    align : float or None
-        How long the start is a rest [s]; None finds the first rest.
-    method : {"inertial_frame", "two_vector", "kalman"}
-        How it is aligned.
-    heading, pitch, roll : float or None
-        Start attitude, where it is given [rad].
-    heading_sd, level_sd : float
-        Standard deviation of the heading, of pitch and roll that are given [rad].
-    velocity : (float, float, float) or None
-        Velocity at the start, east, north, up, where it is given; it needs the attitude [m/s].
-    velocity_sd : float or None
-        Standard deviation of each component of it, or of that of a reference; None: `VELOCITY_SD`
-        where a velocity is given, else zero [m/s].
-    position_sd : float or None
-        Standard deviation of the place, along each of east, north and up: the run starts at the
-        site, not where a reference is. None: the place is taken as exact [m].
-    vertical : {"free", "held", "aided"} or None
-        Vertical channel; None: held at a known site, aided where heights are known, else free.
-    gaps : {"stop", "bridge"}
-        What is done where samples are missing.
-    start, end : float or None
-        Part of the log that is used, from its start [s].
-    still : bool
-        Whether it never left the site, whatever the readings say.
-    rate : float
-        Rows a second of the trajectory that is kept [Hz].
-    """
-
-    align: float | None = None
-    method: Method = "inertial_frame"
+    align: float | None = None  # how long the start is a rest [s]; None finds the first rest
+    method: Method = "inertial_frame"  # how it is aligned
+    # heading, pitch, roll: start attitude, where it is given [rad]
     heading: float | None = None
     pitch: float | None = None
     roll: float | None = None
+    # heading_sd, level_sd: standard deviation of the heading, of pitch and roll that are given
+    # [rad]
     heading_sd: float = HEADING_SD
     level_sd: float = LEVEL_SD
+    # velocity at the start, east, north, up, where it is given; it needs the attitude [m/s]
     velocity: tuple[float, float, float] | None = None
+    # standard deviation of each component of it, or of that of a reference; None: `VELOCITY_SD`
+    # where a velocity is given, else zero [m/s]
     velocity_sd: float | None = None
+    # standard deviation of the place, along each of east, north and up: the run starts at the site,
+    # not where a reference is. None: the place is taken as exact [m]
     position_sd: float | None = None
+    # vertical channel; None: held at a known site, aided where heights are known, else free
     vertical: Literal["free", "held", "aided"] | None = None
-    gaps: Literal["stop", "bridge"] = "stop"
+    gaps: Literal["stop", "bridge"] = "stop"  # what is done where samples are missing
+    # start, end: part of the log that is used, from its start [s]
     start: float | None = None
     end: float | None = None
-    still: bool = False
-    rate: float = 10.0
+    still: bool = False  # whether it never left the site, whatever the readings say
+    rate: float = 10.0  # rows a second of the trajectory that is kept [Hz]
 
     def __post_init__(self) -> None:
         given = {k: getattr(self, k) is not None for k in ("heading", "pitch", "roll")}

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.alignment import input as alignment_checks
 from foucault.diagnose.alignment.input import POOR
-from foucault.diagnose.rest_noise import FEWEST, noise_of
+from foucault.diagnose.noise_at_rest import NoiseAtRest
+from foucault.diagnose.rest_noise import FEWEST, held_against, noise_of
 from foucault.diagnose.rests import Rests, find_rests
-from foucault.diagnose.spikes import without_spikes
+from foucault.diagnose.spikes import KNOCKS, without_spikes
 from foucault.errors import Finding, error
 from foucault.models.attitude import matrix_of
 from foucault.models.earth import EARTH_RATE, Site
@@ -23,8 +24,6 @@ from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.navigation.settings import Settings
 from foucault.tables import Log
 from foucault.units import plain
-
-FloatArray = npt.NDArray[np.float64]
 
 USUAL = 300.0
 """Length of the alignment in a log that rests all along, where nothing is said [s]."""
@@ -47,95 +46,58 @@ SEES = 0.5
 
 @dataclass(frozen=True)
 class Opening:
-    """What the start of a log looks like.
+    """What the start of a log looks like."""
 
-    Attributes
-    ----------
-    start, end : float
-        The rest used for alignment, of the log's clock; equal where there is none [s].
-    still : bool
-        Whether the whole log is at rest.
-    found : bool
-        Whether the rest was found in the readings, or said.
-    noise : ImuNoise or None
-        White noise measured in the rest [SI].
-    told : tuple of Finding
-        What is doubtful about that noise.
-    """
-
+    # start, end: the rest used for alignment, of the log's clock; equal where there is none [s]
     start: float
     end: float
-    still: bool
-    found: bool
-    noise: ImuNoise | None
-    told: tuple[Finding, ...] = ()
+    still: bool  # whether the whole log is at rest
+    found: bool  # whether the rest was found in the readings, or said
+    noise: ImuNoise | None  # white noise measured in the rest [SI]
+    told: tuple[Finding, ...] = ()  # what is doubtful about that noise
+    against: NoiseAtRest | None = None  # the noise that was declared, held against that of the rest
 
 
 @dataclass(frozen=True)
 class Start:
-    """The attitude at which a navigation starts.
+    """The attitude at which a navigation starts."""
 
-    Attributes
-    ----------
-    C_nb : ndarray, shape (3, 3)
-        Attitude [1].
-    phi_cov : ndarray, shape (3, 3)
-        Covariance of phi (E, N, U) by sensor noise, and by what was given [rad^2].
-    time : float
-        When it holds [s].
-    method : str
-        How it was found: a method of alignment, "level and given heading", or "given".
-    velocity_sd : float
-        Standard deviation of each component of the velocity [m/s].
-    position_sd : float
-        Standard deviation of the place, along each of east, north and up [m].
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    C_nb: FloatArray
+    C_nb: FloatArray  # (3, 3) attitude [1]
+    # (3, 3) covariance of phi (E, N, U) by sensor noise, and by what was given [rad^2]
     phi_cov: FloatArray
-    time: float
-    method: str
-    velocity_sd: float = 0.0
+    time: float  # when it holds [s]
+    method: str  # how it was found: a method of alignment, "level and given heading", or "given"
+    velocity_sd: float = 0.0  # standard deviation of each component of the velocity [m/s]
+    # standard deviation of the place, along each of east, north and up [m]
     position_sd: float = 0.0
     findings: tuple[Finding, ...] = ()
 
 
-def opening(log: Log, settings: Settings) -> Opening:
+def opening(log: Log, settings: Settings, declared: ImuNoise | None = None) -> Opening:
     """Find the rest at the start of a log.
 
-    Parameters
-    ----------
-    log : Log
-        The part that is used, as measured [SI].
-    settings : Settings
-        What was said of it.
-
-    Raises
-    ------
-    FoucaultError
-        ``navigate.no_rest``: none was found, and nothing was said.
+    `log`: the part that is used, as measured [SI]; `declared` or None: noise that is held against
+    the rest [SI]. Raises ``navigate.no_rest``: none was found, and nothing was said.
     """
-    log = without_spikes(log)
+    log = without_spikes(log, most=KNOCKS)
     rests = find_rests(log, window=max(0.5, 51 * log.interval))
     longest = int(np.max(rests.last - rests.first, initial=0))
     still = longest + rests.window >= WHOLE * len(log) or _constant(log)
     first = float(log.time[0])
     if settings.align is not None:
-        return _said(log, first, before(log, settings.align), still, rests)
+        return _said(log, first, before(log, settings.align), still, rests, declared)
     if settings.attitude_given:
         quiet = len(rests) > 0 and rests.first[0] <= rests.window
-        return Opening(first, first, still, quiet, *_noise(log, rests, None))
+        return Opening(first, first, still, quiet, *_noise(log, rests, None, declared))
     if still:
-        return _said(log, first, first + min(USUAL, PART * log.duration), still, rests)
+        return _said(log, first, first + min(USUAL, PART * log.duration), still, rests, declared)
     lengths = log.time[np.maximum(rests.last - 1, 0)] - log.time[rests.first]
     long = np.flatnonzero(lengths >= LEAST)
     if not len(long):
         raise error("navigate.no_rest", least=plain(LEAST), where="in the log")
     a, b = int(rests.first[long[0]]), int(rests.last[long[0]]) - 1
     return Opening(float(log.time[a]), float(log.time[b]), still, True,
-                   *_noise(log, rests, (a, b + 1)))  # fmt: skip
+                   *_noise(log, rests, (a, b + 1), declared))  # fmt: skip
 
 
 def before(log: Log, length: float) -> float:
@@ -144,12 +106,7 @@ def before(log: Log, length: float) -> float:
     The first sample counts as one: 300 s at 20 Hz are 6000 samples, stamped 0 to 299.95 s, and the
     one of 300 s belongs to what comes next.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    length : float, shape ()
-        Of the part [s].
+    `log`: readings [SI]; `length`: of the part [s].
     """
     end = float(log.time[0]) + length
     last = int(np.searchsorted(log.time, end - 0.5 * log.interval)) - 1
@@ -163,38 +120,43 @@ def _constant(log: Log) -> bool:
     return all(x is not None and np.ptp(x, axis=0).max() < CONSTANT for x in (log.accel, log.gyro))
 
 
-def _said(log: Log, start: float, end: float, still: bool, rests: Rests) -> Opening:
-    rows = np.searchsorted(log.time, [start, end])
-    return Opening(start, end, still, False, *_noise(log, rests, (int(rows[0]), int(rows[1]))))
+def _said(
+    log: Log, start: float, end: float, still: bool, rests: Rests, declared: ImuNoise | None
+) -> Opening:
+    first, last = (int(k) for k in np.searchsorted(log.time, [start, end]))
+    return Opening(start, end, still, False, *_noise(log, rests, (first, last), declared))
 
 
 def _noise(
-    log: Log, rests: Rests, rows: tuple[int, int] | None
-) -> tuple[ImuNoise | None, tuple[Finding, ...]]:
+    log: Log, rests: Rests, rows: tuple[int, int] | None, declared: ImuNoise | None
+) -> tuple[ImuNoise | None, tuple[Finding, ...], NoiseAtRest | None]:
     """Measure white noise in a rest, in the longest where none is given."""
     if rows is None and len(rests):
         k = int(np.argmax(rests.last - rests.first))
         rows = (int(rests.first[k]), int(rests.last[k]))
     if rows is None or rows[1] - rows[0] < max(FEWEST, LEAST / log.interval):
-        return None, ()
-    return noise_of(log[slice(*rows)])
+        return None, (), None
+    return in_rest(log[slice(*rows)], declared)
+
+
+def in_rest(
+    rest: Log, declared: ImuNoise | None
+) -> tuple[ImuNoise, tuple[Finding, ...], NoiseAtRest | None]:
+    """Return the white noise of a rest, a note where it is not clear, and what was declared of it.
+
+    `rest`: the part of a log that rests [SI]; `declared` or None: noise that is held against it
+    [SI].
+    """
+    noise, told = noise_of(rest)
+    return noise, told, None if declared is None else held_against(rest, declared, noise)
 
 
 def start_of(log: Log, site: Site, seen: Opening, settings: Settings, noise: ImuNoise) -> Start:
     """Find the attitude at the end of the rest, by noise alone uncertain.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of the rest, compensated or not [SI].
-    site : Site
-        Where it stood; the latitude must be known.
-    seen : Opening
-        The rest.
-    settings : Settings
-        How it is aligned, and what attitude is given.
-    noise : ImuNoise
-        Noise of the sensors [SI].
+    `log`: readings of the rest, compensated or not [SI]; `site`: where it stood, the latitude
+    must be known; `settings`: how it is aligned, and what attitude is given; `noise`: noise of
+    the sensors [SI].
     """
     return replace(_turned(log, site, seen, settings, noise),
                    position_sd=settings.position_sd or 0.0)  # fmt: skip
@@ -244,28 +206,10 @@ def judged(
 ) -> Start:  # fmt: skip
     """Return a start with what its data say of axes, units, motion and heading.
 
-    Parameters
-    ----------
-    start : Start
-        As found.
-    log : Log
-        Readings of the rest, compensated [SI].
-    site : Site
-        Where it stood.
-    seen : Opening
-        The rest.
-    noise : ImuNoise
-        Noise of the sensors [SI].
-    bias_sd : (float, float)
-        How well the biases of gyros [rad/s] and accelerometers [m/s^2] are known.
-    rests : bool
-        Whether a log that looks still is; a steady drive does so too.
-
-    Raises
-    ------
-    FoucaultError
-        ``navigate.heading``: the gyros do not show north, and no heading is given; or axes, units
-        or signs that are wrong.
+    `log`: readings of the rest, compensated [SI]; `noise`: noise of the sensors [SI]; `bias_sd`:
+    how well the biases of gyros [rad/s] and accelerometers [m/s^2] are known; `rests`: whether a
+    log that looks still is, a steady drive does so too. Raises ``navigate.heading``: the gyros do
+    not show north, and no heading is given; or axes, units or signs that are wrong.
     """
     if seen.end <= seen.start:  # the attitude is given
         if not (seen.still and rests):
@@ -292,25 +236,8 @@ def shows_north(
 ) -> None:  # fmt: skip
     """Refuse a heading that the rest does not show.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of the rest, compensated or not [SI].
-    site : Site
-        Where it stood.
-    seen : Opening
-        The rest.
-    start : Start
-        What was found.
-    gyro_bias_sd : float
-        How well the gyro biases are known [rad/s].
-    told : tuple of Finding
-        What was noticed in the rest.
-
-    Raises
-    ------
-    FoucaultError
-        ``navigate.heading``: the gyros do not show north.
+    `log`: readings of the rest, compensated or not [SI]; `gyro_bias_sd`: how well the gyro biases
+    are known [rad/s]. Raises ``navigate.heading``: the gyros do not show north.
     """
     assert site.latitude is not None
     part = _window(log, seen, "bridge")

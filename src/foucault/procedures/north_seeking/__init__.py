@@ -46,7 +46,7 @@ from foucault.procedures.north_seeking.solution import Solution, require_latitud
 from foucault.procedures.north_seeking.wanted import Wanted as Wanted
 from foucault.procedures.north_seeking.wanted import space as space
 from foucault.result import Problem, Result, Verdict, provenance
-from foucault.tables import IndexedLog
+from foucault.tables import IndexedLog, temperature_range
 
 Description = IndexedDescription
 read_log = indexed.read
@@ -66,12 +66,7 @@ GAUGES = {
 def names_in(settings: Settings, session: Session) -> tuple[str, ...]:
     """Return the coefficients that a simulated session gives.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    session : Session
-        What is done: a tilted table shows others than a level one.
+    `session`: what is done: a tilted table shows others than a level one.
     """
     tilted = settings.tilt == "each" or (settings.tilt == "auto" and len(set(session.tilts)) > 1)
     return estimation.names_of(
@@ -226,7 +221,4 @@ def _validity(log: IndexedLog, dwells: Dwells, s: Solution) -> dict[str, Any]:
         "index": sorted({round(float(np.degrees(a)) % 360.0, 1) % 360.0 for a in dwells.index}),
         "tilt": float(tilt) if s.rig.accelerometers else None,
     }
-    if log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out
+    return out | temperature_range(log)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.north import fix_checks as judge
 from foucault.diagnose.north.causes import causes
@@ -37,74 +37,36 @@ from foucault.procedures.north_seeking.solution import accelerometers_before, re
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
 
-FloatArray = npt.NDArray[np.float64]
-
 DRIFT_UNIT = np.radians(1.0 / 3600.0) / 3600.0
 """1 deg/h per hour [rad/s^2]."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """The solution of a file of readings: m set-ups, n dwells.
+    """The solution of a file of readings: m set-ups, n dwells."""
 
-    Attributes
-    ----------
-    dwells : Dwells
-        The readings [SI].
-    pairs : Pairs
-        Four numbers of every set-up [SI].
-    fixes : Fixes
-        Heading, pitch, roll, latitude of every set-up [rad].
-    known : Known
-        Place, and what decided between solutions.
-    noise : ImuNoise
-        Noise that was taken [SI].
-    noise_source : str
-        "declared", "measured in the dwells", "of the calibration" or "from the residuals".
-    compensation : Compensation
-        Errors of the instrument.
-    calibration : dict
-        Instrument, date and verdict of the calibration; empty without one.
-    drift_sd : float
-        Sd that the gyro's linear drift had before: 0 none, infinite where free [rad/s^2].
-    checks : tuple of tuple of Check, length m
-        Tests of every set-up.
-    verdicts : tuple of Verdict, length m
-        What they say together.
-    setup_findings : tuple of tuple of Finding, length m
-        What was noticed of every set-up.
-    findings : tuple of Finding
-        What was noticed of the whole file.
-    bound : ndarray, shape (m, 4)
-        Cramer-Rao bound, white noise and a perfect instrument alone [rad].
-    drift_effect : ndarray, shape (m,)
-        Heading error of a linear drift of 1 deg/h per hour that is not estimated [rad].
-    instrument : dict
-        Name, serial and so on.
-    site : Site
-        Place.
-    provenance : dict
-        Versions, input, date, duration.
-    """
-
-    dwells: Dwells
-    pairs: Pairs
-    fixes: Fixes
-    known: Known
-    noise: ImuNoise
+    dwells: Dwells  # the readings [SI]
+    pairs: Pairs  # four numbers of every set-up [SI]
+    fixes: Fixes  # heading, pitch, roll, latitude of every set-up [rad]
+    known: Known  # place, and what decided between solutions
+    noise: ImuNoise  # noise that was taken [SI]
+    # "declared", "measured in the dwells", "of the calibration" or "from the residuals"
     noise_source: str
-    compensation: Compensation
+    compensation: Compensation  # errors of the instrument
+    # instrument, date and verdict of the calibration; empty without one
     calibration: dict[str, Any]
+    # sd that the gyro's linear drift had before: 0 none, infinite where free [rad/s^2]
     drift_sd: float
-    checks: tuple[tuple[Check, ...], ...]
-    verdicts: tuple[Verdict, ...]
-    setup_findings: tuple[tuple[Finding, ...], ...]
-    findings: tuple[Finding, ...]
-    bound: FloatArray
+    checks: tuple[tuple[Check, ...], ...]  # tests of every set-up
+    verdicts: tuple[Verdict, ...]  # what they say together
+    setup_findings: tuple[tuple[Finding, ...], ...]  # what was noticed of every set-up
+    findings: tuple[Finding, ...]  # what was noticed of the whole file
+    bound: FloatArray  # (m, 4) Cramer-Rao bound, white noise and a perfect instrument alone [rad]
+    # (m,) heading error of a linear drift of 1 deg/h per hour that is not estimated [rad]
     drift_effect: FloatArray
-    instrument: dict[str, Any]
+    instrument: dict[str, Any]  # name, serial and so on
     site: Site
-    provenance: dict[str, Any]
+    provenance: dict[str, Any]  # versions, input, date, duration
 
     def __len__(self) -> int:
         return len(self.fixes)
@@ -123,30 +85,14 @@ def find_north(
 ) -> Survey:
     """Find the heading of every set-up of a log.
 
-    Parameters
-    ----------
-    log : IndexedLog
-        Samples or means with index angles [SI].
-    site : Site
-        Gravity, and the latitude unless it is to be estimated.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the sensors [SI]; None takes it from the dwells, the calibration or the residuals.
-    calibration : Result or None
-        Of this instrument; None takes one without errors, but for `prior`.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients that were not calibrated [SI].
-    instrument : mapping or None
-        Name, serial and so on.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Raises
-    ------
-    FoucaultError
-        Wrong units or signs, stops that do not show the heading, the calibration of another
-        instrument: see `foucault.symptoms`.
+    `log`: samples or means with index angles [SI]; `site`: gravity, and the latitude unless it is
+    to be estimated; `settings`: what can be chosen, None takes the defaults; `noise`: noise of
+    the sensors [SI], None takes it from the dwells, the calibration or the residuals;
+    `calibration`: of this instrument, None takes one without errors, but for `prior`; `prior` or
+    None: mean and standard deviation of coefficients that were not calibrated [SI]; `instrument`
+    or None: name, serial and so on; `progress`: called with the fraction done and what is being
+    done. Raises wrong units or signs, stops that do not show the heading, the calibration of
+    another instrument: see `foucault.symptoms`.
     """
     started = clock.monotonic()
     settings, about = settings or Settings(), dict(instrument or {})
@@ -198,7 +144,7 @@ def find_north(
     progress(1.0, "done")
     return Survey(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
-        checks, tuple(Verdict.of(c) for c in checks), noticed, told, alone.sd,
+        checks, tuple(Verdict.of(c).doubted(told) for c in checks), noticed, told, alone.sd,
         judge.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
         provenance(log.source, clock.monotonic() - started),
     )  # fmt: skip

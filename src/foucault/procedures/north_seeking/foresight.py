@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.foresight import Extra, Foresight, Limit
 from foucault.diagnose.information import information
@@ -37,7 +37,6 @@ from foucault.procedures.north_seeking.solution import (
 from foucault.simulate.north import NorthPlan, NorthSimulation, Stops
 from foucault.units import span
 
-FloatArray = npt.NDArray[np.float64]
 Prior = Mapping[str, tuple[float, float]]
 Judge = Callable[[Session], CoefficientVector]
 
@@ -105,18 +104,9 @@ def foresee(
 ) -> Foresight:
     """Return what a planned session will show.
 
-    Parameters
-    ----------
-    settings : Settings
-        How it will be solved, and what the base can do.
-    session : Session
-        Headings and stops.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `settings`: how it will be solved, and what the base can do; `noise` or None: noise as
+    declared [SI]; `prior`: mean and standard deviation of coefficients or groups of coefficients
+    [SI].
     """
     if site.latitude is None:
         raise error("north.calibration_latitude")
@@ -135,12 +125,7 @@ def foresee(
 def silent(session: Session, noise: ImuNoise) -> tuple[Finding, ...]:
     """Say so where accelerometers are read that are declared to have no noise.
 
-    Parameters
-    ----------
-    session : Session
-        What is read.
-    noise : ImuNoise
-        Noise as declared [SI].
+    `noise`: noise as declared [SI].
     """
     read = session.accelerometers != "none"
     return (finding("preflight.accel_noise"),) if read and noise.accel == TriadNoise() else ()

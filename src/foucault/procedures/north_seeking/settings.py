@@ -25,7 +25,7 @@ from foucault.simulate.north import (
     Stops,
     simulate_north,
 )
-from foucault.units import Angle, Quantity, Rate, Ratio, Seconds
+from foucault.units import Angle, AngleSd, Quantity, Rate, RatioSd, Seconds
 
 Ramp = Annotated[float, Quantity("rate ramp")]
 Force = Annotated[float, Quantity("specific force")]
@@ -86,7 +86,7 @@ class Settings(BaseModel):
         description="Standard deviation of that drift, if it is known; then it is weighed, not "
         "estimated freely.",
     )  # fmt: skip
-    index_sd: Angle = Field(
+    index_sd: AngleSd = Field(
         default=0.0, ge=0, description="Sd of every index angle, by itself."
     )  # fmt: skip
     index_lag_sd: Seconds | None = Field(
@@ -115,35 +115,35 @@ class Settings(BaseModel):
         description="Calibration. Two more parameters, the coupling of the rate along the axis of "
         "the base, which only a tilted table shows; auto: with what `z_coupling_sd` says of them.",
     )
-    z_coupling_sd: Angle = Field(
+    z_coupling_sd: AngleSd = Field(
         default=MINUTE * 10, gt=0, description="Calibration. Sd of that coupling beforehand."
     )
-    heading_sd: Angle = Field(
+    heading_sd: AngleSd = Field(
         default=0.0, ge=0, description="Calibration. Sd of every reference heading, by itself."
     )
-    heading_offset_sd: Angle = Field(
+    heading_offset_sd: AngleSd = Field(
         default=0.0,
         ge=0,
         description="Calibration. Sd of an error that all reference headings share.",
     )
-    level_sd: Angle | None = Field(
+    level_sd: AngleSd | None = Field(
         default=None, gt=0, examples=["1 arcmin"],
         description="How far from level it may stand, about each axis; needed without "
         "accelerometers.",
     )  # fmt: skip
-    latitude_sd: Angle = Field(default=0.0, ge=0, description="Sd of the latitude in [site].")
+    latitude_sd: AngleSd = Field(default=0.0, ge=0, description="Sd of the latitude in [site].")
     accel_bias_sd: Force = Field(
         default=units.parse("100 ug", "specific force"),
         ge=0,
         description="Sd of the accelerometers' biases, where no calibration on one vertical "
         "axis has found them.",
     )
-    accel_scale_sd: Ratio = Field(
+    accel_scale_sd: RatioSd = Field(
         default=200e-6,
         ge=0,
         description="Sd of the accelerometers' scale factors, which a level table does not show.",
     )
-    accel_misalignment_sd: Angle = Field(
+    accel_misalignment_sd: AngleSd = Field(
         default=MINUTE / 3,
         ge=0,
         description="Sd of the angle between the axes of tilt, which neither does.",
@@ -159,7 +159,7 @@ class Settings(BaseModel):
         default=None, examples=["120 deg"],
         description="Fix. Rough heading, where the stops leave more than one.",
     )  # fmt: skip
-    near_sd: Angle = Field(default=NEAR_SD, gt=0, description="Fix. Sd of that rough heading.")
+    near_sd: AngleSd = Field(default=NEAR_SD, gt=0, description="Fix. Sd of that rough heading.")
     gyro_offset: Rate = Field(
         default=0.0, description="Fix. The gyro's constant offset, if `gyro_offset_sd` is given."
     )
@@ -228,10 +228,7 @@ class Session(BaseModel):
     def motion(self, limit: float | None = None) -> Stops:
         """Return what the base does in each heading.
 
-        Parameters
-        ----------
-        limit : float or None
-            How far it turns either way; None for any angle [rad].
+        `limit`: how far it turns either way, None for any angle [rad].
         """
         if isinstance(self.order, str):
             order = ORDERS[self.order]
@@ -254,20 +251,9 @@ def simulate(
 ) -> NorthSimulation:
     """Simulate a session on a turntable.
 
-    Parameters
-    ----------
-    session : Session
-        Headings, stops and how long they last.
-    settings : Settings or None
-        Of the calibration to follow: what is wrong with table and base is drawn from them.
-    model : ImuModel
-        Errors of the instrument, resolved by the base.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of table, offset and noise [1].
+    `settings` or None: of the calibration to follow: what is wrong with table and base is drawn
+    from them; `model`: errors of the instrument, resolved by the base; `noise`: its noise [SI];
+    `seed`: seed of table, offset and noise [1].
     """
     settings = settings or Settings()
     rng = np.random.default_rng([seed, 5])
@@ -302,12 +288,8 @@ def simulate(
 def draw_errors(_grade: str, seed: int) -> ImuModel:
     """Draw the errors of one north seeker, those that repeat with its index angle.
 
-    Parameters
-    ----------
-    _grade : str
-        Not needed: what base and housing do hardly depends on the class of the gyro.
-    seed : int, shape ()
-        Seed [1].
+    `_grade`: not needed: what base and housing do hardly depends on the class of the gyro;
+    `seed`: seed [1].
     """
     sd = {name: units.parse(text, kind) for name, (text, kind) in SPREAD.items()}
     wanted = [n for n in SEEKER.names if n.rpartition(".")[0] in sd]

@@ -38,10 +38,7 @@ Z_COUPLING = ("gyro.misalignment.xz", "gyro.misalignment.yz")
 def require_latitude(latitude: float) -> None:
     """Refuse a latitude where a gyro cannot find north.
 
-    Parameters
-    ----------
-    latitude : float
-        Positive north [rad].
+    `latitude`: positive north [rad].
     """
     if abs(latitude) > MOST_LATITUDE:
         raise error("north.latitude", given=f"{np.degrees(latitude):.4f}")
@@ -49,45 +46,20 @@ def require_latitude(latitude: float) -> None:
 
 @dataclass(frozen=True)
 class Solution:
-    """The calibration solved, with what led to it.
+    """The calibration solved, with what led to it."""
 
-    Attributes
-    ----------
-    pairs : Pairs
-        Four numbers of every set-up [SI].
-    rig : Rig
-        The turntable.
-    noise : ImuNoise
-        Noise that was weighed [SI].
-    source : str
-        Where it came from.
-    nuisance : Nuisance
-        Offset, drift and index angles.
-    problem : Problem
-        What was solved.
-    estimate : Estimate
-        Its solution.
-    z_test : tuple of float or None
-        Significance of the coupling along z_b: chi-square, and how often chance gives so much [1].
-    findings : tuple of Finding
-        What was noticed.
-    stop_offsets : dict of str to float
-        Biases of single stops [rad/s].
-    stop_gains : dict of str to list of float
-        By what part of the rates along x_b and y_b single stops read too much [1].
-    """
-
-    pairs: Pairs
+    pairs: Pairs  # four numbers of every set-up [SI]
     rig: Rig
-    noise: ImuNoise
-    source: str
-    nuisance: Nuisance
+    noise: ImuNoise  # noise that was weighed [SI]
+    source: str  # where it came from
+    nuisance: Nuisance  # offset, drift and index angles
     problem: Problem
     estimate: Estimate
+    # significance of the coupling along z_b: chi-square, and how often chance gives so much [1]
     z_test: tuple[float, float] | None
     findings: tuple[Finding, ...]
-    stop_offsets: dict[str, float]
-    stop_gains: Gains
+    stop_offsets: dict[str, float]  # biases of single stops [rad/s]
+    stop_gains: Gains  # by what part of the rates along x_b and y_b single stops read too much [1]
 
 
 def solved(
@@ -96,20 +68,9 @@ def solved(
 ) -> Solution:  # fmt: skip
     """Solve the calibration.
 
-    Parameters
-    ----------
-    dwells : Dwells
-        Readings [SI].
-    site : Site
-        Gravity and latitude.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise or None
-        Noise of the sensors; None finds it in the residuals [SI].
-    declared : bool
-        Whether it was declared, or measured in the dwells.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `dwells`: readings [SI]; `noise`: noise of the sensors, None finds it in the residuals [SI];
+    `declared`: whether it was declared, or measured in the dwells; `given`: mean and standard
+    deviation of coefficients or groups of coefficients [SI].
     """
     known = Compensation(held(accelerometers_before(settings, given)))
     trial = noise or GUESS
@@ -209,12 +170,7 @@ def accelerometers_before(
 ) -> dict[str, tuple[float, float]]:
     """Return what is known of accelerometers beforehand; a prior goes before it.
 
-    Parameters
-    ----------
-    settings : Settings
-        Usual sizes of their errors.
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `prior`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     usual = {
         "accel.bias": (0.0, settings.accel_bias_sd),
@@ -228,10 +184,7 @@ def accelerometers_before(
 def held(given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
     """Return what is known of the accelerometers beforehand.
 
-    Parameters
-    ----------
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     names = [n for n in SEEKER.names if n.startswith("accel.")]
     vector = _prior(tuple(names), given)

@@ -19,7 +19,7 @@ from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
 from foucault.procedures.north_seeking.foresight import silent
 from foucault.procedures.north_seeking.settings import Ramp, Session, Settings
-from foucault.units import Angle, Seconds
+from foucault.units import AngleSd, Seconds
 
 SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),))
 """What a plan is made for."""
@@ -48,7 +48,7 @@ class Wanted(BaseModel):
         description="Linear drift of the gyro to expect, whose effect counts where the solution "
         "does not estimate it; left out, gyro_drift of [simulate].",
     )  # fmt: skip
-    rough_sd: Angle | None = Field(
+    rough_sd: AngleSd | None = Field(
         default=None, gt=0, examples=["2 deg"],
         description="Sd of a rough heading that will be known: then index angles count from it, "
         "and the stops can look east and west.",
@@ -61,20 +61,9 @@ def space(
 ) -> NorthSpace:  # fmt: skip
     """Return the orders of stops among which the best is searched.
 
-    Parameters
-    ----------
-    settings : Settings
-        How north is sought, and what the base can do.
-    wanted : Wanted
-        What may be changed.
-    session : Session
-        The stops to beat, and the time of a move.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise of the instrument, which must be known [SI].
-    prior : mapping of str to (float, float)
-        Of the coefficients; the order of the stops does nothing to them [SI].
+    `settings`: how north is sought, and what the base can do; `session`: the stops to beat, and
+    the time of a move; `noise` or None: noise of the instrument, which must be known [SI];
+    `prior`: of the coefficients, the order of the stops does nothing to them [SI].
     """
     weights = weights_of(SOUGHT, wanted.weights)
     if noise is None or not noise.gyro.white > 0:

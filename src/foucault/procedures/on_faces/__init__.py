@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose import information
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import checks as face_checks
 from foucault.diagnose.faces import report as face_report
@@ -17,9 +18,9 @@ from foucault.diagnose.faces.checks import FaceEvidence
 from foucault.diagnose.faces.rests import Faces, find_faces
 from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.hand_rotated import report as session_report
-from foucault.diagnose.information import information
 from foucault.diagnose.rests import Rests, detection_table, measure_noise
 from foucault.diagnose.time_base import with_clock
+from foucault.errors import Finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.faces.covariance import FaceNoise, covariance_parts, noise_parts
@@ -33,6 +34,7 @@ from foucault.estimate.faces.likelihood import (
 )
 from foucault.estimate.faces.scatter import believe
 from foucault.estimate.snooping import snoop
+from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.faces import TurnReadings, face_name
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge
@@ -41,22 +43,13 @@ from foucault.models.references import gravity_error, with_references
 from foucault.models.session_noise import SessionNoise
 from foucault.procedures.on_faces.settings import FaceSettings
 from foucault.result import Problem, Result, Verdict, provenance
-from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
+from foucault.tables import Log, temperature_range
 
 
 def found_faces(log: Log, site: Site, settings: FaceSettings) -> Faces:
     """Find the rests on faces, and compare the first with its declaration.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    site : Site
-        Gravity.
-    settings : FaceSettings
-        What was chosen.
+    `log`: readings [SI].
     """
     faces = find_faces(
         log, site.gravity, sections=settings.sections, window=settings.window,
@@ -71,16 +64,8 @@ def noise_of(
 ) -> FaceNoise:
     """Return the noise of the readings: as declared, else as measured in the rests.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    faces : Faces
-        The rests.
-    turns : TurnReadings or None
-        The turns.
-    declared : ImuNoise or None
-        Noise of the instrument [SI].
+    `log`: readings [SI]; `turns` or None: the turns; `declared` or None: noise of the instrument
+    [SI].
     """
     if log.averaged is not None:
         return FaceNoise.of_means(declared, faces.readings)
@@ -105,21 +90,11 @@ def noise_of(
 
 @dataclass(frozen=True)
 class Solution:
-    """The likelihood solved, with everything that the result needs.
+    """The likelihood solved, with everything that the result needs."""
 
-    Attributes
-    ----------
-    evidence : FaceEvidence
-        What the checks look at.
-    problem : Problem
-        The problem that was solved.
-    parts : dict of str to ndarray, shape (3 k, 3 k)
-        Covariance of the readings by source [SI].
-    """
-
-    evidence: FaceEvidence
-    problem: Problem
-    parts: dict[str, FloatArray]
+    evidence: FaceEvidence  # what the checks look at
+    problem: Problem  # the problem that was solved
+    parts: dict[str, FloatArray]  # (3 k, 3 k) covariance of the readings by source [SI]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -140,26 +115,9 @@ def solve(
 ) -> Solution:
     """Solve the likelihood of rests and turns.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    faces : Faces
-        The rests.
-    turns : TurnReadings or None
-        The turns.
-    site : Site
-        Gravity and latitude.
-    names : tuple of str
-        The coefficients.
-    noise : FaceNoise
-        Noise of the readings [SI].
-    declared : bool
-        Whether it was declared.
-    given : tuple of float or None
-        Placement, level and angle as declared [rad].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups [SI].
+    `log`: readings [SI]; `turns` or None: the turns; `noise`: noise of the readings [SI]; `given`
+    or None: placement, level and angle as declared [rad]; `prior`: mean and standard deviation of
+    coefficients or groups [SI].
     """
     scene, start = closed_form(faces.readings, turns, site, names, log)
     belief, found = believe(scene, names, start, noise, given)
@@ -190,18 +148,7 @@ def result_of(
 ) -> Result:
     """Make the result of a solution.
 
-    Parameters
-    ----------
-    procedure : str
-        Its name.
-    log : Log
-        Readings [SI].
-    solution : Solution
-        The solution.
-    instrument : mapping
-        Name, serial and so on.
-    seconds : float
-        How long it took [s].
+    `log`: readings [SI]; `seconds`: how long it took [s].
     """
     e = solution.evidence
     estimate, site, faces = e.estimate, e.scene.site, e.faces
@@ -217,7 +164,7 @@ def result_of(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*log.findings, *faces.findings, *face_checks.findings(e)),
+        findings=(*_noticed(log, e), *faces.findings, *face_checks.findings(e)),
         status=estimate.status,
         instrument=dict(instrument),
         site=site.as_dict(),
@@ -227,6 +174,11 @@ def result_of(
         tables=tables,
     )
     return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
+
+
+def _noticed(log: Log, e: FaceEvidence) -> tuple[Finding, ...]:
+    used = [(r.start, r.time) for r in (e.scene.rests, e.scene.turns) if r is not None]
+    return spared(log.findings, log, used, used)
 
 
 def _diagnostics(log: Log, solution: Solution) -> dict[str, Any]:
@@ -285,12 +237,7 @@ def _bound(solution: Solution) -> dict[str, Any]:
     every = noise_parts(e.scene, e.estimate.state, e.noise)
     alone = np.asarray(sum(part for name, part in every.items() if name.endswith(" noise")))
     at_state: State = e.estimate.state
-    problem = build(e.scene, solution.names, at_state, alone)
-    info = information(problem.linearise(at_state, np.ones(problem.n_blocks)), problem.layout)
-    return {
-        "bound": [float(v) for v in info.sd],
-        "weakest": [c.words for c in info.weakest()],
-    }
+    return information.bound(build(e.scene, solution.names, at_state, alone), at_state)
 
 
 def _budget(solution: Solution) -> dict[str, list[float]]:
@@ -322,7 +269,4 @@ def _validity(log: Log, scene: Scene) -> dict[str, Any]:
         out["rate"] = log.rate
     if log.gyro is not None:
         out["gyro"] = [float(v) for v in np.quantile(log.gyro, (0.001, 0.999))]
-    if log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out
+    return out | temperature_range(log)

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.tables import AXES
-from foucault.units import Angle, Quantity, Seconds
+from foucault.units import AngleSd, Quantity, Seconds
 
 
 class FaceSettings(BaseModel):
@@ -16,7 +16,7 @@ class FaceSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    placement_sd: Angle | None = Field(
+    placement_sd: AngleSd | None = Field(
         default=None,
         ge=0,
         examples=["5 arcmin"],
@@ -65,7 +65,7 @@ class FaceSession(BaseModel):
     kind: Literal["rate", "increment"] = Field(
         default="rate", description="Instantaneous rates, or means over each interval."
     )
-    placement_sd: Angle = Field(
+    placement_sd: AngleSd = Field(
         default=0.0, ge=0, description="How far placements are off, about each of two axes."
     )
 
@@ -73,14 +73,7 @@ class FaceSession(BaseModel):
 def names_of(settings: FaceSettings, turns: bool, gyro: bool = True) -> tuple[str, ...]:
     """Return the coefficients that are estimated.
 
-    Parameters
-    ----------
-    settings : FaceSettings
-        What was chosen.
-    turns : bool
-        Whether there are turns, which show the gyros' scale factors and misalignments.
-    gyro : bool
-        Whether the log has gyros.
+    `turns`: whether there are turns, which show the gyros' scale factors and misalignments.
     """
     wanted = ["accel."] + (["gyro."] if gyro and turns else ["gyro.bias."] if gyro else [])
     names = [n for n in LINEAR_LOWER if n.startswith(tuple(wanted))]

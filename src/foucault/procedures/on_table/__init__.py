@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import foreseen_check
 from foucault.diagnose.coverage import Coverage, coverage, coverage_json
@@ -29,6 +29,7 @@ from foucault.diagnose.time_base import times_the_table, with_clock
 from foucault.errors import Finding, error, finding
 from foucault.estimate.table import likelihood as table_likelihood
 from foucault.estimate.table.fit import Options, TableFit, fit
+from foucault.logs.axes import spared
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge
@@ -45,7 +46,6 @@ from foucault.procedures.on_table.session import TableSettings
 from foucault.result import Result, Verdict, provenance
 from foucault.tables import AXES, Log
 
-FloatArray = npt.NDArray[np.float64]
 Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
 
 
@@ -58,38 +58,20 @@ STRETCHES = True
 
 @dataclass(frozen=True)
 class Task:
-    """What a procedure on a table is, and what it was given.
+    """What a procedure on a table is, and what it was given."""
 
-    Attributes
-    ----------
-    procedure : str
-        Its name, shape ().
-    settings : TableSettings
-        What was chosen.
-    trust : Trust or None
-        What is believed of the table; None for nothing.
-    variant : callable or None
-        Another way to the coefficients than the likelihood, which then only judges them.
-    repeatability : bool
-        Estimate scatter that the noise does not explain.
-    """
-
-    procedure: str
+    procedure: str  # its name, shape ()
     settings: TableSettings
-    trust: Trust | None
+    trust: Trust | None  # what is believed of the table; None for nothing
+    # another way to the coefficients than the likelihood, which then only judges them
     variant: Variant | None = None
-    repeatability: bool = True
+    repeatability: bool = True  # estimate scatter that the noise does not explain
 
 
 def names_of(settings: TableSettings, gyro: bool = True) -> tuple[str, ...]:
     """Return the coefficients that are estimated.
 
-    Parameters
-    ----------
-    settings : TableSettings
-        What was chosen.
-    gyro : bool
-        Whether there are gyros, and spins for them.
+    `gyro`: whether there are gyros, and spins for them.
     """
     names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
     if settings.accel_quadratic:
@@ -141,7 +123,7 @@ def calibrate(
     progress(1.0, "done")
     whole = replace(
         result,
-        findings=_without_gaps((*log.findings, *result.findings)),
+        findings=_without_gaps((*_noticed(log, readings), *result.findings)),
         instrument=dict(instrument or {}),
         validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
         provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
@@ -160,6 +142,11 @@ def _clocked(log: Log | OnDisk) -> tuple[bool, bool]:
     return timed, accel is not None and accel.kind == "increment"
 
 
+def _noticed(log: Log | OnDisk, readings: Readings) -> tuple[Finding, ...]:
+    used = [(readings.start, readings.time)]
+    return spared(log.findings, log, used, used) if isinstance(log, Log) else log.findings
+
+
 def _without_gaps(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Moves that nobody logged are no lost data."""
     if "positions.unlogged" not in [f.code for f in findings]:
@@ -175,16 +162,8 @@ def read_positions(
 ) -> Readings:
     """Find the rests and spins of a log, and check that they can be right.
 
-    Parameters
-    ----------
-    log : Log or OnDisk
-        Samples, or means over positions [SI].
-    task : Task
-        Which procedure, with its settings.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it.
-    progress : callable or None
-        Called with the fraction done, for a log on disk.
+    `log`: samples, or means over positions [SI]; `noise`: noise of the instrument [SI], None
+    measures it; `progress` or None: called with the fraction done, for a log on disk.
     """
     s = task.settings
     described = log if isinstance(log, Log) else log.description
@@ -232,16 +211,8 @@ def from_readings(
 ) -> Result:
     """Calibrate from readings that were made before.
 
-    Parameters
-    ----------
-    readings : Readings
-        One mean per rest and per spin [SI].
-    task : Task
-        Which procedure, with its settings.
-    site : Site
-        Gravity and latitude.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
+    of coefficients or groups of coefficients [SI].
     """
     readings, found = _usable(readings, task, site)
     options = options_of(readings, task, prior)
@@ -261,14 +232,8 @@ def options_of(
 ) -> Options:
     """Return how readings are fitted, by what they hold and what is believed of the table.
 
-    Parameters
-    ----------
-    readings : Readings
-        One mean per rest and per spin [SI].
-    task : Task
-        Which procedure, with its settings.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
+    of coefficients or groups of coefficients [SI].
     """
     names = names_of(task.settings, readings.gyro is not None)
     spins = bool(readings.spin.any())

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.checks import plausible_scales, status_check
 from foucault.diagnose.coverage import coverage, coverage_json
 from foucault.diagnose.positions import match as position_match
@@ -36,8 +37,6 @@ from foucault.plans.table.plan import table_plan
 from foucault.procedures.norm_observation import Settings, task_of
 from foucault.result import Check, Result, Verdict
 
-FloatArray = npt.NDArray[np.float64]
-
 WHY = {
     "singular": "the readings do not determine all coefficients",
     "no ellipsoid": "the readings do not lie on an ellipsoid",
@@ -49,14 +48,8 @@ WHY = {
 def suits(settings: Any, site: Site, prior: Mapping[str, Any] | None) -> bool:
     """Tell whether the batch solves what was asked, so that nothing asked for is left out.
 
-    Parameters
-    ----------
-    settings : Settings
-        Those of the procedure; of another procedure than norm observation it never does.
-    site : Site
-        Gravity and latitude.
-    prior : mapping or None
-        What is known beforehand; the linear equations cannot take it.
+    `settings`: those of the procedure, of another procedure than norm observation it never does;
+    `prior` or None: what is known beforehand, the linear equations cannot take it.
     """
     return (
         isinstance(settings, Settings)
@@ -86,17 +79,8 @@ def enough(plan: TablePlan) -> bool:
 def arranged(readings: Readings, plan: TablePlan) -> Readings:
     """Return readings in the order of the plan, one for each of its positions.
 
-    Parameters
-    ----------
-    readings : Readings
-        What was read [SI].
-    plan : TablePlan
-        What was planned.
-
-    Raises
-    ------
-    FoucaultError
-        ``fleet.positions``: some are missing, repeated or elsewhere.
+    `readings`: what was read [SI]. Raises ``fleet.positions``: some are missing, repeated or
+    elsewhere.
     """
     if readings.accel is None or readings.gyro is None:
         missing = "accelerometers" if readings.accel is None else "gyros"
@@ -123,36 +107,18 @@ def _numbers(numbers: npt.NDArray[np.intp], most: int = 6) -> str:
 
 @dataclass(frozen=True)
 class Batch:
-    """Many instruments solved together.
+    """Many instruments solved together."""
 
-    Attributes
-    ----------
-    readings : sequence of Readings
-        Of each instrument, in the order of the plan [SI].
-    settings : Settings
-        What was chosen.
-    site : Site
-        Gravity and latitude.
-    estimate : FleetEstimate
-        Coefficients with the covariance that the noise as it was found gives.
-    chi_square : ndarray, shape (N, 2)
-        Sums of squared norm residuals over the variances that the noise of the fleet gives [1].
-    common : ndarray, shape (2,)
-        Factor of the variances that the fleet shows [1].
-    own : ndarray, shape (N, 2)
-        Another factor for an instrument whose residuals are larger than those of the fleet [1].
-    solves : int
-        Batches that were needed [1].
-    """
-
-    readings: Sequence[Readings]
+    readings: Sequence[Readings]  # of each instrument, in the order of the plan [SI]
     settings: Settings
     site: Site
-    estimate: FleetEstimate
+    estimate: FleetEstimate  # coefficients with the covariance that the noise as it was found gives
+    # (N, 2) sums of squared norm residuals over the variances that the noise of the fleet gives [1]
     chi_square: FloatArray
-    common: FloatArray
+    common: FloatArray  # (2,) factor of the variances that the fleet shows [1]
+    # (N, 2) another factor for an instrument whose residuals are larger than those of the fleet [1]
     own: FloatArray
-    solves: int
+    solves: int  # batches that were needed [1]
 
     @cached_property
     def high(self) -> tuple[float, ...]:
@@ -260,19 +226,8 @@ class Batch:
 def solve(readings: Sequence[Readings], settings: Settings, site: Site) -> Batch:
     """Solve all instruments.
 
-    Parameters
-    ----------
-    readings : sequence of Readings
-        Of each instrument, all in the order of the plan (`arranged`) [SI].
-    settings : Settings
-        What was chosen.
-    site : Site
-        Gravity and latitude.
-
-    Raises
-    ------
-    FoucaultError
-        ``plan.singular``: no instrument could be solved with this plan.
+    `readings`: of each instrument, all in the order of the plan (`arranged`) [SI]. Raises
+    ``plan.singular``: no instrument could be solved with this plan.
     """
     plan = plan_of(settings)
     refuse_singular(plan.name, up_k(plan.angles[plan.rate == 0.0]), "accel")
@@ -364,12 +319,8 @@ def _own(chi_square: FloatArray, found: FleetEstimate) -> FloatArray:
 def limits(redundancy: FloatArray, instruments: int) -> tuple[float, ...]:
     """Return the largest chi-square of both triads that chance explains in a fleet [1].
 
-    Parameters
-    ----------
-    redundancy : ndarray, shape (2,)
-        Redundancy of both triads [1].
-    instruments : int, shape ()
-        Instruments that are tested [1].
+    `redundancy` (2,): redundancy of both triads [1]; `instruments`: instruments that are tested
+    [1].
     """
     tests = 2 * max(instruments, 1)
     return tuple(

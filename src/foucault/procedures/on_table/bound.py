@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.information import Information, information
 from foucault.estimate.table.fit import Options
@@ -37,8 +38,6 @@ from foucault.procedures.on_table import Task, common_rate_sd, names_of, options
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.result import Linearised
 
-FloatArray = npt.NDArray[np.float64]
-
 TOGETHER = 16
 """Positions that are linearised at once: more make matrices that are mostly empty [1]."""
 
@@ -51,29 +50,15 @@ inner one goes into the mounting), of both tilts of the outer axis [1]."""
 
 @dataclass(frozen=True)
 class Bench:
-    """A session on a table of which only the positions are open.
+    """A session on a table of which only the positions are open."""
 
-    Attributes
-    ----------
-    task : Task
-        Which procedure, with its settings.
-    session : TableSession
-        How long rests and spins last, and the errors of the table.
-    site : Site
-        Gravity and latitude; without a latitude accelerometers alone, as rests alone calibrate.
-    noise : ImuNoise
-        Noise of the instrument [SI].
-    declared : bool
-        Whether the calibration will be told that noise; else it will measure it.
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
-
-    task: Task
-    session: TableSession
+    task: Task  # which procedure, with its settings
+    session: TableSession  # how long rests and spins last, and the errors of the table
+    # gravity and latitude; without a latitude accelerometers alone, as rests alone calibrate
     site: Site
-    noise: ImuNoise
-    declared: bool
+    noise: ImuNoise  # noise of the instrument [SI]
+    declared: bool  # whether the calibration will be told that noise; else it will measure it
+    # mean and standard deviation of coefficients or groups of coefficients [SI]
     prior: Mapping[str, tuple[float, float]]
 
     @property
@@ -104,12 +89,8 @@ class Bench:
     def plan(self, angles: FloatArray, *, more: bool = True) -> TablePlan:
         """Return what the table does in positions.
 
-        Parameters
-        ----------
-        angles : ndarray, shape (n, 3)
-            Outer, middle and inner angle of each [rad].
-        more : bool
-            Whether with the rests and spins of `four_positions`, where those are asked for.
+        `angles` (n, 3): outer, middle and inner angle of each [rad]; `more`: whether with the
+        rests and spins of `four_positions`, where those are asked for.
         """
         s = self.settings
         return table_plan(
@@ -119,15 +100,7 @@ class Bench:
         )  # fmt: skip
 
     def state(self, plan: TablePlan, model: ImuModel) -> State:
-        """Return where everything unknown is: a perfect table, a lever arm of zero.
-
-        Parameters
-        ----------
-        plan : TablePlan
-            Rests and spins.
-        model : ImuModel
-            The instrument.
-        """
+        """Return where everything unknown is: a perfect table, a lever arm of zero."""
         trust, spin = self.task.trust, plan.rate != 0.0
         at = chain(plan.angles)
         o = np.where(spin[:, None], at.outer_k, at.up_k)
@@ -141,15 +114,7 @@ class Bench:
         return State(model.in_gauge(Gauge.LOWER)[0], geometry, np.zeros(3))
 
     def readings(self, plan: TablePlan, state: State) -> Readings:
-        """Return what would be read but for the errors of the instrument, with its covariance.
-
-        Parameters
-        ----------
-        plan : TablePlan
-            Rests and spins.
-        state : State
-            Where everything unknown is.
-        """
+        """Return what would be read but for the errors of the instrument, with its covariance."""
         interval, spin, o = 1.0 / self.session.rate, plan.rate != 0.0, state.geometry.directions()
         along = plan.rate + state.geometry.axis().earth
         w = np.where(spin[:, None], along[:, None] * o, state.geometry.earth()[0])
@@ -197,15 +162,8 @@ class Bench:
     def linearised(self, plan: TablePlan, model: ImuModel, whole: bool = False) -> Linearised:
         """Return white residuals, which are zero, and their derivatives, without the prior.
 
-        Parameters
-        ----------
-        plan : TablePlan
-            Rests and spins.
-        model : ImuModel
-            The instrument.
-        whole : bool
-            Whether the plan is a whole session, whose slow biases tie its readings together; else
-            they are taken as independent, so that its parts add up.
+        `whole`: whether the plan is a whole session, whose slow biases tie its readings together,
+        else they are taken as independent, so that its parts add up.
         """
         state, o = self.state(plan, model), self.options
         read = self.readings(plan, state)
@@ -222,12 +180,7 @@ class Bench:
     def information(self, plan: TablePlan, model: ImuModel | None = None) -> Information:
         """Return what a session tells of the coefficients, the prior left out.
 
-        Parameters
-        ----------
-        plan : TablePlan
-            Rests and spins.
-        model : ImuModel or None
-            The instrument; None takes `usual`.
+        `model`: the instrument, None takes `usual`.
         """
         return information(self.linearised(plan, model or self.usual, True), self.layout)
 
@@ -236,12 +189,7 @@ class Bench:
 
         Prior, gravity and the rate of the table are in it; infinite where nothing is seen.
 
-        Parameters
-        ----------
-        plan : TablePlan
-            Rests and spins.
-        model : ImuModel or None
-            The instrument; None takes `usual`.
+        `model`: the instrument, None takes `usual`.
         """
         model = model or self.usual
         info = self.information(plan, model).with_prior(self.known.prior_sd)
@@ -274,20 +222,14 @@ class Bench:
         angles. Where nothing is believed of the table its directions of up are eliminated. The
         entries are polynomials in sines and cosines of the angles.
 
-        Parameters
-        ----------
-        position : tuple of float, shape (3,)
-            Outer, middle and inner angle [rad].
+        `position` (3,): outer, middle and inner angle [rad].
         """
         return self._joined(self.plan(np.array([position]), more=False))
 
     def parts(self, positions: FloatArray) -> FloatArray:
         """Return what `part` does of many positions, shape (n, u + own, u + own).
 
-        Parameters
-        ----------
-        positions : ndarray, shape (n, 3)
-            Outer, middle and inner angle of each, no two alike [rad].
+        `positions` (n, 3): outer, middle and inner angle of each, no two alike [rad].
         """
         found = []
         for some in np.array_split(positions, -(-len(positions) // TOGETHER)):

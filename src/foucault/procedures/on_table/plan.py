@@ -14,6 +14,7 @@ from math import pi
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight, Limit
 from foucault.errors import error, finding
@@ -36,7 +37,6 @@ from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.simulate.table.log import timetable
 
-FloatArray = npt.NDArray[np.float64]
 Prior = Mapping[str, tuple[float, float]]
 
 TRIED = 60
@@ -64,20 +64,9 @@ def bench(
 ) -> Bench:  # fmt: skip
     """Return the session of a campaign without its positions.
 
-    Parameters
-    ----------
-    task : Task
-        Which procedure, with its settings.
-    session : TableSession
-        How long rests and spins last.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    typical : ImuNoise or None
-        Noise to reckon with where none is declared [SI].
+    `noise` or None: noise as declared [SI]; `prior`: mean and standard deviation of coefficients
+    or groups of coefficients [SI]; `typical` or None: noise to reckon with where none is declared
+    [SI].
     """
     if not task.settings.earth_rate:
         site = replace(site, latitude=None)
@@ -103,22 +92,10 @@ def space(
 ) -> PositionSpace:  # fmt: skip
     """Return the sets of positions that the table allows.
 
-    Parameters
-    ----------
-    task : Task
-        Which procedure, with its settings: the plan to beat, and the limits of the table.
-    wanted : Wanted
-        What a better set is wanted for.
-    session : TableSession
-        How long rests and spins last.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    typical : ImuNoise or None
-        Noise to reckon with where none is declared [SI].
+    `task`: which procedure, with its settings: the plan to beat, and the limits of the table;
+    `noise` or None: noise as declared [SI]; `prior`: mean and standard deviation of coefficients
+    or groups of coefficients [SI]; `typical` or None: noise to reckon with where none is declared
+    [SI].
     """
     b = bench(task, session, site, noise, prior, typical)
     name, said = positions(task.settings.chosen)
@@ -223,20 +200,10 @@ def foresee(
 ) -> Foresight:  # fmt: skip
     """Return what a session on a table will show.
 
-    Parameters
-    ----------
-    task : Task
-        Which procedure, with its settings: positions and spins, and the limits of the table.
-    session : TableSession
-        How long rests and spins last, and the errors of the table.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    typical : ImuNoise or None
-        Noise to reckon with where none is declared [SI].
+    `task`: which procedure, with its settings: positions and spins, and the limits of the table;
+    `session`: how long rests and spins last, and the errors of the table; `noise` or None: noise
+    as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
+    coefficients [SI]; `typical` or None: noise to reckon with where none is declared [SI].
     """
     b = bench(task, session, site, noise, prior, typical)
     name, angles = positions(task.settings.chosen)
@@ -277,12 +244,7 @@ def _stated(b: Bench, angles: FloatArray) -> CoefficientVector:
 def limits(b: Bench, angles: FloatArray) -> tuple[Limit, ...]:
     """Return what the positions of a session need of the table, and what it allows.
 
-    Parameters
-    ----------
-    b : Bench
-        The session.
-    angles : ndarray, shape (n, 3)
-        Outer, middle and inner angle of each position [rad].
+    `angles` (n, 3): outer, middle and inner angle of each position [rad].
     """
     s, reach = b.settings, reach_of(b.settings)
     out = [

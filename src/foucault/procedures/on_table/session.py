@@ -20,7 +20,7 @@ from foucault.plans.table.plan import table_plan
 from foucault.simulate.table.log import Simulation, simulate_means
 from foucault.simulate.table.log import simulate as simulate_log
 from foucault.simulate.table.readings import Rig
-from foucault.units import Angle, Quantity, Ratio, Seconds
+from foucault.units import Angle, AngleSd, Quantity, RatioSd, Seconds
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per position:  averaged = { column = "averaged", unit = "s" }
@@ -62,13 +62,13 @@ class TableSettings(BaseModel):
         description="With the rests that the published unification of the frames needs.",
     )
     shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
-    rate_sd: Ratio = Field(
+    rate_sd: RatioSd = Field(
         default=0.0, ge=0, description="Relative sd of the rate from one spin to the next."
     )
-    table_rate_sd: Ratio = Field(
+    table_rate_sd: RatioSd = Field(
         default=0.0, ge=0, description="Relative sd of an error that all spin rates share."
     )
-    plumb_sd: Angle = Field(
+    plumb_sd: AngleSd = Field(
         default=float(np.radians(1 / 60)),
         ge=0,
         description="Sd of the tilt of the outer axis, about each of two axes.",
@@ -173,31 +173,31 @@ class TableSession(BaseModel):
     rows: Literal["samples", "means"] = Field(
         default="samples", description="A row per sample, or one mean per position."
     )
-    plumb_sd: Angle = Field(
+    plumb_sd: AngleSd = Field(
         default=float(np.radians(30 / 3600)), ge=0, description="Sd of the tilt of the outer axis."
     )
-    orthogonality_sd: Angle = Field(
+    orthogonality_sd: AngleSd = Field(
         default=float(np.radians(10 / 3600)),
         ge=0,
         description="Sd of the angles between the table's axes.",
     )
-    zero_sd: Angle = Field(
+    zero_sd: AngleSd = Field(
         default=float(np.radians(10 / 3600)),
         ge=0,
         description="Sd of the zero errors of the middle and inner angle.",
     )
-    position_sd: Angle = Field(
+    position_sd: AngleSd = Field(
         default=float(np.radians(1 / 60)),
         ge=0,
         description="Sd of the middle and inner angle from one position to the next.",
     )
-    rate_error_sd: Ratio = Field(
+    rate_error_sd: RatioSd = Field(
         default=0.0, ge=0, description="Relative sd of an error that all spin rates share."
     )
-    rate_jitter: Ratio = Field(
+    rate_jitter: RatioSd = Field(
         default=0.0, ge=0, description="Relative sd of the rate from one spin to the next."
     )
-    mounting_sd: Angle = Field(
+    mounting_sd: AngleSd = Field(
         default=float(np.radians(10 / 60)),
         ge=0,
         description="Sd of the rotation of the instrument on the table, about each axis.",
@@ -205,6 +205,7 @@ class TableSession(BaseModel):
     lever_arm_sd: Annotated[float, Quantity("length")] = Field(
         default=0.02,
         ge=0,
+        le=100,
         description="Sd of each coordinate of the accelerometers from the centre of the table.",
     )
     heading: Angle = Field(
@@ -222,22 +223,9 @@ def plan_of(
 ) -> TablePlan:
     """Plan what the table does in the session to simulate.
 
-    Parameters
-    ----------
-    settings : TableSettings
-        Positions and spins.
-    session : TableSession
-        How long they last.
-    spins : bool
-        Whether there are spins at all.
-    judged : str or None
-        What the positions must determine, a key of `plans.table.efficiency.MODELS`; with
-        `accel_quadratic` "accel" becomes "accel quadratic". None does not judge them.
-
-    Raises
-    ------
-    FoucaultError
-        ``plan.singular`` and ``plan.too_few``.
+    `judged`: what the positions must determine, a key of `plans.table.efficiency.MODELS`, with
+    `accel_quadratic` "accel" becomes "accel quadratic". None does not judge them. Raises
+    ``plan.singular`` and ``plan.too_few``.
     """
     plan = table_plan(
         settings.chosen,
@@ -257,12 +245,7 @@ def plan_of(
 def draw_rig(session: TableSession, seed: int) -> Rig:
     """Draw the errors of a table, and how the instrument sits on it.
 
-    Parameters
-    ----------
-    session : TableSession
-        Their standard deviations.
-    seed : int, shape ()
-        Seed [1].
+    `seed`: seed [1].
     """
     rng = np.random.default_rng(seed)
     common_sd = np.repeat([session.plumb_sd, session.orthogonality_sd, session.zero_sd], 2)
@@ -290,24 +273,9 @@ def simulate(
 ) -> Simulation:
     """Simulate a session on a table.
 
-    Parameters
-    ----------
-    session : TableSession
-        Its length and rate, and the errors of the table.
-    settings : TableSettings or None
-        Positions and spins; None takes the defaults.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of table and noise [1].
-    spins : bool
-        Whether there are spins at all.
-    judged : str or None
-        What the positions must determine; see `plan_of`.
+    `session`: its length and rate, and the errors of the table; `settings`: positions and spins,
+    None takes the defaults; `noise`: its noise [SI]; `seed`: seed of table and noise [1];
+    `judged` or None: what the positions must determine, see `plan_of`.
     """
     settings = settings or TableSettings()
     rig_seed, noise_seed = (int(s) for s in np.random.SeedSequence(seed).generate_state(2))

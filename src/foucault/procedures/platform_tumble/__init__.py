@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.time_base import with_clock
@@ -60,7 +61,7 @@ from foucault.procedures.platform_tumble.solution import (
     solved,
 )
 from foucault.result import Result, Verdict, provenance
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log, range_below_g
 
 LAYOUT = cluster.LAYOUT
 FRAME = "cluster axes p; attitude: outer, middle, inner angle from North-Up-East"
@@ -71,13 +72,7 @@ MOMENTS = 120
 
 
 def names_of(_settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    Parameters
-    ----------
-    _settings : Settings
-        Whatever was chosen, they are the same.
-    """
+    """Return the coefficients that are estimated."""
     return LAYOUT.names
 
 
@@ -135,18 +130,9 @@ def trial(
 ) -> Result:
     """Calibrate without what only a report shows: one trial of many.
 
-    Parameters
-    ----------
-    log : Log
-        The command in the gyro columns, and the accelerometers [SI].
-    site : Site
-        Gravity and latitude.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise or None
-        Noise of the accelerometers, and of the drift of the gyros [SI].
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `log`: the command in the gyro columns, and the accelerometers [SI]; `noise` or None: noise of
+    the accelerometers, and of the drift of the gyros [SI]; `prior` or None: mean and standard
+    deviation of coefficients or groups of coefficients [SI].
     """
     return _calibrate(log, site, settings, noise, prior or {}, {}, silent, shown=False)
 
@@ -174,7 +160,7 @@ def _calibrate(
         result,
         findings=(*log.findings, *told, *said, *more, *result.findings),
         instrument=instrument,
-        validity=_validity(log, site),
+        validity=range_below_g(log, site.gravity),
         provenance=provenance(log.source, clock.monotonic() - started),
     )
     return with_clock(whole, log.clock, turned=True, summed=log.sampled == "increment")
@@ -244,15 +230,3 @@ def _result(s: Solution, shown: bool) -> Result:
 def _one_error(cov: FloatArray, k: int) -> FloatArray:
     """Return the error that a covariance of rank one is of; that of number `k` is negative."""
     return np.asarray(-cov[:, k] / np.sqrt(cov[k, k]))
-
-
-def _validity(log: Log, site: Site) -> dict[str, Any]:
-    """Return the ranges that the session covered: outside them the result is extrapolated."""
-    assert log.gyro is not None
-    g = site.gravity
-    out: dict[str, Any] = {"accel": [-g, g], "sampled": log.sampled, "rate": log.rate}
-    out["gyro"] = [float(log.gyro.min()), float(log.gyro.max())]
-    if log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out

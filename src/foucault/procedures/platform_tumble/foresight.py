@@ -14,8 +14,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.tumble import checks as tumble_checks
@@ -43,41 +43,21 @@ from foucault.procedures.platform_tumble.solution import Solution, coefficients,
 from foucault.simulate.tumble import TumbleSimulation
 from foucault.tables import AXES
 
-FloatArray = npt.NDArray[np.float64]
-
 FORETOLD = ("tumble.singular", "tumble.condition", "tumble.azimuth")
 """What is said of a solution that can be said beforehand."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """The planned motion, linearised.
+    """The planned motion, linearised."""
 
-    Attributes
-    ----------
-    simulation : TumbleSimulation
-        The motion, without noise.
-    noise : ImuNoise
-        What is weighed [SI].
-    tumble : Tumble
-        The log of it.
-    prior : Prior
-        What is known beforehand.
-    fit : Fit
-        The bound about what was simulated.
-    at : str
-        Where that is, in words.
-    told : tuple of Finding
-        What was noticed on the way.
-    """
-
-    simulation: TumbleSimulation
-    noise: ImuNoise
-    tumble: Tumble
-    prior: Prior
-    fit: Fit
-    at: str
-    told: tuple[Finding, ...]
+    simulation: TumbleSimulation  # the motion, without noise
+    noise: ImuNoise  # what is weighed [SI]
+    tumble: Tumble  # the log of it
+    prior: Prior  # what is known beforehand
+    fit: Fit  # the bound about what was simulated
+    at: str  # where that is, in words
+    told: tuple[Finding, ...]  # what was noticed on the way
 
 
 def planned(
@@ -86,20 +66,10 @@ def planned(
 ) -> Planned:  # fmt: skip
     """Simulate the planned motion without noise, and linearise it.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen: the plan, the published one if none.
-    session : Session
-        How it will be sampled, and how far from `start` it will begin.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    errors : ClusterModel or None
-        Errors of the cluster; None takes the means in `prior` and usual errors elsewhere.
+    `settings`: what was chosen: the plan, the published one if none; `session`: how it will be
+    sampled, and how far from `start` it will begin; `noise` or None: noise as declared [SI];
+    `prior`: mean and standard deviation of coefficients or groups of coefficients [SI]; `errors`:
+    errors of the cluster, None takes the means in `prior` and usual errors elsewhere.
     """
     told = []
     if settings.filter != "gauss-newton":
@@ -149,16 +119,7 @@ def seen(
 ) -> Foresight:
     """Return what the planned motion will show.
 
-    Parameters
-    ----------
-    p : Planned
-        The motion.
-    found : CoefficientVector
-        All 45 with their covariance, as a result has them.
-    settings : Settings
-        What was chosen.
-    extras : tuple of Extra
-        What a little more would buy.
+    `found`: all 45 with their covariance, as a result has them.
     """
     slow = is_slow(p.noise.accel) or is_slow(p.noise.gyro)
     e = Evidence(p.tumble, p.prior, p.fit, found, settings.angles, slow)
@@ -204,20 +165,8 @@ def more(
 ) -> tuple[Extra, ...]:  # fmt: skip
     """Return what five more minutes would buy: about the best axis, and at rest.
 
-    Parameters
-    ----------
-    p : Planned
-        The motion as planned.
-    settings : Settings
-        What was chosen.
-    session : Session
-        How it will be sampled.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `noise` or None: noise as declared [SI]; `prior`: mean and standard deviation of coefficients
+    or groups of coefficients [SI].
     """
     plan, before = p.simulation.plan, stated(p, settings, site)
     fastest = float(np.abs(plan.rates).max())
@@ -240,17 +189,7 @@ def _possible(plan: TorquingPlan, settings: Settings) -> bool:
 
 
 def stated(p: Planned, settings: Settings, site: Site) -> FloatArray:
-    """Return the sd of the 42 constants that a calibration would state, shape (42,) [SI].
-
-    Parameters
-    ----------
-    p : Planned
-        The motion.
-    settings : Settings
-        What was chosen: `latitude_sd`.
-    site : Site
-        Gravity and latitude.
-    """
+    """Return the sd of the 42 constants that a calibration would state, shape (42,) [SI]."""
     owed = owed_by(p.tumble, p.prior, p.fit, settings, site, p.noise)
     s = Solution(p.tumble, p.prior, p.fit, p.fit.cov, owed, settings, site, p.noise)
     return np.asarray(coefficients(s).sd[: len(CONSTANTS)])
@@ -259,12 +198,7 @@ def stated(p: Planned, settings: Settings, site: Site) -> FloatArray:
 def with_plan(settings: Settings, plan: TorquingPlan) -> Settings:
     """Return settings that do a plan, whatever limits they have.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    plan : TorquingPlan
-        What is to be done instead of their plan.
+    `plan`: what is to be done instead of their plan.
     """
     steps = tuple(
         PlanStep.model_validate(

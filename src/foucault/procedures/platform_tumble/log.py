@@ -12,13 +12,12 @@ import numpy.typing as npt
 from pydantic import Field
 
 from foucault import logs
+from foucault.arrays import FloatArray
 from foucault.errors import Finding
 from foucault.logs.description import LogDescription
 from foucault.logs.reading import limits_si
 from foucault.procedures.platform_tumble.settings import WHITE
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
 
 LOG_TABLE = """\
 [log]
@@ -91,14 +90,7 @@ def read_log(
 ) -> Log:
     """Read the log of a tumble; a command that stands still is no finding.
 
-    Parameters
-    ----------
-    description : LogDescription
-        Files, columns and units.
-    folder : str or Path
-        Folder that relative file names start from.
-    progress : callable or None
-        Called with the fraction done, from 0 to 1.
+    `progress` or None: called with the fraction done, from 0 to 1.
     """
     log = logs.read(description, folder, progress)
     return replace(log, accel=_within(log.accel, description), findings=of_a_command(log.findings))
@@ -123,11 +115,6 @@ def of_a_command(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return `findings` without those about gyros that say the same value for long: a command may.
 
     A gap is left to the procedure, which knows what was commanded.
-
-    Parameters
-    ----------
-    findings : iterable of Finding
-        Of a log.
     """
     return tuple(
         f for f in findings

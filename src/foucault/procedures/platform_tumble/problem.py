@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.tumble import input as tumble_input
 from foucault.errors import Finding, error, finding
@@ -18,8 +19,6 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.procedures.platform_tumble.settings import NOISE, PRIOR, Settings
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
 
 WANDER = 0.01
 """Share of the variance of an average that wandering within it may add [1]."""
@@ -32,12 +31,7 @@ COARSE = np.radians(5.0)
 def noise_of(log: Log, noise: ImuNoise | None) -> tuple[ImuNoise, list[Finding]]:
     """Return the noise, and where it comes from where it was not declared.
 
-    Parameters
-    ----------
-    log : Log
-        Command and readings [SI].
-    noise : ImuNoise or None
-        Noise as declared [SI].
+    `log`: command and readings [SI]; `noise` or None: noise as declared [SI].
     """
     told = []
     accel, gyro = (TriadNoise(), TriadNoise()) if noise is None else (noise.accel, noise.gyro)
@@ -66,16 +60,7 @@ def tumble_of(
 ) -> tuple[Tumble, list[Finding]]:
     """Turn rows into intervals, and choose how many are averaged.
 
-    Parameters
-    ----------
-    log : Log
-        Command and readings [SI].
-    site : Site
-        Gravity and latitude.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise
-        Noise [SI].
+    `log`: command and readings [SI]; `noise`: noise [SI].
     """
     assert log.gyro is not None and log.accel is not None and site.latitude is not None
     command = log.gyro[:-1] if settings.held(log.sampled) == "from its time" else log.gyro[1:]
@@ -87,13 +72,18 @@ def tumble_of(
     if int(used.sum()) <= len(LAYOUT):
         raise error("tumble.too_short", given=int(used.sum()), wanted=len(LAYOUT))
     interval = log.interval
-    variance = (noise.accel.white**2 / interval + noise.accel.quantisation**2 / 12) / (
-        site.gravity**2
-    )
-    psd = noise.gyro.white**2
-    if log.sampled == "increment":  # attitude wanders within the mean
+    summed, psd = log.sampled == "increment", noise.gyro.white**2
+    variance = noise.accel.white**2 / interval / site.gravity**2
+    rounded = noise.accel.quantisation**2 / 12 / site.gravity**2
+    if summed:  # attitude wanders within the mean
         variance += psd * interval / 12
+    else:
+        variance += rounded
     block, told = _block(settings.average, interval, command, psd, variance)
+    shared = 0.0
+    if summed and rounded:  # it is carried on: it counts at both ends of an average
+        variance += 2 * rounded / block
+        shared = -rounded / block / variance
     tumble = Tumble(
         dt=np.diff(log.time),
         command=np.ascontiguousarray(command),
@@ -104,8 +94,9 @@ def tumble_of(
         gyro_psd=psd,
         accel_variance=variance,
         arms=settings.lever_arms,
-        mean=log.sampled == "increment",
+        mean=summed,
         block=block,
+        shared=shared,
     )
     if out.any():
         told.append(finding(
@@ -140,14 +131,7 @@ def _block(
 def prior_of(settings: Settings, site: Site, given: Mapping[str, tuple[float, float]]) -> Prior:
     """Return what is known beforehand, in the units of the kernels.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen: the start.
-    site : Site
-        Gravity.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     known = CoefficientVector.prior(CONSTANTS, {**PRIOR, **given})
     factor = cluster.normalised(site.gravity)
@@ -165,14 +149,8 @@ def prior_of(settings: Settings, site: Site, given: Mapping[str, tuple[float, fl
 def shifted(tumble: Tumble, prior: Prior, rows: int) -> tuple[Tumble, Prior]:
     """Return log and prior as if each reading had come `rows` intervals later.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand, of the delay too.
-    rows : int, shape ()
-        Whole intervals of the delay, which readings are put back by [1].
+    `prior`: what is known beforehand, of the delay too; `rows`: whole intervals of the delay,
+    which readings are put back by [1].
     """
     order = np.arange(len(tumble.dt)) + rows
     there = (order >= 0) & (order < len(order))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.cluster import CONSTANTS
 from foucault.models.earth import Site, earth_rate_n
@@ -27,8 +27,6 @@ from foucault.procedures.platform_tumble.settings import (
 )
 from foucault.procedures.validators import located
 from foucault.units import Quantity, parse
-
-FloatArray = npt.NDArray[np.float64]
 
 DEGREE = float(np.radians(1.0))
 
@@ -94,27 +92,13 @@ class Wanted(BaseModel):
 
 @dataclass(frozen=True)
 class Stated:
-    """What a calibration would state at the site, at a latitude or for a drawn cluster.
-
-    Attributes
-    ----------
-    settings : Settings
-        What was chosen.
-    session : Session
-        How it is sampled.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        As declared [SI].
-    prior : mapping of str to (float, float)
-        What is known beforehand [SI].
-    """
+    """What a calibration would state at the site, at a latitude or for a drawn cluster."""
 
     settings: Settings
-    session: Session
+    session: Session  # how it is sampled
     site: Site
-    noise: ImuNoise | None
-    prior: Mapping[str, tuple[float, float]]
+    noise: ImuNoise | None  # as declared [SI]
+    prior: Mapping[str, tuple[float, float]]  # what is known beforehand [SI]
 
     def __call__(self, plan: TorquingPlan, case: str) -> FloatArray:
         """Return the sd of the 42 constants: bound, slow noise, latitude and gravity [SI]."""
@@ -140,20 +124,9 @@ def space(
 ) -> TorquingSpace:  # fmt: skip
     """Return the motions that are allowed; the plan to beat is the campaign's, or the published.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen of the procedure, limits of the rig among it.
-    wanted : Wanted
-        What is asked of the plan.
-    session : Session
-        How it will be sampled.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `settings`: what was chosen of the procedure, limits of the rig among it; `noise` or None:
+    noise as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
+    coefficients [SI].
     """
     weights = weights_of(CONSTANTS, wanted.weights)
     reference = settings.planned

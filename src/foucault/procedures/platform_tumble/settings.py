@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
@@ -28,13 +28,18 @@ from foucault.simulate.tumble import (
     TumbleSimulation,
     simulate_tumble,
 )
-from foucault.units import Angle, Rate, Seconds
+from foucault.units import Angle, AngleSd, Rate, Seconds
 
-FloatArray = npt.NDArray[np.float64]
 Three = tuple[str, str, str]
 
 DEGREE = float(np.radians(1.0))
 """One degree [rad]."""
+
+MINUTE = 60.0
+"""No reading comes so late, and no cluster takes so long to follow a command [s]."""
+
+HOUR = 3600.0
+"""No rig is read, or told what to do, so seldom [s]."""
 
 SIMULATE = {"grade": "navigation"}
 """Default of [simulate]; the errors of clusters are those of `TYPICAL`."""
@@ -81,13 +86,12 @@ class Settings(BaseModel):
         description="Outer, middle and inner angle at the first row: all zero where x, y and z of "
         "the cluster point north, up and east.",
     )
-    start_sd: Angle = Field(
+    start_sd: AngleSd = Field(
         default=5 * DEGREE,
         gt=0,
-        le=np.pi,
         description="Sd of that attitude about East and about North.",
     )
-    azimuth_sd: Angle = Field(default=5 * DEGREE, gt=0, le=np.pi, description="Sd of it about Up.")
+    azimuth_sd: AngleSd = Field(default=5 * DEGREE, gt=0, description="Sd of it about Up.")
     arms: tuple[Three, Three, Three] = Field(
         default=(("0 m", "0 m", "0 m"),) * 3,
         description="Position of the x, y and z accelerometer, along x, y and z of the cluster.",
@@ -106,10 +110,11 @@ class Settings(BaseModel):
     delay_sd: Seconds = Field(
         default=0.0,
         ge=0,
+        le=MINUTE,
         description="Sd of the time by which readings are older than the row says; above 0 it is "
         "estimated.",
     )
-    latitude_sd: Angle = Field(
+    latitude_sd: AngleSd = Field(
         default=1e-3 * DEGREE,
         ge=0,
         le=DEGREE,
@@ -198,10 +203,7 @@ class Settings(BaseModel):
     ) -> Literal["from its time", "until its time"]:
         """Return how the command of a row holds.
 
-        Parameters
-        ----------
-        sampled : {"rate", "increment"}
-            Readings at the time of a row, or means over the interval before it.
+        `sampled`: readings at the time of a row, or means over the interval before it.
         """
         if self.command_holds != "auto":
             return self.command_holds
@@ -251,9 +253,9 @@ class Session(BaseModel):
         description="exponential: one rotation per sample, at any attitude; published: the three "
         "angles in steps of 2 ms, which must keep away from middle = 90 deg.",
     )
-    interval: Seconds = Field(default=0.2, gt=0, description="Time between samples.")
+    interval: Seconds = Field(default=0.2, gt=0, le=HOUR, description="Time between samples.")
     command_interval: Seconds = Field(
-        default=1.0, gt=0, description="Time between commands, a multiple of `interval`."
+        default=1.0, gt=0, le=HOUR, description="Time between commands, a multiple of `interval`."
     )
     kind: Literal["rate", "increment"] = Field(
         default="rate",
@@ -263,14 +265,17 @@ class Session(BaseModel):
         default=("2 deg", "3 deg", "5 deg"),
         description="By how much outer, middle and inner angle differ from `start`, on average.",
     )
-    attitude_sd: Angle = Field(default=0.1 * DEGREE, ge=0, description="Sd of that.")
+    attitude_sd: AngleSd = Field(default=0.1 * DEGREE, ge=0, description="Sd of that.")
     delay: Seconds = Field(
         default=0.0,
+        ge=-MINUTE,
+        le=MINUTE,
         description="By how much readings are older than the row says; 0 s: drawn with `delay_sd`.",
     )
     edge: Seconds = Field(
         default=0.0,
         ge=0,
+        le=MINUTE,
         description="Time in which the cluster follows a step of the command: readings taken then "
         "feel the angular acceleration.",
     )
@@ -293,20 +298,9 @@ def simulate(
 ) -> TumbleSimulation:
     """Simulate a tumble: the plan of the settings, or the published one.
 
-    Parameters
-    ----------
-    session : Session
-        How it is sampled, and how far the attitude is from what is believed.
-    settings : Settings or None
-        Of the calibration to follow: plan, start, lever arms, and the sd of the delay.
-    model : ClusterModel
-        Errors of the cluster.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of attitude, delay and noise [1].
+    `session`: how it is sampled, and how far the attitude is from what is believed; `settings` or
+    None: of the calibration to follow: plan, start, lever arms, and the sd of the delay; `noise`:
+    its noise [SI]; `seed`: seed of attitude, delay and noise [1].
     """
     settings = settings or Settings()
     plan = settings.planned
@@ -330,12 +324,7 @@ def simulate(
 def draw_errors(grade: str, seed: int) -> ClusterModel:
     """Draw the errors of one cluster: about zero, of their usual size, as the prior believes.
 
-    Parameters
-    ----------
-    grade : str
-        "navigation": one class of clusters is known.
-    seed : int, shape ()
-        Seed [1].
+    `seed`: seed [1].
     """
     if grade != SIMULATE["grade"]:
         raise error("torquing.grade", given=grade, allowed=SIMULATE["grade"])
@@ -347,13 +336,8 @@ def draw_errors(grade: str, seed: int) -> ClusterModel:
 def draw_printed(seed: int) -> ClusterModel:
     """Draw the errors of one cluster as the source does: about their usual size, never about zero.
 
-    Parameters
-    ----------
-    seed : int, shape ()
-        Seed [1].
+    `seed`: seed [1].
 
-    Notes
-    -----
     The usual size has the sign of the source's symbols, all of them positive: a misalignment that
     enters with a minus in `models.cluster.SOURCE_SYMBOLS`, such as gyro.misalignment.xz, is drawn
     about -120 arcsec. A prior about zero pulls such clusters all one way.

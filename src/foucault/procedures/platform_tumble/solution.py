@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.earth_seen import EarthSeen
@@ -23,8 +23,6 @@ from foucault.models.rotation import exp, turned
 from foucault.procedures.platform_tumble.problem import is_slow, shifted
 from foucault.procedures.platform_tumble.settings import Settings
 
-FloatArray = npt.NDArray[np.float64]
-
 SHIFTS = 4
 """So often a delay is put back by whole intervals [1]."""
 
@@ -37,41 +35,18 @@ BETTER = 3.0
 
 @dataclass(frozen=True)
 class Solution:
-    """A tumble solved, with what led to it.
+    """A tumble solved, with what led to it."""
 
-    Attributes
-    ----------
-    tumble : Tumble
-        The log as it was solved.
-    prior : Prior
-        What was known beforehand, as it was solved.
-    fit : Fit
-        What was found.
-    least : ndarray, shape (46, 46)
-        The bound of its covariance, in the order of `Fit.cov`.
-    owed : dict of str to ndarray, shape (46, 46)
-        Covariance by what the filter does not weigh, source by source.
-    settings : Settings
-        What was chosen.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise
-        Noise that was weighed [SI].
-    advice : str
-        How a published filter ended, in words.
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    tumble: Tumble
-    prior: Prior
+    tumble: Tumble  # the log as it was solved
+    prior: Prior  # what was known beforehand, as it was solved
     fit: Fit
-    least: FloatArray
+    least: FloatArray  # (46, 46) the bound of its covariance, in the order of `Fit.cov`
+    # (46, 46) covariance by what the filter does not weigh, source by source
     owed: dict[str, FloatArray]
     settings: Settings
     site: Site
-    noise: ImuNoise
-    advice: str = ""
+    noise: ImuNoise  # noise that was weighed [SI]
+    advice: str = ""  # how a published filter ended, in words
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -93,22 +68,9 @@ def solved(
 ) -> Solution:  # fmt: skip
     """Solve a tumble by the filter that was chosen.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What is known beforehand.
-    settings : Settings
-        What was chosen.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise
-        Noise [SI].
-    measured : bool
-        The noise of the accelerometers was measured: what the fit leaves says it better.
-    moments : int, shape ()
-        In how many moments the estimate is kept for its course in time [1].
+    `noise`: noise [SI]; `measured`: the noise of the accelerometers was measured: what the fit
+    leaves says it better; `moments`: in how many moments the estimate is kept for its course in
+    time [1].
     """
     told, advice = [], ""
     if settings.filter == "gauss-newton":
@@ -218,20 +180,7 @@ def owed_by(
 ) -> dict[str, FloatArray]:
     """Return the covariance by what the filter does not weigh: slow noise, latitude, gravity.
 
-    Parameters
-    ----------
-    tumble : Tumble
-        The log.
-    prior : Prior
-        What was known beforehand.
-    fit : Fit
-        The solution.
-    settings : Settings
-        What was chosen: `latitude_sd`.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise
-        Noise [SI].
+    `noise`: noise [SI].
     """
     if fit.status is not Status.CONVERGED:
         return {}  # there is no solution to be moved
@@ -245,13 +194,7 @@ def owed_by(
 
 
 def coefficients(s: Solution) -> CoefficientVector:
-    """Name what was found.
-
-    Parameters
-    ----------
-    s : Solution
-        A tumble solved.
-    """
+    """Name what was found."""
     factor = 1 / cluster.normalised(s.site.gravity)
     angles = angles_of(s.fit.C_np.T)
     values = np.concatenate([s.fit.start.constants * factor, angles])
@@ -261,13 +204,7 @@ def coefficients(s: Solution) -> CoefficientVector:
 
 
 def parts(s: Solution) -> dict[str, FloatArray]:
-    """Split the covariance of the coefficients by source, each shape (45, 45).
-
-    Parameters
-    ----------
-    s : Solution
-        A tumble solved.
-    """
+    """Split the covariance of the coefficients by source, each shape (45, 45)."""
     out = {"noise and prior": public(s, s.fit.cov)}
     return out | {name: public(s, cov) for name, cov in s.owed.items()}
 
@@ -275,12 +212,7 @@ def parts(s: Solution) -> dict[str, FloatArray]:
 def public(s: Solution, cov: FloatArray) -> FloatArray:
     """Return the covariance of the 45 coefficients, shape (45, 45) [SI].
 
-    Parameters
-    ----------
-    s : Solution
-        A tumble solved.
-    cov : ndarray, shape (46, 46)
-        In the order and units of `Fit.cov`.
+    `cov` (46, 46): in the order and units of `Fit.cov`.
     """
     to_public = np.zeros((len(LAYOUT), estimation.STATES))
     to_public[:42, 3:45] = np.diag(1 / cluster.normalised(s.site.gravity))

@@ -36,6 +36,7 @@ from foucault.errors import Finding, error
 from foucault.estimate import gauss_newton
 from foucault.estimate.rate_table.likelihood import Trust, build, fit
 from foucault.estimate.rate_table.scatter import fit_scatter, scaled_noise
+from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
 from foucault.models.noise import ImuNoise
@@ -47,7 +48,7 @@ from foucault.procedures.rate_table.session import Session as Session
 from foucault.procedures.rate_table.session import Settings, in_si
 from foucault.procedures.rate_table.session import simulate as simulate
 from foucault.result import Result, Verdict, provenance
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, Log, temperature_range
 
 STRETCHES = True
 """Nothing is needed of what is between two steps: files may be recorded one by one."""
@@ -58,15 +59,7 @@ GAUGE = "each axis is the spin axis of its placements"
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    gyro : bool
-        A rate table is for gyros only.
-    """
+    """Return the coefficients that are estimated."""
     families = ["gyro.bias", "gyro.scale", "gyro.misalignment"]
     families += ["gyro.g_sensitivity"] if settings.g_sensitivity else []
     families += ["gyro.asymmetry"] if settings.asymmetry else []
@@ -136,12 +129,11 @@ def calibrate(
     validity = dict(result.validity)
     if log.averaged is None:
         validity |= {"rate": log.rate, "sampled": log.sampled}
-    if log.temperature is not None:
-        validity["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        validity["temperature_mean"] = float(log.temperature.mean())
+    validity |= temperature_range(log)
+    used = [(readings.start, readings.time)]
     whole = replace(
         result,
-        findings=(*log.findings, *result.findings),
+        findings=(*spared(log.findings, log, used, ()), *result.findings),
         instrument=dict(instrument or {}),
         validity=validity,
         provenance=provenance(log.source, clock.monotonic() - started),
@@ -160,18 +152,9 @@ def from_readings(
 ) -> Result:
     """Calibrate from readings that were made before.
 
-    Parameters
-    ----------
-    readings : Readings
-        One mean per constant rate [SI].
-    settings : Settings
-        What was chosen.
-    told : bool
-        Whether their rates are those of the table; else `rates` of the settings are matched.
-    site : Site
-        Gravity and latitude.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `readings`: one mean per constant rate [SI]; `told`: whether their rates are those of the
+    table, else `rates` of the settings are matched; `prior` or None: mean and standard deviation
+    of coefficients or groups of coefficients [SI].
     """
     if not settings.earth_rate:
         site = replace(site, latitude=None)
@@ -271,13 +254,7 @@ def _white(steps: Steps) -> list[float]:
 
 
 def unseen(settings: Settings) -> list[str]:
-    """Say what a rate table cannot show in principle, for result.json.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    """
+    """Say what a rate table cannot show in principle, for result.json."""
 
     def known(sd: float, size: float, unit: str) -> str:
         if not sd:

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -21,7 +21,7 @@ from foucault.simulate.rate_table import (
     simulate_rate_table,
 )
 from foucault.tables import AXES
-from foucault.units import Angle, Quantity, Ratio, Seconds
+from foucault.units import AngleSd, Quantity, RatioSd, Seconds
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per step:  averaged = { column = "averaged", unit = "s" }
@@ -35,18 +35,11 @@ rate_unit = "rad/s"
 """
 """What the log of a session on a rate table has beside the instrument's columns."""
 
-FloatArray = npt.NDArray[np.float64]
 Axis = Literal["x up", "x down", "y up", "y down", "z up", "z down"]
 
 
 def in_si(rates: tuple[str, ...]) -> FloatArray:
-    """Return rates written with their unit, such as "10 deg/s", shape (k,) [rad/s].
-
-    Parameters
-    ----------
-    rates : tuple of str, length k
-        The rates as text.
-    """
+    """Return rates written with their unit, such as "10 deg/s", shape (k,) [rad/s]."""
     return np.array([units.parse(text, "angular rate", "rates") for text in rates])
 
 
@@ -94,13 +87,13 @@ class Settings(_Rates):
     earth_rate: bool = Field(
         default=True, description="Model the Earth's rotation where the latitude is given."
     )
-    rate_sd: Ratio = Field(
+    rate_sd: RatioSd = Field(
         default=0.0, ge=0, description="Relative sd of the rate from one step to the next."
     )
-    table_rate_sd: Ratio = Field(
+    table_rate_sd: RatioSd = Field(
         default=0.0, ge=0, description="Relative sd of an error that all rates share."
     )
-    fixture_sd: Angle = Field(
+    fixture_sd: AngleSd = Field(
         default=0.0,
         ge=0,
         description="Sd of the tilt of the instrument in each placement, about each level axis.",
@@ -143,10 +136,10 @@ class Session(_Rates):
         ge=0,
         description="Length of a rest before each rate and after the last; 0: no rests.",
     )
-    asymmetry_sd: Ratio = Field(
+    asymmetry_sd: RatioSd = Field(
         default=100e-6, ge=0, description="Sd of the asymmetry of the scale factors."
     )
-    cubic_sd: Ratio = Field(
+    cubic_sd: RatioSd = Field(
         default=50e-6, ge=0, description="Sd of the cubic term at the fastest rate."
     )
     rate: Annotated[float, Quantity("frequency")] = Field(
@@ -168,20 +161,10 @@ def simulate(
 ) -> RateTableSimulation:
     """Simulate a session.
 
-    Parameters
-    ----------
-    session : Session
-        Placements, rates and how long they are held.
-    settings : Settings or None
-        Of the calibration to follow: what is wrong with table and fixture is drawn from them.
-    model : ImuModel
-        Errors of the instrument; asymmetry and cubic terms are drawn where it has none.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of table, instrument and noise [1].
+    `session`: placements, rates and how long they are held; `settings` or None: of the
+    calibration to follow: what is wrong with table and fixture is drawn from them; `model`:
+    errors of the instrument, asymmetry and cubic terms are drawn where it has none; `noise`: its
+    noise [SI]; `seed`: seed of table, instrument and noise [1].
     """
     settings = settings or Settings()
     rng = np.random.default_rng([seed, 3])

@@ -26,7 +26,7 @@ import numpy as np
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.spikes import without_spikes
 from foucault.diagnose.systematic import checks as judge
-from foucault.diagnose.systematic import deflection_verdict
+from foucault.diagnose.systematic import deflection_verdict, recordings
 from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
 from foucault.diagnose.time_base import with_clock
@@ -62,7 +62,10 @@ from foucault.procedures.systematic.settings import draw_errors as draw_errors
 from foucault.procedures.systematic.settings import simulate as simulate
 from foucault.procedures.systematic.solution import Solution, named, public
 from foucault.result import Result, TableData, Verdict, provenance
-from foucault.tables import Log
+from foucault.tables import Log, range_below_g
+
+RECORDINGS = True
+"""Further files of a log are recordings of their own, each with biases of its own."""
 
 UNDECLARED = True
 """A plan is judged with the noise that is typical where none is declared."""
@@ -78,11 +81,6 @@ def names_of(settings: Settings) -> tuple[str, ...]:
 
     A model of deflection makes more coefficients than it has parameters: of each parameter one is
     named here.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
     """
     if settings.deflection == "choose":
         raise error("systematic.choice_study")
@@ -94,13 +92,7 @@ def names_of(settings: Settings) -> tuple[str, ...]:
 
 
 def every_name(settings: Settings) -> tuple[str, ...]:
-    """Return all coefficients of the result, those too that follow from others.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    """
+    """Return all coefficients of the result, those too that follow from others."""
     model = settings.model
     return named(settings.sensors.layout.names, () if model is None else model.names)
 
@@ -166,18 +158,9 @@ def trial(
 ) -> Result:
     """Calibrate without what only a report shows: one trial of many.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of both triads [SI].
-    site : Site
-        Where it stood; the latitude must be known.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise or None
-        Noise of the instrument [SI].
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `log`: readings of both triads [SI]; `site`: where it stood, the latitude must be known;
+    `noise` or None: noise of the instrument [SI]; `prior` or None: mean and standard deviation of
+    coefficients or groups of coefficients [SI].
     """
     given = as_parameters(prior or {}, settings)
     return _calibrate(log, site, settings, noise, given, silent, shown=False)
@@ -196,18 +179,26 @@ def _calibrate(
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
     legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
-    known = steady(p).prior
-    e = judge.Evidence(p.increments, p.rests, run, solution.states, known.values,
-                       prior_of(steady(p).sensors, {}).prior_sd, legs, solution.status,
-                       p.seen, _earth(decision))  # fmt: skip
+    known = recordings.lasting(steady(p).prior)
+    usual = recordings.lasting(prior_of(steady(p).sensors, {})).prior_sd
+    e = judge.Evidence(p.increments, p.rests, run, recordings.lasting(solution.states),
+                       known.values, usual, legs, solution.status, p.seen,
+                       _earth(decision))  # fmt: skip
     checks = judge.checks(e)
+    apart = _between(decision)
+    if apart:
+        checks = (*checks, recordings.check(apart))
     if choice is not None:
         checks = (*checks, deflection_verdict.check(choice))
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
     findings = [*log.findings, *problem.findings, *decision.findings, *judge.findings(e)]
+    findings += [recordings.told(apart)] if apart else []
     diagnostics = _diagnostics(problem, solution, settings) | of_site(
         site.as_dict(), found.names, gravity_error(found, site))  # fmt: skip
+    if apart:
+        times = [(float(part.time[0]), float(part.time[-1])) for _, part in log.recordings()]
+        diagnostics["recordings"] = recordings.summary(solution.states, apart, times)
     if choice is not None:
         diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
@@ -229,7 +220,7 @@ def _calibrate(
         findings=tuple(findings),
         status=solution.status,
         site=site.as_dict(),
-        validity=_validity(log, site),
+        validity=range_below_g(log, site.gravity),
         diagnostics=diagnostics,
         tables=tables,
     )
@@ -246,6 +237,15 @@ def _earth(decision: Decided) -> EarthSeen | None:
         return resumed(replace(p, increments=increments), found, found.states.names).run
 
     return earth_seen(filtered, p.increments, p.site.latitude)
+
+
+def _between(decision: Decided) -> list[recordings.Between]:
+    """Return what the biases of the recordings differ by, where there are more than one."""
+    count, states = decision.problem.recordings, decision.solution.states
+    if count == 1:
+        return []
+    declared = decision.settings.turn_on.items()
+    return [recordings.between(states, triad, sd, count) for triad, sd in declared]
 
 
 def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[str, Any]:
@@ -274,15 +274,3 @@ def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[
         "log_likelihood": s.log_likelihood,
         "unseen": systematic_report.unseen(p.site, settings.restarts),
     }  # fmt: skip
-
-
-def _validity(log: Log, site: Site) -> dict[str, Any]:
-    """Return the ranges that the session covered: outside them the result is extrapolated."""
-    assert log.gyro is not None
-    g = site.gravity
-    out: dict[str, Any] = {"accel": [-g, g], "sampled": log.sampled, "rate": log.rate}
-    out["gyro"] = [float(log.gyro.min()), float(log.gyro.max())]
-    if log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.information import Information
+from foucault.diagnose.systematic.recordings import lasting
 from foucault.estimate.systematic.fit import solve
 from foucault.models import imu
 from foucault.models.earth import Site
@@ -38,7 +39,6 @@ from foucault.procedures.systematic.settings import Settings
 from foucault.procedures.systematic.solution import Solution, public, solved
 from foucault.simulate.systematic import simulate_systematic
 
-FloatArray = npt.NDArray[np.float64]
 Prior = Mapping[str, tuple[float, float]]
 
 SURE = 1e-2
@@ -55,17 +55,10 @@ it hangs on what the session does not show. Rounding adds far less, what is shar
 
 @dataclass(frozen=True)
 class Foreseen:
-    """A planned session, calibrated beforehand.
+    """A planned session, calibrated beforehand."""
 
-    Attributes
-    ----------
-    problem : SystematicProblem
-        What will be solved.
-    solution : Solution
-        What will be found, with covariance: of an instrument as expected, without noise.
-    """
-
-    problem: SystematicProblem
+    problem: SystematicProblem  # what will be solved
+    # what will be found, with covariance: of an instrument as expected, without noise
     solution: Solution
 
     @property
@@ -80,22 +73,9 @@ def foreseen(
 ) -> Foreseen:  # fmt: skip
     """Simulate a sequence, find its rests, and calibrate it without noise.
 
-    Parameters
-    ----------
-    sequence : CalibrationSequence
-        What will be done.
-    settings : Settings
-        What was chosen of the filter.
-    rate : float
-        Sample rate [Hz].
-    site : Site
-        Where; the latitude must be known.
-    noise : ImuNoise
-        Noise to reckon with [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : ImuModel or None
-        The instrument; None takes the means of `prior`.
+    `rate`: sample rate [Hz]; `noise`: noise to reckon with [SI]; `prior`: mean and standard
+    deviation of coefficients or groups of coefficients [SI]; `instrument`: the instrument, None
+    takes the means of `prior`.
     """
     require_place(site, "the plan of a systematic calibration")
     expected = instrument_of(settings, prior)
@@ -137,12 +117,7 @@ def _begun(problem: SystematicProblem, sequence: CalibrationSequence) -> FloatAr
 def instrument_of(settings: Settings, prior: Prior) -> ImuModel:
     """Return the instrument that a prior expects: without errors but for the means in it.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen: the model of deflection.
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `prior`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     given = CoefficientVector.prior(settings.sensors.layout, dict(prior))
     if settings.model is not None:
@@ -159,26 +134,20 @@ def bound(problem: SystematicProblem, solution: Solution, settings: Settings) ->
     It is None where nothing is seen. Without noise it would be zero, and the filter that finds it
     singular: there is none.
 
-    Parameters
-    ----------
-    problem : SystematicProblem
-        What was solved.
-    solution : Solution
-        What was found: the bound is that about it.
-    settings : Settings
-        What was chosen.
+    `solution`: what was found: the bound is that about it.
     """
     p = steady(problem)
     if not (p.noise.accel.white > 0 and p.noise.gyro.white > 0):
         return {}
     known = SURE * p.noise.accel.white * np.sqrt(p.at_rest.interval)
     sure = replace(p.at_rest, velocity_sd=known, decorrelate=False)
-    begun = p.start.C_nb if settings.steps == "published" else solution.run.trajectory.C_nb[0]
+    begun = [(run.trajectory.C_nb[0], p.phi_sd) for run in solution.run.recordings()]
+    first = p.start.C_nb if settings.steps == "published" else begun[0][0]
     found = solve(
-        p.increments, begun, p.site, p.sensors, p.rests, p.start_cov(), p.noise, first=p.first,
-        at_rest=sure, estimate=solution.states.values,
+        p.increments, first, p.site, p.sensors, p.rests, p.start_cov(), p.noise, first=p.first,
+        at_rest=sure, estimate=solution.states.values, further=p.starts(begun),
     )  # fmt: skip
-    told = replace(found.estimate, prior_sd=p.prior.prior_sd)
+    told = lasting(replace(found.estimate, prior_sd=p.prior.prior_sd))
     near, far = (
         public(replace(solution, states=_hardly_known(told, wide)), settings)
         for wide in (BLIND, WIDER * BLIND)
@@ -197,10 +166,7 @@ def _hardly_known(states: CoefficientVector, wide: float) -> CoefficientVector:
 def without_prior(states: CoefficientVector) -> Information:
     """Return what a session alone tells of its states, whatever was known of them.
 
-    Parameters
-    ----------
-    states : CoefficientVector
-        With covariance, and prior standard deviations that were not correlated [SI].
+    `states`: with covariance, and prior standard deviations that were not correlated [SI].
     """
     values, vectors, unit = _told(states)
     return Information(states.layout, (vectors * np.sqrt(values)).T / unit)

@@ -21,12 +21,16 @@ from foucault.diagnose.systematic.deflection_choice import (
 )
 from foucault.diagnose.systematic.deflection_verdict import findings
 from foucault.errors import Finding
-from foucault.estimate.systematic.fit import attitude_at_start
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.procedures.systematic.problem import SystematicProblem, prior_of, problem_of
+from foucault.procedures.systematic.problem import (
+    SystematicProblem,
+    prior_of,
+    problem_of,
+    sensors_of,
+)
 from foucault.procedures.systematic.settings import AS_PARAMETERS, FIRST, PRIOR, Settings
-from foucault.procedures.systematic.solution import Solution, again, solved
+from foucault.procedures.systematic.solution import Solution, again, begins, solved
 from foucault.tables import Log
 
 Given = Mapping[str, tuple[float, float]]
@@ -38,26 +42,12 @@ PASSES = 1
 
 @dataclass(frozen=True)
 class Decided:
-    """A result, with the model of deflection that was named or chosen.
-
-    Attributes
-    ----------
-    problem : SystematicProblem
-        What was solved.
-    settings : Settings
-        With the model.
-    solution : Solution
-        What was found.
-    choice : Choice or None
-        All models, where they were compared.
-    findings : list of Finding
-        What was noticed.
-    """
+    """A result, with the model of deflection that was named or chosen."""
 
     problem: SystematicProblem
     settings: Settings
     solution: Solution
-    choice: Choice | None
+    choice: Choice | None  # all models, where they were compared
     findings: list[Finding]
 
 
@@ -72,20 +62,9 @@ def decided(
 ) -> Decided:
     """Solve, with the model that was named or with the one that is chosen.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    site : Site
-        Where it stood.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    compare : bool
-        Whether a model that was named is compared with the others.
+    `log`: readings [SI]; `noise` or None: noise as declared [SI]; `given`: mean and standard
+    deviation of coefficients or groups of coefficients [SI]; `compare`: whether a model that was
+    named is compared with the others.
     """
     asked = settings.deflection == "choose"
     others = _without_deflection(given)
@@ -110,30 +89,9 @@ def choice_of(
 ) -> tuple[Choice, SystematicProblem, Settings, Solution]:
     """Choose a model, or none.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        What is solved, without deflection.
-    settings : Settings
-        What was chosen of everything else.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-
-    Returns
-    -------
-    choice : Choice
-        All models, and the one used.
-    problem : SystematicProblem
-        With the model that the choice began with.
-    settings : Settings
-        With this model.
-    solution : Solution
-        The result with it.
-
-    Raises
-    ------
-    FoucaultError
-        ``systematic.choice_unseen`` where the session sees no model whole.
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI]. Returns
+    `problem`: with the model that the choice began with. Raises ``systematic.choice_unseen``
+    where the session sees no model whole.
     """
     first = settings.model_copy(update={"deflection": FIRST, "steps": "joint"})
     begun = with_settings(p, first, given)
@@ -174,16 +132,7 @@ def _tested(p: SystematicProblem, settings: Settings, found: Solution, given: Gi
 def compared(p: SystematicProblem, settings: Settings, found: Solution, given: Given) -> Choice:
     """Compare all models, from a result with one of them or with none.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        What was solved.
-    settings : Settings
-        What was chosen; all in one step.
-    found : Solution
-        What was found.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     return judged(
         told(p, settings, found, given), {"deflection": PRIOR["deflection"], **given},
@@ -199,16 +148,7 @@ def _without_deflection(given: Given) -> dict[str, tuple[float, float]]:
 def told(p: SystematicProblem, settings: Settings, found: Solution, given: Given) -> Told:
     """Return what the session says of all bendings, from a result with one model.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        What was solved.
-    settings : Settings
-        What was chosen; all in one step.
-    found : Solution
-        What was found.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     general = settings.model_copy(update={"deflection": GENERAL18.name})
     problem = with_settings(p, general, _without_deflection(given))
@@ -229,16 +169,7 @@ def widened(
 ) -> CoefficientVector:
     """Return the states of a problem with more of them, from a result with fewer.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        With more states.
-    found : Solution
-        The result with fewer.
-    same : sequence of str
-        What both have.
-    other : CoefficientVector or None
-        Where others begin; None begins at the mean of the prior [SI].
+    `other`: where others begin, None begins at the mean of the prior [SI].
     """
     return resumed(p, found, same, other).states
 
@@ -251,16 +182,7 @@ def resumed(
 ) -> Solution:
     """Filter once more, from a result.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        Perhaps with more states, or other readings.
-    found : Solution
-        The result.
-    same : sequence of str
-        States that both have.
-    other : CoefficientVector or None
-        Where others begin; None begins at the mean of the prior [SI].
+    `other`: where others begin, None begins at the mean of the prior [SI].
     """
     layout = p.sensors.layout
     values, sd = p.prior.values.copy(), p.prior.prior_sd.copy()
@@ -268,25 +190,16 @@ def resumed(
     values[there], sd[there] = found.states.values[here], found.states.sd[here]
     if other is not None:
         values[[layout.index(name) for name in other.names]] = other.values
-    run = found.run  # its first epoch is where it begins
-    at_first = attitude_at_start(run, run.trajectory.C_nb[0])
-    start = at_first, np.sqrt(np.diag(run.attitude_cov))
     near = CoefficientVector(layout, values, np.diag(sd**2))
-    return again(p, near, start, PASSES)
+    return again(p, near, begins(found.run), PASSES)
 
 
 def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> SystematicProblem:
     """Return the problem with the coefficients of other settings.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        The problem.
-    settings : Settings
-        The settings.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
-    sensors = settings.sensors.with_wander(p.noise)
+    sensors = sensors_of(settings, p.noise, p.recordings)
     known = known_of(sensors.layout, given)
-    return replace(p, sensors=sensors, prior=prior_of(sensors, known, p.noise))
+    prior = prior_of(sensors, known, p.noise, settings.turn_on)
+    return replace(p, sensors=sensors, prior=prior)

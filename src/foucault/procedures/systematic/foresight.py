@@ -46,22 +46,10 @@ def foresee(
 ) -> Foresight:  # fmt: skip
     """Return what the planned session will show.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen: the sequence, and the limits of the table.
-    session : Session
-        How it will be sampled.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    typical : ImuNoise or None
-        Noise to reckon with where none is declared [SI].
-    wanted : Wanted or None
-        Time and accuracy that are wanted, where they are said.
+    `settings`: what was chosen: the sequence, and the limits of the table; `noise` or None: noise
+    as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
+    coefficients [SI]; `typical` or None: noise to reckon with where none is declared [SI];
+    `wanted` or None: time and accuracy that are wanted, where they are said.
     """
     settings, sequence = settled(settings), planned(settings, session)
     prior = as_parameters(prior, settings)
@@ -165,24 +153,10 @@ def shown(
 ) -> tuple[tuple[int, int], dict[str, tuple[int, int]]]:
     """Return what a sequence shows: errors of the instrument, combinations of every deflection.
 
-    Parameters
-    ----------
-    sequence : CalibrationSequence
-        Rests, turns and spins, a rest first.
-    site : Site
-        Where; the latitude must be known.
-    noise : ImuNoise
-        White noise of the sensors [SI].
-    kept : dict or None
-        What is kept from one sequence to the next at the same site with the same noise.
-
-    Returns
-    -------
-    (int, int)
-        How many of how many errors of the instrument it shows by itself.
-    dict of str to (int, int)
-        Model of deflection -> how many combinations of how many parameters it tells better than
-        3 arcsec/g.
+    `noise`: white noise of the sensors [SI]; `kept` or None: what is kept from one sequence to
+    the next at the same site with the same noise. Returns how many of how many errors of the
+    instrument it shows by itself; model of deflection -> how many combinations of how many
+    parameters it tells better than 3 arcsec/g.
     """
     kept = {} if kept is None else kept
     plain = _quick_states(sequence, Settings(), site, noise, kept)

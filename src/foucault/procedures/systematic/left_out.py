@@ -32,21 +32,11 @@ TAKEN_IN = 3.0
 
 @dataclass(frozen=True)
 class Shown:
-    """An error that is left out and shows.
+    """An error that is left out and shows."""
 
-    Attributes
-    ----------
-    chance : float
-        Probability that so much is seen where there is none [1].
-    gain : float
-        Twice the gain in log-likelihood by it, over what remains for each reading [1].
-    finding : Finding
-        What is said of it.
-    """
-
-    chance: float
-    gain: float
-    finding: Finding
+    chance: float  # probability that so much is seen where there is none [1]
+    gain: float  # twice the gain in log-likelihood by it, over what remains for each reading [1]
+    finding: Finding  # what is said of it
 
 
 def left_out(decision: Decided, given: Given) -> tuple[list[Finding], list[Check]]:
@@ -55,12 +45,7 @@ def left_out(decision: Decided, given: Given) -> tuple[list[Finding], list[Check
     One error that is left out looks a little like another: that which explains the readings best is
     named alone.
 
-    Parameters
-    ----------
-    decision : Decided
-        What was solved, and the result.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     p, settings, found = decision.problem, decision.settings, decision.solution
     out: list[Finding] = []
@@ -92,16 +77,7 @@ def foreseen_of(
 ) -> list[Finding]:
     """Say beforehand whether asymmetry or quadratic term will stand for both.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        What was solved, of a planned session.
-    settings : Settings
-        What was chosen.
-    found : Solution
-        What was found.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     left = _left(settings)
     return stands_for(with_both(p, settings, found, given), found, left) if left else []
@@ -118,16 +94,7 @@ def with_both(
 ) -> CoefficientVector:
     """Return the states with asymmetry and quadratic term, both estimated.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        What was solved.
-    settings : Settings
-        What was chosen.
-    found : Solution
-        What was found.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     both = settings.model_copy(update={"accel_asymmetry": True, "accel_quadratic": True})
     return widened(with_settings(p, both, given), found, found.states.names)
@@ -136,14 +103,7 @@ def with_both(
 def stands_for(wide: CoefficientVector, found: Solution, left: Sequence[str]) -> list[Finding]:
     """Say whether asymmetry stands for a quadratic term too, or the other way round.
 
-    Parameters
-    ----------
-    wide : CoefficientVector
-        With both estimated [SI].
-    found : Solution
-        What was found with one of them.
-    left : sequence of str
-        Which of the two is left out.
+    `wide`: with both estimated [SI].
     """
     if len(left) != 1:
         return []
@@ -193,15 +153,7 @@ def _bends(choice: Choice, found: Solution) -> Shown:
 
 
 def bending(choice: Choice, found: Solution) -> tuple[float, float]:
-    """Return the probability that any model gains as much where nothing bends [1], and the gain.
-
-    Parameters
-    ----------
-    choice : Choice
-        All models.
-    found : Solution
-        The result without deflection.
-    """
+    """Return the probability that any model gains as much where nothing bends [1], and the gain."""
     each = [_chance(c.square, c.rank, found) for c in choice.candidates]
     chance, less = min((chance, -gain) for chance, gain in each)
     return min(1.0, len(each) * chance), -less

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import Site, gravity
@@ -27,8 +28,6 @@ from foucault.navigate.strapdown import navigate
 from foucault.plans.systematic.built_in import navigation_test
 from foucault.simulate.systematic import SystematicSimulation, simulate_systematic
 
-FloatArray = npt.NDArray[np.float64]
-
 RATE, BEFORE, REST = 50.0, 100.0, 500.0
 """Sample rate [Hz], rest before the spin, and after it [s]."""
 
@@ -41,23 +40,11 @@ def navigation_tests(
 ) -> tuple[dict[str, npt.NDArray[Any]], list[dict[str, Any]]]:
     """Navigate the tests about east and about north.
 
-    Parameters
-    ----------
-    found : CoefficientVector
-        What was found, with covariance [SI].
-    site : Site
-        Where; the latitude must be known.
-    model : DeflectionModel or None
-        The model of deflection, if there is one: then the tests are also done with everything but
-        the deflection compensated.
-
-    Returns
-    -------
-    table : dict of str to ndarray
-        Which test, what is compensated, time since the spin began [s], velocity [m/s], and how far
-        the attitude has moved since then [rad]: east, north, up.
-    ends : list of dict
-        Of each test and compensation the tilt by the spin [rad] and the velocity at the end [m/s].
+    `found`: what was found, with covariance [SI]; `model` or None: the model of deflection, if
+    there is one: then the tests are also done with everything but the deflection compensated.
+    Returns `table`: which test, what is compensated, time since the spin began [s], velocity
+    [m/s], and how far the attitude has moved since then [rad]: east, north, up; `ends`: of each
+    test and compensation the tilt by the spin [rad] and the velocity at the end [m/s].
     """
     instrument, size = model_of(found), SizeEffect.of(found)
     assert isinstance(instrument, ImuModel)

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.foresight import Limit
 from foucault.errors import error
@@ -35,8 +34,6 @@ from foucault.procedures.systematic.settings import (
 )
 from foucault.procedures.validators import located
 from foucault.units import Quantity, Seconds, parse
-
-FloatArray = npt.NDArray[np.float64]
 
 HERE = "the site"
 OTHERS = ("latitude 0 deg", "latitude 60 deg", "instrument 1", "turns counted otherwise")
@@ -97,15 +94,7 @@ class Wanted(BaseModel):
 
 
 def accuracy_of(name: str, text: str) -> float:
-    """Return a wanted standard deviation of a coefficient or a group of them [SI].
-
-    Parameters
-    ----------
-    name : str
-        A coefficient or a group.
-    text : str
-        Number and unit.
-    """
+    """Return a wanted standard deviation of a coefficient or a group of them [SI]."""
     kinds = {LAYOUT.coefficients[i].kind for i in LAYOUT.group(name)}
     sd = parse(text, kinds.pop(), f"accuracy.{name}") if len(kinds) == 1 else 0.0
     if not sd > 0:
@@ -114,15 +103,7 @@ def accuracy_of(name: str, text: str) -> float:
 
 
 def members(layout: Layout, wanted: Wanted) -> dict[str, tuple[list[int], float]]:
-    """Return which coefficients each wanted accuracy is of, and how large it is [SI].
-
-    Parameters
-    ----------
-    layout : Layout
-        What is estimated.
-    wanted : Wanted
-        What is wanted.
-    """
+    """Return which coefficients each wanted accuracy is of, and how large it is [SI]."""
     out = {}
     for name, text in wanted.accuracy.items():
         at_ = [k for k, n in enumerate(layout.names) if n == name or n.startswith(f"{name}.")]
@@ -150,29 +131,14 @@ def noise_of(noise: ImuNoise | None, typical: ImuNoise | None) -> ImuNoise:
 
 @dataclass
 class Stated:
-    """What a calibration of a sequence would state, without the approximations of a search.
+    """What a calibration of a sequence would state, without the approximations of a search."""
 
-    Attributes
-    ----------
-    settings : Settings
-        What was chosen of the filter.
-    rate : float
-        Sample rate [Hz].
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise
-        To reckon with [SI].
-    prior : mapping of str to (float, float)
-        What is known beforehand [SI].
-    _kept : dict of str to ndarray, each shape (p,)
-        What was stated before [SI].
-    """
-
-    settings: Settings
-    rate: float
+    settings: Settings  # what was chosen of the filter
+    rate: float  # sample rate [Hz]
     site: Site
-    noise: ImuNoise
-    prior: Prior
+    noise: ImuNoise  # to reckon with [SI]
+    prior: Prior  # what is known beforehand [SI]
+    # (p,) what was stated before [SI]
     _kept: dict[str, FloatArray] = field(default_factory=dict, repr=False)
 
     def __call__(self, sequence: CalibrationSequence, case: str) -> FloatArray:
@@ -202,22 +168,9 @@ def space(
 ) -> SystematicSpace:  # fmt: skip
     """Return the sequences that are allowed; the plan to beat is the campaign's.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen of the procedure, limits of the table among it.
-    wanted : Wanted
-        What is asked of the sequence.
-    session : Session
-        How it will be sampled.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise as declared [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    typical : ImuNoise or None
-        Noise to reckon with where none is declared [SI].
+    `settings`: what was chosen of the procedure, limits of the table among it; `noise` or None:
+    noise as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
+    coefficients [SI]; `typical` or None: noise to reckon with where none is declared [SI].
     """
     if settings.steps == "published":
         raise error("systematic.search_published")
@@ -270,14 +223,8 @@ def wanted_limits(
 ) -> tuple[Limit, ...]:
     """Return what a session attains of what is wanted.
 
-    Parameters
-    ----------
-    wanted : Wanted or None
-        What is wanted.
-    states : CoefficientVector
-        What will be known [SI].
-    duration : float
-        Time it takes [s].
+    `wanted` or None: what is wanted; `states`: what will be known [SI]; `duration`: time it takes
+    [s].
     """
     if wanted is None:
         return ()

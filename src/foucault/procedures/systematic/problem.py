@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.noise_at_rest import NoiseAtRest, noise_at_rest
 from foucault.diagnose.rests import measure_noise
 from foucault.diagnose.systematic.input import check_readings, require_readings
 from foucault.diagnose.systematic.rests import FoundSequence, find_sequence, require_triads
 from foucault.diagnose.systematic.sequence import Matched, match_sequence, recognised
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import AtRest
+from foucault.estimate.systematic.fit import AtRest, Start
 from foucault.models.deflection import GENERAL
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.align import Alignment, align
 from foucault.navigate.increments import Increments, increments_of
-from foucault.navigate.inertial_frame import EPOCH, FEWEST
-from foucault.procedures.systematic.settings import PRIOR, Settings
+from foucault.procedures.systematic.settings import FIRST_REST, PRIOR, Settings
 from foucault.tables import Log
-
-FloatArray = npt.NDArray[np.float64]
 
 WIDER = 3.0
 """The alignment is from readings that the filter goes through again: its uncertainty is widened by
@@ -38,58 +36,57 @@ UNKNOWN_HEADING = np.radians(20.0)
 
 
 @dataclass(frozen=True)
+class Begun:
+    """How a recording begins."""
+
+    first: int  # row at whose end the filter starts [1]
+    start: Alignment  # attitude at its first rest
+    phi_sd: FloatArray  # (3,) uncertainty of it that the filter starts with, E N U [rad]
+
+
+@dataclass(frozen=True)
 class SystematicProblem:
-    """What is solved.
+    """What is solved."""
 
-    Attributes
-    ----------
-    increments : Increments
-        The log as measured.
-    site : Site
-        Where it stood; the latitude is known.
-    sensors : Sensors
-        What is estimated.
-    rests : tuple of (int, int)
-        First and last row of each rest that is used [1].
-    numbers : ndarray of int, shape (m,)
-        Which rests of the log they are, from 0 [1].
-    found : FoundSequence
-        Rests and turns of the log.
-    matched : Matched or None
-        The log against the sequence, where one is declared.
-    start : Alignment
-        Attitude at the first rest.
-    phi_sd : ndarray, shape (3,)
-        Uncertainty of it that the filter starts with, E N U [rad].
-    prior : CoefficientVector
-        What is known of the coefficients beforehand [SI].
-    noise : ImuNoise
-        White noise: as declared, or as the rests show where that is more [SI].
-    seen : NoiseAtRest
-        What the rests show of it.
-    measured : bool
-        Whether the noise was measured in the rests.
-    at_rest : AtRest
-        What is known at rest.
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    increments: Increments
-    site: Site
+    increments: Increments  # the log as measured
+    site: Site  # where it stood; the latitude is known
     sensors: Sensors
-    rests: tuple[tuple[int, int], ...]
-    numbers: npt.NDArray[np.int64]
-    found: FoundSequence
-    matched: Matched | None
-    start: Alignment
-    phi_sd: FloatArray
-    prior: CoefficientVector
-    noise: ImuNoise
-    seen: NoiseAtRest
-    measured: bool
-    at_rest: AtRest
+    rests: tuple[tuple[int, int], ...]  # first and last row of each rest that is used [1]
+    numbers: npt.NDArray[np.int64]  # (m,) which rests of the log they are, from 0 [1]
+    found: FoundSequence  # rests and turns of the log
+    matched: Matched | None  # the log against the sequence, where one is declared
+    start: Alignment  # attitude at the first rest
+    phi_sd: FloatArray  # (3,) uncertainty of it that the filter starts with, E N U [rad]
+    prior: CoefficientVector  # what is known of the coefficients beforehand [SI]
+    noise: ImuNoise  # white noise: as declared, or as the rests show where that is more [SI]
+    seen: NoiseAtRest  # what the rests show of it
+    measured: bool  # whether the noise was measured in the rests
+    at_rest: AtRest  # what is known at rest
     findings: tuple[Finding, ...]
+    # further recordings, where files recorded one by one are calibrated together
+    further: tuple[Begun, ...] = ()
+
+    @property
+    def recordings(self) -> int:
+        """Number of recordings."""
+        return 1 + len(self.further)
+
+    @property
+    def begun(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Attitude at the start of every recording [1], and its uncertainty, E N U [rad]."""
+        first = Begun(self.first, self.start, self.phi_sd)
+        return [(b.start.C_nb, b.phi_sd) for b in (first, *self.further)]
+
+    def starts(self, begun: Sequence[tuple[FloatArray, FloatArray]]) -> list[Start]:
+        """Return the starts of the further recordings.
+
+        `begun` (3, 3): attitude at the start of every recording [1] and its uncertainty, E N U
+        [rad].
+        """
+        return [
+            Start(b.first, C_nb, self.start_cov(np.minimum(b.phi_sd, phi_sd))[:9, :9])
+            for b, (C_nb, phi_sd) in zip(self.further, begun[1:], strict=True)
+        ]
 
     @property
     def first(self) -> int:
@@ -101,12 +98,8 @@ class SystematicProblem:
     ) -> FloatArray:
         """Return the covariance at the start, shape (9 + p, 9 + p) [SI].
 
-        Parameters
-        ----------
-        phi_sd : ndarray, shape (3,), or None
-            Uncertainty of the attitude; None for the one of the problem [rad].
-        sd : ndarray, shape (p,), or None
-            Standard deviations of the coefficients; None for those of the prior [SI].
+        `phi_sd` (3,): uncertainty of the attitude, None for the one of the problem [rad]; `sd`
+        (p,): standard deviations of the coefficients, None for those of the prior [SI].
         """
         phi = self.phi_sd if phi_sd is None else phi_sd
         known = self.prior.prior_sd if sd is None else sd
@@ -123,44 +116,29 @@ def problem_of(
 ) -> SystematicProblem:
     """Find rests and turns, check them, and align.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    site : Site
-        Where it stood.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise or None
-        Noise as declared [SI]; None measures the white noise in the rests.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `log`: readings [SI]; `noise`: noise as declared [SI], None measures the white noise in the
+    rests; `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     require_place(site, "a systematic calibration")
     require_triads(log)
     require_readings(log)
-    found = find_sequence(log, shortest=settings.shortest)
+    found, matched, told = _found(log, site, settings)
     numbers = np.flatnonzero(found.still)
-    if len(numbers) < 2:
-        raise error("systematic.all_move", given=len(numbers), rests=len(found.rests))
-    doubts = check_readings(log, found, site)
-    plan = settings.plan
-    matched = None if plan is None else match_sequence(found, plan)
-    told = (*doubts, *found.findings, *(() if matched is None else matched.findings))
     rests = tuple((int(found.rests.first[k]), int(found.rests.last[k]) - 1) for k in numbers)
     _require_updates(rests, settings, log)
-    increments = increments_of(log)
+    increments = Increments.chained([increments_of(part) for _, part in log.recordings()])
     seen = noise_at_rest(log, [(a, b + 1) for a, b in rests], noise)
     used = _measured(log, found) if noise is None else seen.noise
     told = (*told, *seen.findings)
-    sensors = settings.sensors.with_wander(used)
-    prior = prior_of(sensors, given, used)
-    start, phi_sd = _aligned(increments, rests[0], site, used, prior)
+    recordings = 1 + len(log.begins)
+    sensors = sensors_of(settings, used, recordings)
+    prior = prior_of(sensors, given, used, settings.turn_on)
+    firsts = [next(rest for rest in rests if rest[0] >= row) for row, _ in log.recordings()]
+    begun = [Begun(rest[0], *_aligned(increments, rest, site, used, prior)) for rest in firsts]
+    phi_sd = np.max([b.phi_sd for b in begun], axis=0)
     if phi_sd[2] > WIDER * UNKNOWN_HEADING:
         told = (*told, finding("systematic.start_heading",
                                sd=f"{np.degrees(phi_sd[2] / WIDER):.0f}"))  # fmt: skip
-    if plan is None and (name := recognised(found)) is not None:
-        told = (*told, finding("systematic.recognised", name=name))
     at_rest = AtRest(
         settings.velocity_sd,
         settings.position_sd,
@@ -169,9 +147,53 @@ def problem_of(
         settings.turning_sd,
     )
     return SystematicProblem(
-        increments, site, sensors, rests, numbers, found, matched, start, phi_sd, prior, used,
-        seen, noise is None, at_rest, told,
+        increments, site, sensors, rests, numbers, found, matched, begun[0].start, begun[0].phi_sd,
+        prior, used, seen, noise is None, at_rest, told, tuple(begun[1:]),
     )  # fmt: skip
+
+
+def _found(
+    log: Log, site: Site, settings: Settings
+) -> tuple[FoundSequence, Matched | None, tuple[Finding, ...]]:
+    """Find rests and turns of every recording, and compare them with what was to be done."""
+    recordings = log.recordings()
+    plans = settings.plans(len(recordings))
+    fewest = 2 if len(recordings) == 1 else 1  # a recording may be one pose
+    doubts: list[Finding] = []
+    notes: list[Finding] = []
+    found: list[tuple[int, FoundSequence]] = []
+    matched: list[Matched] = []
+    for number, ((row, part), plan) in enumerate(zip(recordings, plans, strict=True), 1):
+        try:
+            one = find_sequence(part, shortest=settings.shortest, fewest=fewest)
+            still = int(np.count_nonzero(one.still))
+            if still < fewest:
+                raise error("systematic.all_move", given=still, rests=len(one.rests))
+            doubts += check_readings(part, one, site)
+            if plan is not None:
+                same = match_sequence(one, plan)
+                before = sum(len(f.rests) for _, f in found)
+                matched.append(replace(same, rests=same.rests + before))
+                notes += same.findings
+            elif (name := recognised(one)) is not None:
+                notes.append(finding("systematic.recognised", name=name))
+        except FoucaultError as problem:
+            if len(recordings) == 1:
+                raise
+            where = f"Recording {number}, from {part.time[0]:.0f} s on: "
+            raise FoucaultError(problem.code, where + problem.message, problem.cure) from None
+        found.append((row, one))
+    both = FoundSequence.joined(found)
+    return both, Matched.joined(matched), (*doubts, *both.findings, *notes)
+
+
+def sensors_of(settings: Settings, noise: ImuNoise, recordings: int) -> Sensors:
+    """Return what is estimated, with what biases wander by and differ by between recordings.
+
+    `noise`: noise of the triads [SI]; `recordings`: their number [1].
+    """
+    sensors = settings.sensors.with_wander(noise)
+    return sensors.with_turn_on(recordings) if recordings > 1 else sensors
 
 
 def _require_updates(rests: tuple[tuple[int, int], ...], settings: Settings, log: Log) -> None:
@@ -183,13 +205,7 @@ def _require_updates(rests: tuple[tuple[int, int], ...], settings: Settings, log
 
 
 def steady(p: SystematicProblem) -> SystematicProblem:
-    """Return the problem without what wanders in the biases.
-
-    Parameters
-    ----------
-    p : SystematicProblem
-        What is solved.
-    """
+    """Return the problem without what wanders in the biases."""
     if not p.sensors.wanders.any():
         return p
     sensors = p.sensors.without(p.sensors.wanders)
@@ -199,23 +215,23 @@ def steady(p: SystematicProblem) -> SystematicProblem:
 
 
 def prior_of(
-    sensors: Sensors, given: Mapping[str, tuple[float, float]], noise: ImuNoise | None = None
+    sensors: Sensors,
+    given: Mapping[str, tuple[float, float]],
+    noise: ImuNoise | None = None,
+    turn_on: Mapping[str, float] | None = None,
 ) -> CoefficientVector:
     """Return what is known of the coefficients beforehand: what is usual, but for what is given.
 
-    Parameters
-    ----------
-    sensors : Sensors
-        What is estimated.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    noise : ImuNoise or None
-        Noise, where the sensors have biases that wander [SI].
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI]; `noise`
+    or None: noise, where the sensors have biases that wander [SI]; `turn_on` or None: standard
+    deviation of what the biases of each triad differ by between recordings [SI].
     """
     names = sensors.layout.names
     slow = noise or ImuNoise()
     wander = {"gyro.wander": (0.0, slow.gyro.bias_instability),
               "accel.wander": (0.0, slow.accel.bias_instability)}  # fmt: skip
+    groups = {name.rpartition(".")[0] for name in np.array(names)[sensors.turned_on].tolist()}
+    wander |= {g: (0.0, (turn_on or {}).get(g.split(".")[0], np.inf)) for g in groups}
     usual = {k for k in (*PRIOR, *wander) if any(n.startswith(f"{k}.") or n == k for n in names)}
     known = {k: v for k, v in {**PRIOR, **wander}.items() if k in usual}
     return CoefficientVector.prior(sensors.layout, {**known, **given})
@@ -226,15 +242,7 @@ POLE = np.radians(89.0)
 
 
 def require_place(site: Site, what: str) -> None:
-    """Refuse a place without latitude, or where the Earth's rate shows no heading.
-
-    Parameters
-    ----------
-    site : Site
-        Where it stands.
-    what : str
-        What is to be done there.
-    """
+    """Refuse a place without latitude, or where the Earth's rate shows no heading."""
     if site.latitude is None:
         raise error("systematic.site", what=what)
     if abs(site.latitude) > POLE:
@@ -250,12 +258,7 @@ def as_parameters(
     them. Coefficients that one parameter makes are one piece of knowledge, so that they count once
     together. Coefficients of another model say nothing of these parameters, and are left out.
 
-    Parameters
-    ----------
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    settings : Settings
-        What was chosen: the model of deflection.
+    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     bends = {name: known for name, known in given.items() if name in GENERAL}
     out = {name: known for name, known in given.items() if name not in GENERAL}
@@ -294,9 +297,9 @@ def _aligned(
     assert site.latitude is not None
     a, b = rest
     begin, end = float(increments.time[a]), float(increments.time[b])
-    least = FEWEST * EPOCH
-    if end - begin < least:
-        raise error("systematic.first_rest", time=f"{end - begin:.1f}", least=f"{least:.0f}")
+    if end - begin < FIRST_REST:
+        raise error("systematic.first_rest", time=f"{end - begin:.1f}",
+                    least=f"{FIRST_REST:.0f}")  # fmt: skip
 
     def sd(group: str) -> float:
         return float(np.max(prior.prior_sd[prior.layout.group(group)]))

@@ -23,6 +23,7 @@ from math import ceil
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.estimate.ins_filter import Updates, run
 from foucault.estimate.systematic.fit import BETWEEN, STAYS, AtRest
 from foucault.models.earth import Site, earth_rate_n
@@ -33,8 +34,6 @@ from foucault.navigate.state import State
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.simulate.systematic import simulate_systematic
-
-FloatArray = npt.NDArray[np.float64]
 
 STEP, SLOW = np.radians(6.0), 10.0
 """Turns are sampled so that none of them turns more [rad], and at least so often [Hz]."""
@@ -50,22 +49,13 @@ _ERRORS = Sensors.of(("gyro.bias", "accel.bias"))  # what any sensor error is at
 
 @dataclass(frozen=True)
 class Still:
-    """What a rest does.
+    """What a rest does."""
 
-    Attributes
-    ----------
-    root : ndarray, shape (m, 15)
-        ``root' root`` is what it tells of the errors of navigation at its start and of the errors
-        of gyros and accelerometers along n [SI].
-    moved : ndarray, shape (9, 15)
-        How the errors of navigation at its end follow from them [SI].
-    noise : ndarray, shape (9, 9)
-        What else is uncertain at its end [SI].
-    """
-
+    # (m, 15) ``root' root`` is what it tells of the errors of navigation at its start and of the
+    # errors of gyros and accelerometers along n [SI]
     root: FloatArray
-    moved: FloatArray
-    noise: FloatArray
+    moved: FloatArray  # (9, 15) how the errors of navigation at its end follow from them [SI]
+    noise: FloatArray  # (9, 9) what else is uncertain at its end [SI]
 
 
 Stills = dict[int, list[Still]]
@@ -77,35 +67,18 @@ Stills = dict[int, list[Still]]
 
 @dataclass
 class Quick:
-    """Uncertainty of any sequence, with what is known of the instrument and its filter.
+    """Uncertainty of any sequence, with what is known of the instrument and its filter."""
 
-    Attributes
-    ----------
-    site : Site
-        Where it stands; the latitude must be known.
-    sensors : Sensors
-        What is estimated.
-    noise : ImuNoise
-        White noise of the sensors [SI].
-    at_rest : AtRest
-        What is known at rest.
-    start : ndarray, shape (9 + p, 9 + p)
-        Covariance at the start [SI].
-    rests : dict of int to list of Still
-        Rests that are kept: the same for all that is estimated.
-    _turns : dict of bytes to list of (ndarray, ndarray)
-        Turns that are kept.
-    _felt : dict of bytes to ndarray, each shape (6, p)
-        What the coefficients make of the readings at rest, attitude by attitude [SI].
-    """
-
-    site: Site
+    site: Site  # where it stands; the latitude must be known
     sensors: Sensors
-    noise: ImuNoise
-    at_rest: AtRest
-    start: FloatArray
+    noise: ImuNoise  # white noise of the sensors [SI]
+    at_rest: AtRest  # what is known at rest
+    start: FloatArray  # (9 + p, 9 + p) covariance at the start [SI]
+    # rests that are kept: the same for all that is estimated
     rests: Stills = field(default_factory=dict, repr=False)
+    # turns that are kept
     _turns: dict[bytes, list[Epoch]] = field(default_factory=dict, repr=False)
+    # (6, p) what the coefficients make of the readings at rest, attitude by attitude [SI]
     _felt: dict[bytes, FloatArray] = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, object]:
@@ -115,10 +88,7 @@ class Quick:
     def cov(self, sequence: CalibrationSequence) -> FloatArray:
         """Return the covariance of the coefficients after a sequence, shape (p, p) [SI].
 
-        Parameters
-        ----------
-        sequence : CalibrationSequence
-            Rests, turns and spins, the first of them a rest.
+        `sequence`: rests, turns and spins, the first of them a rest.
         """
         P = self.start
         for k, action in enumerate(sequence.actions):

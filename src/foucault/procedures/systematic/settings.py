@@ -19,13 +19,14 @@ from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
+from foucault.navigate.inertial_frame import EPOCH, FEWEST
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.built_in import built_in
 from foucault.plans.systematic.file import ActionTable
 from foucault.plans.systematic.sequence import REST, CalibrationSequence, orientation
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
-from foucault.units import Angle, Quantity, Seconds
+from foucault.units import Angle, AngleSd, Quantity, Seconds
 
 Deflection = Literal[
     "none", "choose", "coupled6", "direct6", "direct6+transverse3", "lateral3+axial6", "direct12",
@@ -96,6 +97,13 @@ SIMULATE = {"grade": "navigation"}
 """Default of [simulate]: the method is one for instruments that find north."""
 
 
+FIRST_REST = FEWEST * EPOCH
+"""Of the first rest so much is needed, for the attitude at the start is found in it [s]."""
+
+ENDS = 0.5
+"""A rest that is planned is found shorter by less than this [s]."""
+
+
 class Settings(BaseModel):
     """What can be chosen; the defaults suit an instrument on a table in a laboratory."""
 
@@ -159,14 +167,21 @@ class Settings(BaseModel):
         "first alone, which a wide prior spoils.",
     )
     velocity_sd: Annotated[float, Quantity("velocity")] = Field(
-        default=1e-4, gt=0, description="How still the instrument stands at rest, each component."
+        default=1e-4,
+        gt=0,
+        le=100,
+        description="How still the instrument stands at rest, each component.",
     )
     position_sd: Annotated[float, Quantity("length")] = Field(
-        default=1e-2, gt=0, description="How near the same place it comes to rest after every turn."
+        default=1e-2,
+        gt=0,
+        le=1e4,
+        description="How near the same place it comes to rest after every turn.",
     )
     turning_sd: Annotated[float, Quantity("velocity")] | None = Field(
         default=None,
         gt=0,
+        le=100,
         examples=["2 mm/s"],
         description="How still it stays while it turns about itself, each component: velocity is "
         "measured in turns too. Left out: at rest alone.",
@@ -178,6 +193,17 @@ class Settings(BaseModel):
         description="Start every rest anew with velocity and position, so that what the lever arms "
         "of the accelerometers do in turns is not taken for errors of the gyros. Left out: unless "
         "the lever arms are estimated.",
+    )
+    gyro_bias_repeatability: Annotated[float, Quantity("angular rate")] = Field(
+        default=units.parse("0.01 deg/h", "angular rate"),
+        ge=units.parse("0.00001 deg/h", "angular rate"),
+        description="Of several recordings: sd of what the gyro biases differ by from one to the "
+        "next, such as from switch-on to switch-on.",
+    )  # fmt: skip
+    accel_bias_repeatability: Annotated[float, Quantity("specific force")] = Field(
+        default=units.parse("50 ug", "specific force"),
+        ge=units.parse("0.01 ug", "specific force"),
+        description="The same of the accelerometers.",
     )
     shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
     rate_limit: Annotated[float, Quantity("angular rate")] | None = Field(
@@ -218,6 +244,26 @@ class Settings(BaseModel):
         if not self.sequence:
             return None
         return reduce(CalibrationSequence.then, [built_in(name) for name in self.sequence])
+
+    def plans(self, recordings: int) -> list[CalibrationSequence | None]:
+        """Return the sequence that was to be done in each recording.
+
+        `recordings`: their number [1].
+        """
+        if recordings == 1:
+            return [self.plan]
+        if self.steps == "published":
+            raise error("systematic.recordings_published", count=recordings)
+        if self.actions or len(self.sequence) not in (0, recordings):
+            told = f"{len(self.sequence)} in `sequence`"
+            raise error("systematic.recordings_sequence", count=recordings,
+                        given="actions" if self.actions else told)  # fmt: skip
+        return [built_in(name) for name in self.sequence] or [None] * recordings
+
+    @property
+    def turn_on(self) -> dict[str, float]:
+        """By how much biases differ from recording to recording: sd of each triad [SI]."""
+        return {"gyro": self.gyro_bias_repeatability, "accel": self.accel_bias_repeatability}
 
     @property
     def model(self) -> DeflectionModel | None:
@@ -265,12 +311,12 @@ class Session(BaseModel):
     rate: Annotated[float, Quantity("frequency")] = Field(
         default=50.0, gt=0, description="Sample rate."
     )
-    angle_sd: Angle = Field(
+    angle_sd: AngleSd = Field(
         default=float(np.radians(1 / 60)),
         ge=0,
         description="Sd of the error of every turn of the table; errors add up.",
     )
-    start_sd: Angle = Field(
+    start_sd: AngleSd = Field(
         default=float(np.radians(0.5)),
         ge=0,
         description="Sd of the attitude at the start from the one of the sequence, each axis.",
@@ -288,12 +334,7 @@ class Session(BaseModel):
 def draw_errors(grade: str, seed: int) -> ImuModel:
     """Draw the errors of one instrument, the asymmetry of its accelerometers included.
 
-    Parameters
-    ----------
-    grade : str
-        One of `models.noise.GRADES`.
-    seed : int, shape ()
-        Seed [1].
+    `seed`: seed [1].
     """
     sd = DRAWN["accel.asymmetry"]
     asymmetry = sd * np.random.default_rng([seed, 11]).standard_normal(3)
@@ -307,12 +348,7 @@ def planned(settings: Settings, session: Session) -> CalibrationSequence:
     that is meant to follow another, such as spins, has a rest put before its first turn, and one
     that ends with a turn has one put after it.
 
-    Parameters
-    ----------
-    settings : Settings
-        The sequence.
-    session : Session
-        Length of every rest, if it says one.
+    `session`: length of every rest, if it says one.
     """
     sequence = settings.plan
     if sequence is None:
@@ -321,11 +357,15 @@ def planned(settings: Settings, session: Session) -> CalibrationSequence:
     before = still[:1] if isinstance(sequence.actions[0], Rotate) else ()
     after = still[1:] if isinstance(sequence.actions[-1], Rotate) else ()
     sequence = replace(sequence, actions=(*before, *sequence.actions, *after))
-    if session.rest_time is None:
-        return sequence
-    return replace(sequence, actions=tuple(
-        replace(a, time=session.rest_time) if isinstance(a, Rest) else a for a in sequence.actions
-    ))  # fmt: skip
+    if session.rest_time is not None:
+        sequence = replace(sequence, actions=tuple(
+            replace(a, time=session.rest_time) if isinstance(a, Rest) else a
+            for a in sequence.actions
+        ))  # fmt: skip
+    first = sequence.actions[0].time
+    if first < FIRST_REST + ENDS:
+        raise error("systematic.first_rest", time=f"{first:g}", least=f"{FIRST_REST + ENDS:g}")
+    return sequence
 
 
 def simulate(
@@ -339,20 +379,10 @@ def simulate(
 ) -> SystematicSimulation:
     """Simulate a session.
 
-    Parameters
-    ----------
-    session : Session
-        How it is sampled, and the errors of the table.
-    settings : Settings or None
-        Of the calibration to follow: the sequence, and the model of deflection.
-    model : ImuModel
-        Errors of the instrument; where they have no deflection it is drawn, if there is a model.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity and latitude.
-    seed : int, shape ()
-        Seed of deflection, table and noise [1].
+    `session`: how it is sampled, and the errors of the table; `settings` or None: of the
+    calibration to follow: the sequence, and the model of deflection; `model`: errors of the
+    instrument, where they have no deflection it is drawn, if there is a model; `noise`: its noise
+    [SI]; `seed`: seed of deflection, table and noise [1].
     """
     settings = settings or Settings()
     sequence = planned(settings, session)

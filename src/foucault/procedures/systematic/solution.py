@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status, error
 from foucault.estimate.ins_filter import FilterRun
-from foucault.estimate.systematic.fit import SystematicRun, attitude_at_start, solve
+from foucault.estimate.systematic.fit import SystematicRun, attitudes_at_start, solve
 from foucault.estimate.systematic.published import second_step
 from foucault.models import imu, size_effect
 from foucault.plans.systematic.built_in import built_in
 from foucault.procedures.systematic.problem import SystematicProblem, steady
 from foucault.procedures.systematic.settings import Settings
-
-FloatArray = npt.NDArray[np.float64]
 
 NARROWED = 30.0
 """Later passes begin with so many times the uncertainty that the first has left [1]."""
@@ -29,40 +27,19 @@ SETTLED = 0.1
 
 @dataclass(frozen=True)
 class Solution:
-    """What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    run : FilterRun
-        The last pass of the filter.
-    states : CoefficientVector
-        The states that are coefficients, with covariance and prior [SI].
-    passes : tuple of ndarray, each shape (p,)
-        The same after each pass [SI].
-    status : Status
-        How the passes ended.
-    log_likelihood : float
-        Of the innovations of the last pass, but for a constant, with the prior that it began
-        with: it ranks models that fit very differently, and `deflection_choice` compares them [1].
-    """
-
-    run: FilterRun
-    states: CoefficientVector
-    passes: tuple[FloatArray, ...]
-    status: Status
+    run: FilterRun  # the last pass of the filter
+    states: CoefficientVector  # the states that are coefficients, with covariance and prior [SI]
+    passes: tuple[FloatArray, ...]  # (p,) the same after each pass [SI]
+    status: Status  # how the passes ended
+    # of the innovations of the last pass, but for a constant, with the prior that it began with: it
+    # ranks models that fit very differently, and `deflection_choice` compares them [1]
     log_likelihood: float
 
 
 def solved(p: SystematicProblem, settings: Settings) -> Solution:
-    """Filter in one step or in two.
-
-    Parameters
-    ----------
-    p : SystematicProblem
-        What is solved.
-    settings : Settings
-        What was chosen.
-    """
+    """Filter in one step or in two."""
     if settings.steps == "published":
         return _published(p, settings)
     return _joint(p, settings.passes)
@@ -94,39 +71,47 @@ def _joint(p: SystematicProblem, passes: int) -> Solution:
     found = solve(
         p.increments, p.start.C_nb, p.site, p.sensors, p.rests, p.start_cov(), p.noise,
         first=p.first, at_rest=p.at_rest, estimate=p.prior.values, keep=True,
+        further=p.starts(p.begun),
     )  # fmt: skip
     if passes == 1:
         return _solution(found, replace(found.estimate, prior_sd=p.prior.prior_sd),
                          Status.CONVERGED)  # fmt: skip
-    at_first = attitude_at_start(found.run, p.start.C_nb)
-    start = at_first, np.sqrt(np.diag(found.run.attitude_cov))
-    return again(p, found.estimate, start, passes - 1)
+    return again(p, found.estimate, begins(found.run, [C_nb for C_nb, _ in p.begun]), passes - 1)
+
+
+def begins(
+    found: FilterRun, C_nb: Sequence[FloatArray] | None = None
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the attitude at the start of every recording [1], and its sd, E N U [rad].
+
+    `C_nb` (3, 3): the attitudes that it began with, None for those of its first epochs [1].
+    """
+    runs = found.recordings()
+    before = [run.trajectory.C_nb[0] for run in runs] if C_nb is None else C_nb
+    attitudes = attitudes_at_start(runs, found.coefficients[-1], before)
+    sd = [np.sqrt(np.diag(run.attitude_cov)) for run in runs]
+    return list(zip(attitudes, sd, strict=True))
 
 
 def again(
-    p: SystematicProblem, near: CoefficientVector, start: tuple[FloatArray, FloatArray], passes: int
-) -> Solution:
+    p: SystematicProblem, near: CoefficientVector,
+    begun: Sequence[tuple[FloatArray, FloatArray]], passes: int,
+) -> Solution:  # fmt: skip
     """Filter again, from a result that is near, until passes settle.
 
-    Parameters
-    ----------
-    p : SystematicProblem
-        What is solved.
-    near : CoefficientVector
-        The result, with covariance [SI].
-    start : (ndarray, shape (3, 3); ndarray, shape (3,))
-        Attitude at the start [1] and its uncertainty, E N U [rad].
-    passes : int, shape ()
-        Most passes [1].
+    `near`: the result, with covariance [SI]; `begun` (3, 3): attitude at the start of every
+    recording [1] and its uncertainty, E N U [rad]; `passes`: most passes [1].
     """
     stay = ~p.sensors.wanders  # what wanders is at the start not what it is at the end
     sd = np.where(stay, np.minimum(p.prior.prior_sd, NARROWED * near.sd), p.prior.prior_sd)
-    phi_sd = np.minimum(p.phi_sd, NARROWED * start[1])
-    P0, C_nb, values = p.start_cov(phi_sd, sd), start[0], [np.where(stay, near.values, 0.0)]
+    narrow = [NARROWED * phi_sd for _, phi_sd in begun]
+    P0, C_nb = p.start_cov(np.minimum(p.phi_sd, narrow[0]), sd), [C for C, _ in begun]
+    values = [np.where(stay, near.values, 0.0)]
     while True:
         found = solve(
-            p.increments, C_nb, p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
+            p.increments, C_nb[0], p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
             at_rest=p.at_rest, estimate=values[-1], keep=True,
+            further=p.starts(list(zip(C_nb, narrow, strict=True))),
         )  # fmt: skip
         # With the prior that counts: what the session hardly shows would wander on and on without.
         estimate = exchanged(found.estimate, (values[-1], sd), p.prior)
@@ -134,7 +119,7 @@ def again(
         values.append(np.where(stay, estimate.values, 0.0))
         if moved < SETTLED or len(values) > passes:
             break
-        C_nb = attitude_at_start(found.run, C_nb)
+        C_nb = [C for C, _ in begins(found.run, C_nb)]
     status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
     return _solution(replace(found, passes=tuple(values)), estimate, status)
 
@@ -147,14 +132,8 @@ def exchanged(
     ``P^-1 = P_u^-1 - D_u + D``, ``P^-1 x = P_u^-1 x_u - D_u m_u + D m``, D the information of the
     priors and m their means.
 
-    Parameters
-    ----------
-    estimate : CoefficientVector
-        With covariance [SI].
-    used : (ndarray, ndarray), each shape (p,)
-        Mean and standard deviation of the prior it was made with [SI].
-    prior : CoefficientVector
-        The prior it shall have: values and prior_sd [SI].
+    `estimate`: with covariance [SI]; `used` (p,): mean and standard deviation of the prior it was
+    made with [SI]; `prior`: the prior it shall have: values and prior_sd [SI].
     """
     assert estimate.cov is not None
     unit = estimate.sd
@@ -192,28 +171,12 @@ def _solution(found: SystematicRun, states: CoefficientVector, status: Status) -
 
 
 def named(states: Sequence[str], deflections: Sequence[str]) -> tuple[str, ...]:
-    """Return the coefficients of the result: those that readings are compensated by, in order.
-
-    Parameters
-    ----------
-    states : sequence of str
-        What the filter estimates.
-    deflections : sequence of str
-        What its parameters of deflection become.
-    """
+    """Return the coefficients of the result: those that readings are compensated by, in order."""
     some = {*states, *deflections}
     return tuple(name for name in (*imu.LAYOUT.names, *size_effect.LAYOUT.names) if name in some)
 
 
 def public(s: Solution, settings: Settings) -> CoefficientVector:
-    """Return the coefficients of the result [SI].
-
-    Parameters
-    ----------
-    s : Solution
-        What was found.
-    settings : Settings
-        What was chosen.
-    """
+    """Return the coefficients of the result [SI]."""
     vector = s.states if settings.model is None else settings.model.general(s.states)
     return vector.chosen(named(vector.names, ()))

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error
 from foucault.estimate.temperature.fit import Evidence
@@ -27,8 +28,6 @@ from foucault.models.temperature import KELVIN_IN_CELSIUS
 from foucault.result import Level, Result
 from foucault.tables import Log
 from foucault.units import ZERO_CELSIUS
-
-FloatArray = npt.NDArray[np.float64]
 
 PART = 60.0
 """Means of a ramp are over about this long [s]."""
@@ -113,32 +112,15 @@ class Session:
 
 @dataclass(frozen=True)
 class Ramp:
-    """Means over parts of a log at rest whose temperature changes.
+    """Means over parts of a log at rest whose temperature changes."""
 
-    Attributes
-    ----------
-    name : str
-        How to call it.
-    temperature : ndarray, shape (k,)
-        Mean of each part [K].
-    rising : ndarray, shape (k,)
-        1 where the temperature rises, -1 where it falls [1].
-    readings : ndarray, shape (k, s)
-        Means of the sensors: gyros [rad/s], then accelerometers [m/s^2].
-    variance : ndarray, shape (k, s)
-        Variance of the means by the noise of the samples [unit^2].
-    triads : tuple of str
-        Which triads the log has.
-    low, high : float
-        Lowest and highest temperature [K].
-    """
-
-    name: str
-    temperature: FloatArray
-    rising: FloatArray
-    readings: FloatArray
-    variance: FloatArray
-    triads: tuple[str, ...]
+    name: str  # how to call it
+    temperature: FloatArray  # (k,) mean of each part [K]
+    rising: FloatArray  # (k,) 1 where the temperature rises, -1 where it falls [1]
+    readings: FloatArray  # (k, s) means of the sensors: gyros [rad/s], then accelerometers [m/s^2]
+    variance: FloatArray  # (k, s) variance of the means by the noise of the samples [unit^2]
+    triads: tuple[str, ...]  # which triads the log has
+    # low, high: lowest and highest temperature [K]
     low: float
     high: float
 
@@ -146,12 +128,7 @@ class Ramp:
     def of(cls, name: str, log: Log) -> Ramp:
         """Take the means of a log.
 
-        Parameters
-        ----------
-        name : str
-            How to call it.
-        log : Log
-            The instrument at rest in one position [SI].
+        `log`: the instrument at rest in one position [SI].
         """
         T = log.temperature
         if T is None:
@@ -182,13 +159,7 @@ class Ramp:
         return cls(name, middle, rising, means, variance, triads, low, high)
 
     def derivative(self, layout: Layout) -> FloatArray:
-        """Return the derivative of the readings by the coefficients, shape (s, n) [SI].
-
-        Parameters
-        ----------
-        layout : Layout
-            The n coefficients.
-        """
+        """Return the derivative of the readings by the coefficients, shape (s, n) [SI]."""
         force = np.zeros(3)
         if "accel" in self.triads:
             at = 3 * self.triads.index("accel")
@@ -207,12 +178,7 @@ class Ramp:
 def plausible(temperature: float, name: str) -> None:
     """Refuse what no instrument has: kelvin said to be degC, or the other way round.
 
-    Parameters
-    ----------
-    temperature : float
-        A temperature of a log [K].
-    name : str
-        The log.
+    `temperature`: a temperature of a log [K].
     """
     if not ZERO_CELSIUS - KELVIN_IN_CELSIUS <= temperature <= ZERO_CELSIUS + KELVIN_IN_CELSIUS:
         said = f"{temperature - ZERO_CELSIUS:.1f}"
@@ -225,20 +191,9 @@ def of_sessions(
 ) -> list[Evidence]:  # fmt: skip
     """Return what sessions say, in units of `unit`.
 
-    Parameters
-    ----------
-    sessions : sequence of Session
-        The sessions.
-    layout : Layout
-        The n coefficients.
-    unit : ndarray, shape (n,)
-        A typical uncertainty of each [SI].
-    basis : ndarray, shape (m, b)
-        Functions of temperature of each session [any].
-    family : ndarray of int, shape (n,)
-        The family of each coefficient [1].
-    constants : int, shape ()
-        How many constants there are besides the coefficients [1].
+    `unit` (n,): a typical uncertainty of each [SI]; `basis` (m, b): functions of temperature of
+    each session [any]; `family` (n,): the family of each coefficient [1]; `constants`: how many
+    constants there are besides the coefficients [1].
     """
     out = []
     for session, phi in zip(sessions, basis, strict=True):
@@ -259,18 +214,9 @@ def of_ramps(
 ) -> list[Evidence]:  # fmt: skip
     """Return what ramps say, each sensor in units of its own noise.
 
-    Parameters
-    ----------
-    ramps : sequence of Ramp
-        The ramps.
-    layout : Layout
-        The n coefficients.
-    unit : ndarray, shape (n,)
-        A typical uncertainty of each [SI].
-    basis : sequence of ndarray, each shape (k, b)
-        Functions of temperature of each part of each ramp [any].
-    groups : int, shape ()
-        Number of the group of the gyros; that of the accelerometers follows [1].
+    `unit` (n,): a typical uncertainty of each [SI]; `basis` (k, b): functions of temperature of
+    each part of each ramp [any]; `groups`: number of the group of the gyros, that of the
+    accelerometers follows [1].
     """
     constants = sum(r.readings.shape[1] for r in ramps)
     out, first = [], len(layout)

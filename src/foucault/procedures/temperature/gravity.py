@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.compare.gravity import Site, gravity_errors
 from foucault.estimate.fusion import at_most
 from foucault.models.temperature import TemperatureModel
 from foucault.procedures.temperature.evidence import Session
-from foucault.tables import FloatArray
 
 Common = dict[Site, dict[str, float]]
 """Site -> coefficient -> its error per standard deviation of gravity [SI]."""
@@ -26,17 +26,8 @@ Common = dict[Site, dict[str, float]]
 def taken_out(sessions: Sequence[Session]) -> tuple[list[Session], Common]:
     """Take what all sessions owe to the same gravity out of their covariances.
 
-    Parameters
-    ----------
-    sessions : sequence of Session
-        The calibrations.
-
-    Returns
-    -------
-    list of Session
-        The same with covariances of what is their own; unchanged where nothing is common.
-    dict of tuple to dict of str to float
-        What was taken out, the mean over the sessions [SI].
+    Returns the same with covariances of what is their own; unchanged where nothing is common;
+    what was taken out, the mean over the sessions [SI].
     """
     vectors = [s.result.coefficients for s in sessions]
     errors = [gravity_errors(s.result, v) for s, v in zip(sessions, vectors, strict=True)]
@@ -73,12 +64,7 @@ def _shared(vector: CoefficientVector, L: FloatArray) -> FloatArray:
 def put_back(model: TemperatureModel, common: Common) -> TemperatureModel:
     """Return functions whose covariance knows the error of gravity too.
 
-    Parameters
-    ----------
-    model : TemperatureModel
-        The functions fitted to what is the sessions' own.
-    common : dict of tuple to dict of str to float
-        What was taken out [SI].
+    `model`: the functions fitted to what is the sessions' own; `common`: what was taken out [SI].
     """
     p = model.weights.shape[1]
     ones = np.ones(p) if model.knots.size else np.eye(p)[0]

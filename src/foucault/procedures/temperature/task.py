@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.errors import error, suggestion
 from foucault.estimate.temperature.fit import Evidence
@@ -17,8 +18,6 @@ from foucault.models.temperature import TemperatureModel, basis
 from foucault.procedures.temperature import evidence
 from foucault.procedures.temperature.evidence import Ramp, Session
 from foucault.units import ZERO_CELSIUS
-
-FloatArray = npt.NDArray[np.float64]
 
 HIGHEST = 3
 """Highest power that is tried unless more is asked for [1]."""
@@ -32,86 +31,42 @@ BY_RAMP = ("gyro.bias", "accel.bias")
 
 @dataclass(frozen=True)
 class Settings:
-    """How to fit.
+    """How to fit."""
 
-    Attributes
-    ----------
-    orders : mapping of str to int
-        Power of temperature of a family, ``{"gyro.bias": 2}``; "" is for all others. What is not
-        named is told by the evidence [1].
-    knots : tuple of float
-        Knots of piecewise linear functions; none for polynomials [K].
-    scatter : mapping of str to float
-        Repeatability of a family from one session to the next, where declared; "" is for all
-        others. What is not named is found with the functions [SI].
-    reference : float or None
-        T0; the middle of the range by default [K].
-    margin : float
-        How far beyond the temperatures seen the functions are declared to hold [K].
-    visited : bool
-        The sessions are in the order they were made in: compare heating with cooling.
-    """
-
+    # power of temperature of a family, ``{"gyro.bias": 2}``; "" is for all others. What is not
+    # named is told by the evidence [1]
     orders: Mapping[str, int] = field(default_factory=dict)
-    knots: tuple[float, ...] = ()
+    knots: tuple[float, ...] = ()  # knots of piecewise linear functions; none for polynomials [K]
+    # repeatability of a family from one session to the next, where declared; "" is for all others.
+    # What is not named is found with the functions [SI]
     scatter: Mapping[str, float] = field(default_factory=dict)
-    reference: float | None = None
+    reference: float | None = None  # t0; the middle of the range by default [K]
+    # how far beyond the temperatures seen the functions are declared to hold [K]
     margin: float = 0.0
+    # the sessions are in the order they were made in: compare heating with cooling
     visited: bool = False
 
 
 @dataclass(frozen=True)
 class Task:
-    """All that a fit is made of.
+    """All that a fit is made of."""
 
-    Attributes
-    ----------
-    layout : Layout
-        The n coefficients that any session estimates.
-    held : dict of str to float
-        Coefficients that sessions have and none estimates, with their values [SI].
-    order : tuple of Coefficient
-        Both, in the order of the fullest session.
-    families : tuple of str
-        Families of the n coefficients.
-    family : ndarray of int, shape (n,)
-        The family of each [1].
-    unit : ndarray, shape (n,)
-        Typical uncertainty of the family of each [SI].
-    spaces : Spaces
-        Functions that each family may have.
-    evidence : tuple of Evidence
-        Sessions, then parts of ramps.
-    template : TemperatureModel
-        Reference, range and knots; no weights yet.
-    temperatures : ndarray of int, shape (families,)
-        At how many temperatures sessions tell each family [1].
-    """
-
-    layout: Layout
+    layout: Layout  # the n coefficients that any session estimates
+    # coefficients that sessions have and none estimates, with their values [SI]
     held: Mapping[str, float]
-    order: tuple[Coefficient, ...]
-    families: tuple[str, ...]
-    family: npt.NDArray[np.int64]
-    unit: FloatArray
-    spaces: Spaces
-    evidence: tuple[Evidence, ...]
-    template: TemperatureModel
+    order: tuple[Coefficient, ...]  # both, in the order of the fullest session
+    families: tuple[str, ...]  # families of the n coefficients
+    family: npt.NDArray[np.int64]  # (n,) the family of each [1]
+    unit: FloatArray  # (n,) typical uncertainty of the family of each [SI]
+    spaces: Spaces  # functions that each family may have
+    evidence: tuple[Evidence, ...]  # sessions, then parts of ramps
+    template: TemperatureModel  # reference, range and knots; no weights yet
+    # (families,) at how many temperatures sessions tell each family [1]
     temperatures: npt.NDArray[np.int64]
 
 
 def task_of(sessions: Sequence[Session], settings: Settings, ramps: Sequence[Ramp]) -> Task:
-    """Put together what is to be fitted.
-
-    Parameters
-    ----------
-    sessions : sequence of Session
-        Calibrations.
-    settings : Settings
-        How.
-    ramps : sequence of Ramp
-        Logs at rest while the temperature changes.
-    """
+    """Put together what is to be fitted."""
     order, held = _coefficients(sessions)
     layout = Layout(tuple(c for c in order if c.name not in held))
     named = [family_of(name) for name in layout.names]
@@ -141,15 +96,7 @@ def task_of(sessions: Sequence[Session], settings: Settings, ramps: Sequence[Ram
 
 
 def solved(task: Task, settings: Settings) -> Choice:
-    """Fit with the orders and scatters that are declared, and find the others.
-
-    Parameters
-    ----------
-    task : Task
-        What is to be fitted.
-    settings : Settings
-        How.
-    """
+    """Fit with the orders and scatters that are declared, and find the others."""
     groups = len(task.families) + len(evidence.SENSORS)
     known, wanted = np.zeros(groups), np.zeros(groups, bool)
     wanted[np.concatenate([e.group for e in task.evidence])] = True
@@ -171,15 +118,7 @@ def solved(task: Task, settings: Settings) -> Choice:
 
 
 def model_of(task: Task, choice: Choice) -> TemperatureModel:
-    """Return the functions in SI, with what is held and with the highest power that is used.
-
-    Parameters
-    ----------
-    task : Task
-        What was fitted.
-    choice : Choice
-        The solution.
-    """
+    """Return the functions in SI, with what is held and with the highest power that is used."""
     fit, knots = choice.fit, task.template.knots
     whole = Layout(task.order)
     place = np.array([whole.index(name) for name in task.layout.names])
@@ -211,10 +150,7 @@ def family_of(name: str) -> str:
 def heating(temperature: FloatArray) -> FloatArray:
     """Return 1 where a session is warmer than the one before, -1 where it is colder, shape (m,).
 
-    Parameters
-    ----------
-    temperature : ndarray, shape (m,)
-        Mean temperature of the sessions in their order [K].
+    `temperature` (m,): mean temperature of the sessions in their order [K].
     """
     step = np.sign(np.diff(temperature))
     return np.concatenate([step[:1], step]) if len(step) else np.zeros(len(temperature))
@@ -228,10 +164,7 @@ def celsius(*kelvin: float) -> str:
 def distinct(temperature: FloatArray) -> int:
     """Count temperatures that are not the same.
 
-    Parameters
-    ----------
-    temperature : ndarray, shape (m,)
-        Temperatures [K].
+    `temperature` (m,): temperatures [K].
     """
     rising = np.sort(temperature)
     count, last = 0, -np.inf

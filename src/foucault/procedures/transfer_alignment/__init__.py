@@ -36,6 +36,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.time_base import stretched, with_clock
 from foucault.diagnose.transfer import checks as judge
@@ -69,7 +70,7 @@ from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR
 from foucault.procedures.transfer_alignment.settings import Settings as Settings
 from foucault.procedures.transfer_alignment.solution import Solution, bent, gravity_error, solved
 from foucault.result import Result, TableData, Verdict, provenance
-from foucault.tables import FloatArray, Log
+from foucault.tables import Log, temperature_range
 
 Master = MasterDescription
 
@@ -78,13 +79,7 @@ GAUGE = "b is the case of the slave; its axes are taken to be at right angles"
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients of the result.
-
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen.
-    """
+    """Return the coefficients of the result."""
     return settings.reported
 
 
@@ -178,18 +173,9 @@ def trial(
 ) -> Result:
     """Calibrate without what only a report shows: one trial of many.
 
-    Parameters
-    ----------
-    log : SlaveLog
-        Readings of the slave beside what its master said [SI].
-    site : Site
-        Gravity, and the latitude where the master does not say it.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise or None
-        Noise of the slave [SI].
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `log`: readings of the slave beside what its master said [SI]; `site`: gravity, and the
+    latitude where the master does not say it; `noise` or None: noise of the slave [SI]; `prior`
+    or None: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     return _calibrate(log, site, settings, noise, prior or {}, silent, shown=False)
 
@@ -321,7 +307,4 @@ def _validity(log: Log) -> dict[str, Any]:
     out: dict[str, Any] = {"sampled": log.sampled, "rate": log.rate}
     for name, x in (("accel", log.accel), ("gyro", log.gyro)):
         out[name] = [float(x.min()), float(x.max())]
-    if log.temperature is not None:
-        out["temperature"] = [float(log.temperature.min()), float(log.temperature.max())]
-        out["temperature_mean"] = float(log.temperature.mean())
-    return out
+    return out | temperature_range(log)

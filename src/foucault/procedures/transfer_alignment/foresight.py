@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.information import largest_shares, terms
@@ -34,8 +34,6 @@ from foucault.procedures.transfer_alignment.problem import (
 from foucault.procedures.transfer_alignment.session import Session, moved, simulate_motion
 from foucault.procedures.transfer_alignment.settings import LEFT_OUT, NOISE, Settings
 
-FloatArray = npt.NDArray[np.float64]
-
 RATE = 50.0
 """Samples in a second that a covariance takes [Hz]."""
 
@@ -54,10 +52,7 @@ AHEAD = (0.0, 90 * _DEG, 180 * _DEG, 270 * _DEG)
 def manoeuvres(speed: float) -> dict[str, tuple[Segment, ...]]:
     """Return what may be added to a motion, each half a minute, by name.
 
-    Parameters
-    ----------
-    speed : float
-        Speed of the vehicle [m/s].
+    `speed`: speed of the vehicle [m/s].
     """
     return {
         "straight on": (Straight(30.0),),
@@ -69,27 +64,15 @@ def manoeuvres(speed: float) -> dict[str, tuple[Segment, ...]]:
 
 @dataclass(frozen=True)
 class Shown:
-    """What one motion shows.
-
-    Attributes
-    ----------
-    name : str
-        The motion.
-    time : float
-        How long it takes [s].
-    vector : CoefficientVector
-        Coefficients at zero with the covariance that they will have, and sds of the prior [SI].
-    seen : ndarray, shape (n,)
-        Sds that they would have without what is only counted with [SI].
-    position : float
-        What all errors will make of the horizontal position after the outage of the settings:
-        root mean square over the headings of `AHEAD` [m].
-    """
+    """What one motion shows."""
 
     name: str
-    time: float
+    time: float  # how long it takes [s]
+    # coefficients at zero with the covariance that they will have, and sds of the prior [SI]
     vector: CoefficientVector
-    seen: FloatArray
+    seen: FloatArray  # (n,) sds that they would have without what is only counted with [SI]
+    # what all errors will make of the horizontal position after the outage of the settings: root
+    # mean square over the headings of `AHEAD` [m]
     position: float
 
 
@@ -103,18 +86,9 @@ def foresee(
 ) -> Foresight:
     """Return what the motion of a session will show, and what a manoeuvre more would.
 
-    Parameters
-    ----------
-    settings : Settings
-        What will be chosen.
-    session : Session
-        What the vehicle will do, and how its messages come.
-    site : Site
-        Where it begins: the latitude.
-    noise : ImuNoise or None
-        Noise of the slave [SI]; None takes that of a tactical instrument.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `session`: what the vehicle will do, and how its messages come; `noise`: noise of the slave
+    [SI], None takes that of a tactical instrument; `prior` or None: mean and standard deviation
+    of coefficients or groups of coefficients [SI].
     """
     plan = moved(replace(session.motion, outage=()), site)
     known = (settings, session, site, noise, prior or {})
@@ -155,22 +129,8 @@ def free_of(
 ) -> tuple[TransferProblem, Free]:  # fmt: skip
     """Return a slave without errors beside a master without noise on a motion.
 
-    Parameters
-    ----------
-    plan : TransferProfile
-        The motion.
-    settings : Settings
-        What will be chosen.
-    session : Session
-        How messages come.
-    site : Site
-        Where it begins.
-    noise : ImuNoise or None
-        Noise of the slave [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    rate : float, shape ()
-        Samples of the slave in a second [Hz].
+    `noise` or None: noise of the slave [SI]; `prior`: mean and standard deviation of coefficients
+    or groups of coefficients [SI]; `rate`: samples of the slave in a second [Hz].
     """
     quiet = Session(
         rate=rate, message_rate=session.message_rate, message_delay=session.message_delay,
@@ -192,24 +152,9 @@ def shown(
 ) -> Shown:  # fmt: skip
     """Return the covariance that a motion leaves.
 
-    Parameters
-    ----------
-    plan : TransferProfile
-        The motion.
-    settings : Settings
-        What will be chosen.
-    session : Session
-        How messages come.
-    site : Site
-        Where it begins.
-    noise : ImuNoise or None
-        Noise of the slave [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    rate : float, shape ()
-        Samples of the slave in a second [Hz].
-    gravity : bool
-        Whether what is not known of local gravity counts; no motion makes it less.
+    `noise` or None: noise of the slave [SI]; `prior`: mean and standard deviation of coefficients
+    or groups of coefficients [SI]; `rate`: samples of the slave in a second [Hz]; `gravity`:
+    whether what is not known of local gravity counts, no motion makes it less.
     """
     p, free = free_of(plan, settings, session, site, noise, prior, rate=rate)
     run = kalman(free.system)

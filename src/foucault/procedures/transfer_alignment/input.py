@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from foucault.diagnose.spikes import KNOCKS, without_spikes
 from foucault.errors import Finding, error, finding
 from foucault.models.earth import SEMI_MAJOR_AXIS, Site
 from foucault.models.master import MasterTable
@@ -36,12 +37,7 @@ LONGEST_GAP = 0.25
 def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Finding]]:
     """Return the settings for what a master says: some say no vertical velocity, and write zero.
 
-    Parameters
-    ----------
-    table : MasterTable
-        Messages of the master [SI].
-    settings : Settings
-        What was chosen.
+    `table`: messages of the master [SI].
     """
     used = settings.matched.vertical and settings.matching != "attitude"
     if not used or table.velocity_n[:, 2].any():
@@ -50,15 +46,10 @@ def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Findin
 
 
 def usable(log: SlaveLog) -> SlaveLog:
-    """Return the log with each message once; refuse what runs backwards or is not finite.
+    """Return the log without spikes, each message once; refuse it backwards or not finite.
 
-    Parameters
-    ----------
-    log : SlaveLog
-        Readings of the slave beside what its master said [SI].
+    `log`: readings of the slave beside what its master said [SI].
 
-    Notes
-    -----
     Logs read from files are whole already.
     """
     columns = [x for x in (log.gyro, log.accel) if x is not None]
@@ -75,6 +66,7 @@ def usable(log: SlaveLog) -> SlaveLog:
         raise error("transfer.backwards", count=len(back),
                     time=stamp(float(log.time[back[0] + 1])))  # fmt: skip
     said = log.messages.cleaned("error")
+    log = without_spikes(log, most=KNOCKS)
     known = {f.code for f in log.findings}
     told = [f for f in said.findings if f.code not in known]
     return replace(log, master=said, findings=(*log.findings, *told))
@@ -88,12 +80,7 @@ def stamp(time: float) -> str:
 def placed(table: MasterTable, site: Site) -> MasterTable:
     """Return the table with positions: those of a master that has none begin at the site.
 
-    Parameters
-    ----------
-    table : MasterTable
-        Messages [SI].
-    site : Site
-        Where it begins.
+    `table`: messages [SI].
     """
     if table.has_place:
         return table if table.height is not None else table.from_place(0.0, site.height)
@@ -105,12 +92,7 @@ def placed(table: MasterTable, site: Site) -> MasterTable:
 def there(site: Site, table: MasterTable) -> tuple[Site, list[Finding]]:
     """Return the site where the run begins: a master that says its position knows it better.
 
-    Parameters
-    ----------
-    site : Site
-        As it was described.
-    table : MasterTable
-        Messages [SI].
+    `table`: messages [SI].
     """
     if table.latitude is None or table.longitude is None:
         return site, []
@@ -136,10 +118,7 @@ def even(table: MasterTable) -> MasterTable:
     The master's own stamps are even: the straight line of arrival over stamp is one clock against
     the other, and the mean of what the messages are late, which is part of the delay.
 
-    Parameters
-    ----------
-    table : MasterTable
-        Messages [SI].
+    `table`: messages [SI].
     """
     if table.arrival is None:
         return table
@@ -153,14 +132,7 @@ def common(
 ) -> tuple[float, MasterTable, Increments]:
     """Return when the slave is handed over, the messages until then, and the slave beside them.
 
-    Parameters
-    ----------
-    log : SlaveLog
-        Readings of the slave [SI].
-    table : MasterTable
-        Messages, with positions [SI].
-    settings : Settings
-        What was chosen.
+    `log`: readings of the slave [SI]; `table`: messages, with positions [SI].
     """
     time = table.messages.time
     first, last = float(log.time[0]), float(log.time[-1])

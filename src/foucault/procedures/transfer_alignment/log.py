@@ -65,7 +65,7 @@ class SlaveLog(Log):
 
     Attributes
     ----------
-    time, gyro, accel, temperature, averaged : ndarray
+    time, gyro, accel, temperature, averaged, begins : ndarray
         Of the slave, as in `Log` [SI].
     sampled, findings, source, table, clock
         The same.
@@ -79,16 +79,11 @@ class SlaveLog(Log):
     def of(cls, log: Log, master: MasterTable) -> SlaveLog:
         """Return the log of a slave beside what its master said.
 
-        Parameters
-        ----------
-        log : Log
-            Readings of the slave [SI].
-        master : MasterTable
-            Messages of the master [SI].
+        `log`: readings of the slave [SI]; `master`: messages of the master [SI].
         """
         told = (*on_a_shared_clock(log.findings), *master.findings)
         return cls(log.time, log.gyro, log.accel, log.sampled, log.temperature, told, log.source,
-                   log.table, log.averaged, log.clock, master)  # fmt: skip
+                   log.table, log.averaged, log.clock, log.begins, master)  # fmt: skip
 
     @property
     def messages(self) -> MasterTable:
@@ -101,14 +96,7 @@ class SlaveLog(Log):
 def with_master(log: Log, description: MasterDescription, folder: str | Path) -> SlaveLog:
     """Read the table of the master beside the log of a slave.
 
-    Parameters
-    ----------
-    log : Log
-        Readings of the slave [SI].
-    description : MasterDescription
-        How to read the table.
-    folder : str or Path
-        Folder that a relative file name starts from.
+    `log`: readings of the slave [SI]; `folder`: folder that a relative file name starts from.
     """
     assert description.file is not None
     table, file = masters.read(description, folder), Path(folder) / description.file
@@ -119,12 +107,8 @@ def with_master(log: Log, description: MasterDescription, folder: str | Path) ->
 def write_log(log: SlaveLog, path: str | Path) -> None:
     """Write the log of a slave, and the table of its master beside it.
 
-    Parameters
-    ----------
-    log : SlaveLog
-        What was simulated [SI].
-    path : str or Path
-        File of the slave's log; `MASTER_FILE` gets into the same folder.
+    `log`: what was simulated [SI]; `path`: file of the slave's log, `MASTER_FILE` gets into the
+    same folder.
     """
     logs.write(log, path)
     masters.write(log.messages, Path(path).with_name(MASTER_FILE))

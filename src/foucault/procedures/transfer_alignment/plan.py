@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
@@ -21,8 +21,6 @@ from foucault.procedures.transfer_alignment.foresight import Shown, shown
 from foucault.procedures.transfer_alignment.session import Session, moved
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.units import Quantity
-
-FloatArray = npt.NDArray[np.float64]
 
 EVALUATIONS = 200
 """Plans that a restart judges: each is a run of the filter [1]."""
@@ -90,29 +88,14 @@ class Wanted(BaseModel):
 
 @dataclass
 class Stated:
-    """What a calibration on a motion would state.
-
-    Attributes
-    ----------
-    settings : Settings
-        What was chosen.
-    session : Session
-        How messages come.
-    site : Site
-        Where it begins.
-    noise : ImuNoise or None
-        Noise of the slave [SI].
-    prior : mapping of str to (float, float)
-        What is known beforehand [SI].
-    _kept : dict of str to ndarray, each shape (p,)
-        What was stated before [SI].
-    """
+    """What a calibration on a motion would state."""
 
     settings: Settings
     session: Session
     site: Site
-    noise: ImuNoise | None
-    prior: Mapping[str, tuple[float, float]]
+    noise: ImuNoise | None  # noise of the slave [SI]
+    prior: Mapping[str, tuple[float, float]]  # what is known beforehand [SI]
+    # (p,) what was stated before [SI]
     _kept: dict[str, FloatArray] = field(default_factory=dict, repr=False)
 
     def __call__(self, motion: TransferProfile, case: str) -> FloatArray:
@@ -152,20 +135,9 @@ def space(
 ) -> TransferSpace:  # fmt: skip
     """Return the motions that are allowed; the one to beat is the campaign's.
 
-    Parameters
-    ----------
-    settings : Settings
-        What was chosen of the procedure.
-    wanted : Wanted
-        What the vehicle may do, and what is to be known best.
-    session : Session
-        Motion to beat, and how messages come.
-    site : Site
-        Where it begins.
-    noise : ImuNoise or None
-        Noise of the slave [SI].
-    prior : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
+    `wanted`: what the vehicle may do, and what is to be known best; `noise` or None: noise of the
+    slave [SI]; `prior`: mean and standard deviation of coefficients or groups of coefficients
+    [SI].
     """
     reference = moved(replace(session.motion, outage=()), site)
     stated = Stated(settings, session, site, noise, prior)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer import delay as delay_checks
 from foucault.diagnose.transfer.forces import forces
@@ -28,8 +29,6 @@ from foucault.procedures.transfer_alignment.input import BEYOND, common, even, p
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import NOISE, PRIOR, Settings
 from foucault.units import convert, plain
-
-FloatArray = npt.NDArray[np.float64]
 
 MINOR = {"transfer.noise", "strapdown.bridged", "delay.wild", "delay.wanders"}
 """What leaves forces to be compared with accelerations all the same."""
@@ -54,53 +53,26 @@ PLACE_SD = 1.0
 
 @dataclass(frozen=True)
 class TransferProblem:
-    """What is solved.
+    """What is solved."""
 
-    Attributes
-    ----------
-    slave : Slave
-        The slave's log, and what is estimated of it.
-    master : Messages
-        What the master said, by the slave's clock as far as that is known.
-    table : MasterTable
-        The same with positions.
-    settings : Settings
-        What was chosen.
-    site : Site
-        Where it begins, for gravity.
-    prior : Known
-        What was known beforehand: one copy of the master's state at the start.
-    sd : ndarray, shape (n,)
-        How well, for every state of the filter [SI].
-    vector : CoefficientVector
-        What was known of the coefficients and of what is found besides [SI].
-    hand_over : float
-        When the slave goes on alone [s].
-    delay : Delay or None
-        What rate matching has found, where the delay starts from it or is checked by it.
-    findings : tuple of Finding
-        What was noticed.
-    """
-
-    slave: Slave
-    master: Messages
-    table: MasterTable
+    slave: Slave  # the slave's log, and what is estimated of it
+    master: Messages  # what the master said, by the slave's clock as far as that is known
+    table: MasterTable  # the same with positions
     settings: Settings
-    site: Site
-    prior: Known
-    sd: FloatArray
+    site: Site  # where it begins, for gravity
+    prior: Known  # what was known beforehand: one copy of the master's state at the start
+    sd: FloatArray  # (n,) how well, for every state of the filter [SI]
+    # what was known of the coefficients and of what is found besides [SI]
     vector: CoefficientVector
-    hand_over: float
+    hand_over: float  # when the slave goes on alone [s]
+    # what rate matching has found, where the delay starts from it or is checked by it
     delay: Delay | None
     findings: tuple[Finding, ...]
 
     def loose(self, seconds: float) -> FloatArray:
         """Return `sd` if the start is known so much too early or too late, shape (n,) [SI].
 
-        Parameters
-        ----------
-        seconds : float
-            Standard deviation of the delay [s].
+        `seconds`: standard deviation of the delay [s].
         """
         first, x = self.slave.first, self.slave.increments
         C_ns = self.prior.state.C_nb
@@ -113,10 +85,7 @@ class TransferProblem:
     def with_delay(self, delay: float) -> TransferProblem:
         """Return the problem with another delay known beforehand.
 
-        Parameters
-        ----------
-        delay : float
-            The delay [s].
+        `delay`: the delay [s].
         """
         first, state = _start(self.slave.increments, self.table, self.master, delay, self.settings)
         slave, prior = replace(self.slave, first=first), replace(self.prior, delay=delay)
@@ -134,20 +103,11 @@ def problem_of(
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
 
-    Parameters
-    ----------
-    log : SlaveLog
-        Readings of the slave beside what its master said [SI].
-    site : Site
-        Gravity, and the latitude where the master does not say it.
-    settings : Settings
-        What was chosen.
-    noise : ImuNoise or None
-        Noise of the slave [SI]; None takes that of a tactical instrument.
-    given : mapping of str to (float, float)
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    match : bool
-        Whether what both turned is compared; a simulated session without errors need not be.
+    `log`: readings of the slave beside what its master said [SI]; `site`: gravity, and the
+    latitude where the master does not say it; `noise`: noise of the slave [SI], None takes that
+    of a tactical instrument; `given`: mean and standard deviation of coefficients or groups of
+    coefficients [SI]; `match`: whether what both turned is compared, a simulated session without
+    errors need not be.
     """
     hand_over, table, increments = common(log, even(placed(log.messages, site)), settings)
     said, told = table.messages, [*([] if noise else [assumed_noise()]), *increments.findings]
@@ -307,14 +267,7 @@ def _start(
 def place_of(table: MasterTable, k: int, lever_m: FloatArray) -> tuple[float, float, float]:
     """Return where the slave is by message k: latitude, longitude [rad], height [m].
 
-    Parameters
-    ----------
-    table : MasterTable
-        Messages with positions.
-    k : int, shape ()
-        Number of the message [1].
-    lever_m : ndarray, shape (3,)
-        From the master to the slave [m].
+    `k`: number of the message [1]; `lever_m` (3,): from the master to the slave [m].
     """
     assert table.latitude is not None
     assert table.longitude is not None

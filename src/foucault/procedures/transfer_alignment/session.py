@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from foucault import logs
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.logs import master as masters
@@ -33,9 +33,7 @@ from foucault.simulate.transfer.session import (
 )
 from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
 from foucault.tables import Log
-from foucault.units import Angle, Quantity, Seconds
-
-FloatArray = npt.NDArray[np.float64]
+from foucault.units import Angle, AngleSd, Quantity, Seconds
 
 SIMULATE = {"grade": "tactical"}
 """Default of [simulate]; of this class the turn-on errors are those of the publication."""
@@ -94,17 +92,17 @@ class Session(BaseModel):
         default=0.0, gt=-1e-3, lt=1e-3, description="Part by which the master's clock is fast."
     )
     master_velocity_sd: Annotated[float, Quantity("velocity")] = Field(
-        default=0.05, ge=0, description="Noise of the master's velocity, each component."
+        default=0.05, ge=0, le=100, description="Noise of the master's velocity, each component."
     )
-    master_attitude_sd: Angle = Field(
+    master_attitude_sd: AngleSd = Field(
         default=float(np.radians(1 / 60)),
         ge=0,
         description="Noise of its heading, pitch and roll.",
     )
-    installation_sd: Angle = Field(
+    installation_sd: AngleSd = Field(
         default=INSTALLATION, ge=0, description="Sd of the installation about each axis."
     )
-    compliance_sd: Angle = Field(
+    compliance_sd: AngleSd = Field(
         default=0.0, ge=0, description="Sd of the compliance of the mount, per g, about each axis."
     )
     flexure: Angle = Field(default=0.0, ge=0, description="Sd of a random bending.")
@@ -130,15 +128,9 @@ class Session(BaseModel):
 
 @dataclass(frozen=True)
 class TransferSession:
-    """A simulated session.
+    """A simulated session."""
 
-    Attributes
-    ----------
-    made : TransferSimulation
-        Everything that was simulated, the outage included [SI].
-    """
-
-    made: TransferSimulation
+    made: TransferSimulation  # everything that was simulated, the outage included [SI]
 
     @property
     def model(self) -> ImuModel:
@@ -178,12 +170,7 @@ class TransferSession:
     def reference(self, rows: slice, height: FloatArray | None = None) -> MasterTable:
         """Return where the slave truly was.
 
-        Parameters
-        ----------
-        rows : slice
-            Of the log.
-        height : ndarray, shape (n,), or None
-            What stands for its height at the times of the log [m].
+        `height` (n,) or None: what stands for its height at the times of the log [m].
         """
         t = self.made.truth
         up = t.height if height is None else height
@@ -207,10 +194,7 @@ class TransferSession:
     def write_beside(self, folder: Path) -> None:
         """Write the truth, and the outage with what it is to be compared with.
 
-        Parameters
-        ----------
-        folder : Path
-            Gets `TRUTH_TABLE`, and where there is an outage `OUTAGE_LOG` and `REFERENCE`.
+        `folder`: gets `TRUTH_TABLE`, and where there is an outage `OUTAGE_LOG` and `REFERENCE`.
         """
         step = max(1, round(self.made.log.rate / ROWS))
         masters.write(self.reference(slice(None, None, step)), folder / TRUTH_TABLE)
@@ -225,12 +209,8 @@ class TransferSession:
 def draw_errors(grade_name: str, seed: int) -> ImuModel:
     """Draw what a slave reads wrong this time: biases, and scale factors of the gyros.
 
-    Parameters
-    ----------
-    grade_name : str
-        One of `models.noise.GRADES`; "tactical" is the slave of the publication.
-    seed : int, shape ()
-        Seed [1].
+    `grade_name`: one of `models.noise.GRADES`, "tactical" is the slave of the publication;
+    `seed`: seed [1].
     """
     published = turn_on_grade().spread
     spread = published if grade_name == SIMULATE["grade"] else grade(grade_name).spread
@@ -253,20 +233,9 @@ def simulate(
 ) -> TransferSession:
     """Simulate a session.
 
-    Parameters
-    ----------
-    session : Session
-        What the vehicle does, how its messages come, and how the slave is fixed.
-    settings : Settings or None
-        Of the calibration to follow: nominal mounting and lever arm.
-    model : ImuModel
-        Errors of the slave.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Where it begins, and its gravity.
-    seed : int, shape ()
-        Seed of installation, compliance and noise [1].
+    `session`: what the vehicle does, how its messages come, and how the slave is fixed;
+    `settings` or None: of the calibration to follow: nominal mounting and lever arm; `noise`: its
+    noise [SI]; `seed`: seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
     offset = site.gravity - gravity(site.latitude or 0.0, site.height)  # `moved` wants a latitude
@@ -279,22 +248,9 @@ def simulate_motion(
 ) -> TransferSession:  # fmt: skip
     """Simulate a session of any motion.
 
-    Parameters
-    ----------
-    motion : TransferProfile
-        What the vehicle does.
-    session : Session
-        How its messages come, and how the slave is fixed.
-    settings : Settings
-        Nominal mounting and lever arm.
-    model : ImuModel
-        Errors of the slave.
-    noise : ImuNoise
-        Its noise [SI].
-    seed : int, shape ()
-        Seed of installation, compliance and noise [1].
-    gravity_offset : float
-        Local minus normal gravity [m/s^2].
+    `session`: how its messages come, and how the slave is fixed; `noise`: its noise [SI]; `seed`:
+    seed of installation, compliance and noise [1]; `gravity_offset`: local minus normal gravity
+    [m/s^2].
     """
     mount = settings.mount
     rng = np.random.default_rng([seed, 22])
@@ -324,15 +280,7 @@ def simulate_motion(
 
 
 def moved(profile: TransferProfile, site: Site) -> TransferProfile:
-    """Return a motion that begins at latitude and height of a site.
-
-    Parameters
-    ----------
-    profile : TransferProfile
-        The motion.
-    site : Site
-        Where.
-    """
+    """Return a motion that begins at latitude and height of a site."""
     if site.latitude is None:
         raise error("transfer.place")
     here = replace(profile.start, latitude=site.latitude, height=site.height)

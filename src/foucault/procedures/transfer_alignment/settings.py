@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
 from foucault.errors import FoucaultError, error
 from foucault.models import imu
@@ -16,9 +16,7 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.transfer import LOAD, Matching, Mount
-from foucault.units import Angle, Quantity, Seconds, parse
-
-FloatArray = npt.NDArray[np.float64]
+from foucault.units import Angle, AngleSd, Quantity, Seconds, parse
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
 """Groups that are there for the uncertainties of the others: a motion need not show them."""
@@ -97,9 +95,12 @@ class Settings(BaseModel):
         "points up rests on turns alone. It is not used without accel_bias_z, which it shows.",
     )
     velocity_sd: Annotated[float, Quantity("velocity")] = Field(
-        default=0.05, gt=0, description="Sd of the difference of velocities, each component."
+        default=0.05,
+        gt=0,
+        le=100,
+        description="Sd of the difference of velocities, each component.",
     )
-    attitude_sd: Angle = Field(
+    attitude_sd: AngleSd = Field(
         default=float(np.radians(1 / 60)),
         gt=0,
         description="Sd of the difference of attitudes, each component: the master's noise, and "
@@ -175,7 +176,7 @@ class Settings(BaseModel):
         description="Find flexure_sd, flexure_time and attitude_sd from the innovations: what "
         "makes them likeliest. What is said of them is where the search starts.",
     )
-    flexure_sd: Angle = Field(
+    flexure_sd: AngleSd = Field(
         default=0.0, ge=0, description="Sd of a bending that comes and goes; 0: none. Six states."
     )
     flexure_time: Seconds = Field(default=5.0, gt=0, description="Its correlation time.")

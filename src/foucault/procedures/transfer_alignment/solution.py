@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer.causes import BENDS
 from foucault.errors import Finding, Status, error, finding
@@ -27,7 +28,6 @@ from foucault.navigate.state import State
 from foucault.procedures.transfer_alignment.input import stamp
 from foucault.procedures.transfer_alignment.problem import TransferProblem, place_of
 from foucault.procedures.transfer_alignment.settings import Settings
-from foucault.tables import FloatArray
 from foucault.units import plain
 
 SETTLED = 0.5
@@ -39,44 +39,24 @@ STILL = 0.1
 
 @dataclass(frozen=True)
 class Solution:
-    """What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    problem : TransferProblem
-        What was solved, the delay that it started from included.
-    found : Transfer
-        The last pass; the filter that was chosen.
-    states : CoefficientVector
-        Coefficients and what is found besides, at the last message, with covariance [SI].
-    kalman : CoefficientVector
-        `states` by a Kalman filter: the posterior Cramer-Rao bound of a linear system is its
-        covariance [SI].
-    handed : HandOver
-        The slave as it goes on alone.
-    fit : DelayFit or None
-        The likeliest delay, where it was looked for.
-    gamma, least : float
-        Bound of the H-infinity filter, and the least there is; infinite for a Kalman filter [1].
-    backward : LinearSmoothed or None
-        The Kalman run as seen from its end, where wanted.
-    status : Status
-        How the passes ended.
-    findings : list of Finding
-        What the user should know of that.
-    """
-
-    problem: TransferProblem
-    found: Transfer
+    problem: TransferProblem  # what was solved, the delay that it started from included
+    found: Transfer  # the last pass; the filter that was chosen
+    # coefficients and what is found besides, at the last message, with covariance [SI]
     states: CoefficientVector
+    # `states` by a Kalman filter: the posterior Cramer-Rao bound of a linear system is its
+    # covariance [SI]
     kalman: CoefficientVector
-    handed: HandOver
-    fit: DelayFit | None
+    handed: HandOver  # the slave as it goes on alone
+    fit: DelayFit | None  # the likeliest delay, where it was looked for
+    # gamma, least: bound of the H-infinity filter, and the least there is; infinite for a Kalman
+    # filter [1]
     gamma: float
     least: float
-    backward: LinearSmoothed | None
-    status: Status
-    findings: list[Finding]
+    backward: LinearSmoothed | None  # the Kalman run as seen from its end, where wanted
+    status: Status  # how the passes ended
+    findings: list[Finding]  # what the user should know of that
 
     @property
     def nominal(self) -> bool:
@@ -85,15 +65,7 @@ class Solution:
 
 
 def solved(p: TransferProblem, *, history: bool) -> Solution:
-    """Find the delay to start from, filter, and hand over.
-
-    Parameters
-    ----------
-    p : TransferProblem
-        What is solved.
-    history : bool
-        Whether the run is smoothed too.
-    """
+    """Find the delay to start from, filter, and hand over."""
     settings, fit = p.settings, None
     if settings.estimates_delay and settings.delay_method == "likelihood":
         p, fit = _likeliest(p)
@@ -118,12 +90,7 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
 def bent(s: Solution, settings: Settings) -> Settings:
     """Return the settings with the bending that makes the innovations likeliest, if there is one.
 
-    Parameters
-    ----------
-    s : Solution
-        A transfer alignment solved [SI].
-    settings : Settings
-        What was chosen.
+    `s`: a transfer alignment solved [SI].
     """
     p, found = s.problem, s.found
     if settings.matching == "velocity" or s.status is not Status.CONVERGED:
@@ -142,10 +109,7 @@ def gravity_error(s: Solution) -> FloatArray:
 
     A slave feels its weight and its bias alike: gravity believed too large is a bias too small.
 
-    Parameters
-    ----------
-    s : Solution
-        A transfer alignment solved [SI].
+    `s`: a transfer alignment solved [SI].
     """
     p, settings = s.problem, s.problem.settings
     sd = p.site.gravity_sd

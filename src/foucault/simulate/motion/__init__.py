@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import legendre
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.attitude import angles_of, body_rate, matrix_of
 from foucault.models.earth import EARTH_RATE, gravity
@@ -35,7 +35,6 @@ from foucault.simulate.motion.pieces import Kinematics, Piece, pieces_of
 from foucault.simulate.noise import noisy_log, sampled_log
 from foucault.tables import Log, whole_samples
 
-FloatArray = npt.NDArray[np.float64]
 Reading = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 _CHUNK = 16384  # times worked on at once: their arrays stay in the cache
@@ -46,28 +45,15 @@ _MANY = legendre.leggauss(8)
 
 @dataclass(frozen=True)
 class TrueTrajectory:
-    """Where the body truly is.
+    """Where the body truly is."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        When [s].
-    latitude, longitude : ndarray, shape (n,)
-        Geodetic latitude and longitude [rad].
-    height : ndarray, shape (n,)
-        Height above the ellipsoid [m].
-    velocity_n : ndarray, shape (n, 3)
-        Velocity relative to the Earth, frame n [m/s].
-    C_nb : ndarray, shape (n, 3, 3)
-        Attitude, body to East-North-Up [1].
-    """
-
-    time: FloatArray
+    time: FloatArray  # (n,) when [s]
+    # latitude, longitude: (n,) geodetic latitude and longitude [rad]
     latitude: FloatArray
     longitude: FloatArray
-    height: FloatArray
-    velocity_n: FloatArray
-    C_nb: FloatArray
+    height: FloatArray  # (n,) height above the ellipsoid [m]
+    velocity_n: FloatArray  # (n, 3) velocity relative to the Earth, frame n [m/s]
+    C_nb: FloatArray  # (n, 3, 3) attitude, body to East-North-Up [1]
 
     @property
     def angles(self) -> FloatArray:
@@ -77,10 +63,7 @@ class TrueTrajectory:
     def state(self, row: int) -> State:
         """Return the state of a row, negative ones counted from the end.
 
-        Parameters
-        ----------
-        row : int, shape ()
-            Its number [1].
+        `row`: its number [1].
         """
         return State(
             float(self.latitude[row]), float(self.longitude[row]), float(self.height[row]),
@@ -90,21 +73,11 @@ class TrueTrajectory:
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion of the body over the Earth as a function of time. Times are given in order.
+    """A motion of the body over the Earth as a function of time. Times are given in order."""
 
-    Attributes
-    ----------
-    pieces : list of Piece
-        What the vehicle does, in order; the first ends at time 0 and is steady.
-    path : Path
-        Where that leads.
-    gravity_offset : float
-        Local gravity minus normal gravity [m/s^2].
-    """
-
-    pieces: list[Piece]
+    pieces: list[Piece]  # what the vehicle does, in order; the first ends at time 0 and is steady
     path: Path
-    gravity_offset: float = 0.0
+    gravity_offset: float = 0.0  # local gravity minus normal gravity [m/s^2]
 
     @property
     def end(self) -> float:
@@ -114,10 +87,7 @@ class Motion:
     def truth(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return f_b [m/s^2] and w_ib_b [rad/s], shape (n, 3) each.
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            When, in order [s].
+        `time` (n,): when, in order [s].
         """
         f_b, w_b = np.empty((2, len(time), 3))
         for piece, rows in _stretches(self.pieces, time):
@@ -147,12 +117,8 @@ class Motion:
     ) -> tuple[FloatArray, FloatArray]:
         """Return dtheta_b [rad] and dvel_b [m/s] between times, shape (n - 1, 3) each.
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            When, in order; at most one first interval may lie before the start [s].
-        reading : callable or None
-            True f_b and w_ib_b -> what an instrument integrates instead.
+        `time` (n,): when, in order, at most one first interval may lie before the start [s];
+        `reading` or None: true f_b and w_ib_b -> what an instrument integrates instead.
         """
         inner = self.path.edges
         edges = np.union1d(time, inner[(inner > time[0]) & (inner < time[-1])])
@@ -196,19 +162,10 @@ def motion_of(
 ) -> tuple[Motion, list[tuple[str, float, float]]]:
     """Return the motion of a plan, and label, beginning and end [s] of each of its segments.
 
-    Parameters
-    ----------
-    plan : sequence of segments
-        What the vehicle does, from time 0.
-    start : Start
-        Where and how it begins.
-    headings : {"north", "start"}
-        Headings of the plan are from north; or from the direction that was north at the start
-        and is carried along without turning about up, for plans that come close to a pole.
-    gravity_offset : float
-        Local gravity minus normal gravity [m/s^2].
-    lead : float
-        How long the vehicle has gone steadily before time 0 [s].
+    `headings`: headings of the plan are from north, or from the direction that was north at the
+    start and is carried along without turning about up, for plans that come close to a pole;
+    `gravity_offset`: local gravity minus normal gravity [m/s^2]; `lead`: how long the vehicle has
+    gone steadily before time 0 [s].
     """
     if headings not in ("north", "start"):
         raise error(
@@ -234,27 +191,14 @@ def motion_of(
 
 @dataclass(frozen=True)
 class MotionSimulation:
-    """A simulated run.
+    """A simulated run."""
 
-    Attributes
-    ----------
-    log : Log
-        What the instrument said [SI].
-    model : ImuModel
-        The errors it had.
-    truth : TrueTrajectory
-        Where it truly was, at the times of the log.
-    labels : list of (str, float, float)
-        Label of each segment of the plan, its beginning and end [s].
-    motion : Motion
-        The motion at any time.
-    """
-
-    log: Log
-    model: ImuModel
-    truth: TrueTrajectory
+    log: Log  # what the instrument said [SI]
+    model: ImuModel  # the errors it had
+    truth: TrueTrajectory  # where it truly was, at the times of the log
+    # label of each segment of the plan, its beginning and end [s]
     labels: list[tuple[str, float, float]]
-    motion: Motion
+    motion: Motion  # the motion at any time
 
 
 def simulate_motion(

@@ -29,16 +29,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import legendre
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.earth import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS, radii
 from foucault.models.geodesy import east_north_up
 from foucault.models.rotation import cross_matrix, turned
 from foucault.plans.manoeuvres import Start
-
-FloatArray = npt.NDArray[np.float64]
 
 NORTHERNMOST = np.radians(89.9)
 """Up to here headings may be from north; 11 km from the pole north turns by 5 deg in 1 km [rad]."""
@@ -54,22 +52,13 @@ _MOST_ROUNDS = 100
 
 @dataclass(frozen=True)
 class Path:
-    """Position over time, as polynomials on panels.
+    """Position over time, as polynomials on panels."""
 
-    Attributes
-    ----------
-    edges : ndarray, shape (p + 1,)
-        Edges of the panels, 0 is one of them [s].
-    begin : ndarray, shape (p, m)
-        State at the beginning of each panel [rad, m]: latitude, longitude and height, or C_el row
-        by row and height.
-    shape : ndarray, shape (p, 9, m)
-        Legendre coefficients of its change in the panel [rad, m].
-    """
-
-    edges: FloatArray
+    edges: FloatArray  # (p + 1,) edges of the panels, 0 is one of them [s]
+    # (p, m) state at the beginning of each panel [rad, m]: latitude, longitude and height, or C_el
+    # row by row and height
     begin: FloatArray
-    shape: FloatArray
+    shape: FloatArray  # (p, 9, m) legendre coefficients of its change in the panel [rad, m]
 
     @property
     def carried(self) -> bool:
@@ -87,10 +76,7 @@ class Path:
     def axis_and_height(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the Earth's axis, frame l, shape (n, 3) [1], and height, shape (n,) [m].
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            When [s].
+        `time` (n,): when [s].
         """
         if self.carried:
             y = self._state(time, slice(6, 10))
@@ -101,10 +87,7 @@ class Path:
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return latitude, longitude [rad], height [m], shape (n,), and C_nl, shape (n, 3, 3).
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            When [s].
+        `time` (n,): when [s].
         """
         y = self._state(time, slice(None))
         if not self.carried:
@@ -121,16 +104,9 @@ class Path:
 def level_rate(p: FloatArray, height: FloatArray, v: FloatArray, carried: bool) -> FloatArray:
     """Return w_el, frame l, shape (n, 3) [rad/s].
 
-    Parameters
-    ----------
-    p : ndarray, shape (n, 3)
-        The Earth's axis, frame l [1].
-    height : ndarray, shape (n,)
-        Height [m].
-    v : ndarray, shape (n, 3)
-        Velocity, frame l [m/s].
-    carried : bool
-        Whether l is carried along, without a rate about up, or stays East-North-Up.
+    `p` (n, 3): the Earth's axis, frame l [1]; `height` (n,): height [m]; `v` (n, 3): velocity,
+    frame l [m/s]; `carried`: whether l is carried along, without a rate about up, or stays
+    East-North-Up.
     """
     d = 1.0 - ECCENTRICITY_SQUARED * p[:, 2] ** 2
     RN = SEMI_MAJOR_AXIS / np.sqrt(d)
@@ -148,16 +124,9 @@ def path_of(
 ) -> Path:
     """Integrate a velocity that is known as a function of time.
 
-    Parameters
-    ----------
-    start : Start
-        Where the motion is at time 0.
-    edges : ndarray, shape (p + 1,)
-        Edges of the panels, in order, 0 is one of them [s].
-    velocity : callable
-        Times, shape (n,) [s] -> velocity, frame l, shape (n, 3) [m/s].
-    carried : bool
-        Whether l is carried along, or stays East-North-Up.
+    `edges` (p + 1,): edges of the panels, in order, 0 is one of them [s]; `velocity`: times,
+    shape (n,) [s] -> velocity, frame l, shape (n, 3) [m/s]; `carried`: whether l is carried
+    along, or stays East-North-Up.
     """
     half = np.diff(edges) / 2
     middle = edges[:-1] + half

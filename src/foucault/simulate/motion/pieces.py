@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.attitude import matrix_of
 from foucault.models.earth import gravity
@@ -44,8 +44,6 @@ from foucault.plans.manoeuvres import (
 from foucault.plans.profiles import Profile
 from foucault.simulate.motion.profiles import Oscillation
 
-FloatArray = npt.NDArray[np.float64]
-
 _STILL = Profile()
 _STEADY_STEP, _CHANGING_STEP = 1.0, 0.25  # longest panels of quadrature [s]
 
@@ -65,42 +63,27 @@ class Kinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of time of a motion.
+    """A piece of time of a motion."""
 
-    Attributes
-    ----------
-    start, time : float
-        When it begins, and how long it lasts [s].
-    speed : float
-        Speed at the beginning [m/s].
-    course, climb : float
-        Course and angle of climb at the beginning [rad].
-    C_vb : ndarray, shape (3, 3)
-        Body in the vehicle at the beginning [1].
-    accelerate, turn, pitch, rise, spin : Profile
-        Changes of speed [m/s], course and angle of climb [rad], of height in a climb by a height
-        [m], of the angle on a table [rad].
-    axis_b : ndarray, shape (3,)
-        Axis of the table, frame b [1].
-    bank_gravity : float
-        g of the bank of a turn, infinite where the vehicle stays flat [m/s^2].
-    sway : Oscillation or None
-        Of heading, pitch, roll [rad] and of the shift right, forward, up [m].
-    """
-
+    # start, time: when it begins, and how long it lasts [s]
     start: float
     time: float
-    speed: float
+    speed: float  # speed at the beginning [m/s]
+    # course, climb: course and angle of climb at the beginning [rad]
     course: float
     climb: float
-    C_vb: FloatArray
+    C_vb: FloatArray  # (3, 3) body in the vehicle at the beginning [1]
+    # accelerate, turn, pitch, rise, spin: changes of speed [m/s], course and angle of climb [rad],
+    # of height in a climb by a height [m], of the angle on a table [rad]
     accelerate: Profile = _STILL
     turn: Profile = _STILL
     pitch: Profile = _STILL
     rise: Profile = _STILL
     spin: Profile = _STILL
-    axis_b: FloatArray | None = None
+    axis_b: FloatArray | None = None  # (3,) axis of the table, frame b [1]
+    # g of the bank of a turn, infinite where the vehicle stays flat [m/s^2]
     bank_gravity: float = np.inf
+    # of heading, pitch, roll [rad] and of the shift right, forward, up [m]
     sway: Oscillation | None = None
 
     @property

@@ -5,33 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.plans.manoeuvres import Sway
 from foucault.plans.profiles import Three, step
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Oscillation:
-    """Sums of sinusoids that grow and die down: ``S(t / fade) sum_k a sin(w_k t + phase_k)``.
+    """Sums of sinusoids that grow and die down: ``S(t / fade) sum_k a sin(w_k t + phase_k)``."""
 
-    Attributes
-    ----------
-    amplitude : ndarray, shape (c,)
-        Of the tones of each quantity [any unit].
-    frequency : ndarray, shape (c, k)
-        Angular frequencies of the tones [rad/s].
-    phase : ndarray, shape (c, k)
-        Phases of the tones [rad].
-    time, fade : float
-        How long it lasts, and how long growing and dying down take [s].
-    """
-
-    amplitude: FloatArray
-    frequency: FloatArray
-    phase: FloatArray
+    amplitude: FloatArray  # (c,) of the tones of each quantity [any unit]
+    frequency: FloatArray  # (c, k) angular frequencies of the tones [rad/s]
+    phase: FloatArray  # (c, k) phases of the tones [rad]
+    # time, fade: how long it lasts, and how long growing and dying down take [s]
     time: float
     fade: float
 
@@ -55,10 +42,7 @@ class Oscillation:
     def at(self, t: FloatArray) -> Three:
         """Return values, rates and accelerations, shape (c, n) each [unit, s].
 
-        Parameters
-        ----------
-        t : ndarray, shape (n,)
-            Time since it began [s].
+        `t` (n,): time since it began [s].
         """
         late = t > self.time / 2
         x = np.clip(np.where(late, self.time - t, t) / self.fade, 0.0, 1.0)

@@ -23,10 +23,7 @@ def serial_numbers(instruments: int) -> list[str]:
 def table_of_means(made: SimulatedReadings) -> dict[str, npt.NDArray[Any]]:
     """Return the means as columns with a row per instrument and position [SI].
 
-    Parameters
-    ----------
-    made : SimulatedReadings
-        Means of N instruments in n positions [SI].
+    `made`: means of N instruments in n positions [SI].
     """
     plan, N, n = made.plan, len(made), len(made.plan)
     start = np.concatenate([[0.0], np.cumsum(plan.time + PAUSE)[:-1]])
@@ -45,13 +42,7 @@ def table_of_means(made: SimulatedReadings) -> dict[str, npt.NDArray[Any]]:
 
 
 def truth_of(made: SimulatedReadings) -> dict[str, npt.NDArray[Any]]:
-    """Return the true coefficients of each instrument as columns [SI].
-
-    Parameters
-    ----------
-    made : SimulatedReadings
-        Simulated instruments.
-    """
+    """Return the true coefficients of each instrument as columns [SI]."""
     fleet = made.fleet
     models = [fleet.model(i).in_gauge(Gauge.LOWER)[0] for i in range(len(fleet))]
     vectors = [m.coefficients(LINEAR_LOWER) for m in models]

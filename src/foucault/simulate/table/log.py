@@ -21,8 +21,8 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray, IntArray
 from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.noise import ImuNoise
@@ -41,9 +41,6 @@ from foucault.simulate.noise import sampled_log
 from foucault.simulate.table.readings import Rig, SimulatedReadings, simulate_readings
 from foucault.tables import Log, TableColumns, whole_samples
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 MOVE_RATE = float(np.pi / 6)  # highest rate of the axes in moves [rad/s]
 _PEAK = 1.875  # highest rate of the S-shaped move over its mean rate
 _SETTLE = 1.0  # standstill before a spin [s]
@@ -54,36 +51,20 @@ _MORE = 0.05  # a spin lasts this much longer than its whole turns, in turns
 
 @dataclass(frozen=True)
 class Simulation:
-    """A simulated session on a table.
+    """A simulated session on a table."""
 
-    Attributes
-    ----------
-    log : Log
-        What the instrument and the table said [SI].
-    model : ImuModel
-        The errors the instrument had: the truth.
-    plan : TablePlan
-        What the table was told.
-    rig : Rig
-        The errors of the table, and how the instrument sat on it.
-    first, last : ndarray of int, shape (n,)
-        First sample of each position at rest or steady rate, and the sample after its last.
-    position : ndarray, shape (n, 2)
-        True errors of the middle and of the inner angle in each position [rad].
-    rate : ndarray, shape (n,)
-        True rate of the outer axis in each position [rad/s].
-    direction : ndarray, shape (n, 3)
-        True direction of up (rest) or of the outer axis (spin), body axes [1].
-    """
-
-    log: Log
-    model: ImuModel
-    plan: TablePlan
-    rig: Rig
+    log: Log  # what the instrument and the table said [SI]
+    model: ImuModel  # the errors the instrument had: the truth
+    plan: TablePlan  # what the table was told
+    rig: Rig  # the errors of the table, and how the instrument sat on it
+    # first, last: (n,) first sample of each position at rest or steady rate, and the sample after
+    # its last
     first: IntArray
     last: IntArray
+    # (n, 2) true errors of the middle and of the inner angle in each position [rad]
     position: FloatArray
-    rate: FloatArray
+    rate: FloatArray  # (n,) true rate of the outer axis in each position [rad/s]
+    # (n, 3) true direction of up (rest) or of the outer axis (spin), body axes [1]
     direction: FloatArray
 
     def truth_json(self) -> dict[str, Any]:
@@ -106,10 +87,7 @@ class Simulation:
     def rig_values(self, C_cb: FloatArray) -> FloatArray:
         """Return the values of `models.turntable.RIG` in body axes c, shape (14,) [SI].
 
-        Parameters
-        ----------
-        C_cb : ndarray, shape (3, 3)
-            Rotation from the body axes of `model` to c [1].
+        `C_cb` (3, 3): rotation from the body axes of `model` to c [1].
         """
         rig = self.rig
         return np.concatenate([
@@ -135,28 +113,12 @@ def simulate(
 ) -> Simulation:
     """Simulate the log of a plan sample by sample.
 
-    Parameters
-    ----------
-    plan : TablePlan
-        Rests and spins.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity, and latitude if the Earth's rotation is to be felt.
-    rig : Rig or None
-        Table and mounting of one instrument; None for perfect ones.
-    rate : float
-        Sample rate [Hz].
-    sampled : {"rate", "increment"}
-        Instantaneous rates, or means over the interval before each sample.
-    move_rate : float
-        Highest rate of the axes in moves between positions [rad/s].
-    accumulate : bool
-        Whether the outer angle of the log grows from turn to turn, or starts anew from 0.
-    seed : int, shape ()
-        Seed of noise, position errors and rate jitter [1].
+    `noise`: its noise [SI]; `site`: gravity, and latitude if the Earth's rotation is to be felt;
+    `rig`: table and mounting of one instrument, None for perfect ones; `rate`: sample rate [Hz];
+    `sampled`: instantaneous rates, or means over the interval before each sample; `move_rate`:
+    highest rate of the axes in moves between positions [rad/s]; `accumulate`: whether the outer
+    angle of the log grows from turn to turn, or starts anew from 0; `seed`: seed of noise,
+    position errors and rate jitter [1].
     """
     rig = rig or Rig()
     rng = np.random.default_rng(seed)
@@ -190,22 +152,9 @@ def simulate_means(
 ) -> Simulation:
     """Simulate a log that holds one mean per position, as some tables' programs save it.
 
-    Parameters
-    ----------
-    plan : TablePlan
-        Rests and spins.
-    model : ImuModel
-        Errors of the instrument.
-    noise : ImuNoise
-        Its noise [SI].
-    site : Site
-        Gravity, and latitude if the Earth's rotation is to be felt.
-    rig : Rig or None
-        Table and mounting of one instrument; None for perfect ones.
-    rate : float
-        Sample rate behind the means [Hz].
-    seed : int, shape ()
-        Seed of noise, position errors and rate jitter [1].
+    `noise`: its noise [SI]; `site`: gravity, and latitude if the Earth's rotation is to be felt;
+    `rig`: table and mounting of one instrument, None for perfect ones; `rate`: sample rate behind
+    the means [Hz]; `seed`: seed of noise, position errors and rate jitter [1].
     """
     rig = rig or Rig()
     made: SimulatedReadings = simulate_readings(
@@ -239,21 +188,13 @@ class Motion:
     S = 3 tau^2 - 2 tau^3::
 
         angle = begin + change s  (+ for the outer axis the integral of rate0 + (rate1 - rate0) S)
-
-    Attributes
-    ----------
-    time : ndarray, shape (p,)
-        Length T of each piece [s].
-    begin, change : ndarray, shape (p, 3)
-        Angles at its start, and their S-shaped change [rad].
-    rates : ndarray, shape (p, 2)
-        Rate of the outer axis at its start and end [rad/s].
     """
 
-    time: FloatArray
+    time: FloatArray  # (p,) length T of each piece [s]
+    # begin, change: (p, 3) angles at its start, and their S-shaped change [rad]
     begin: FloatArray
     change: FloatArray
-    rates: FloatArray
+    rates: FloatArray  # (p, 2) rate of the outer axis at its start and end [rad/s]
 
     @property
     def end(self) -> float:
@@ -263,10 +204,7 @@ class Motion:
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return angles, rates and accelerations, shape (m, 3) each [rad, s].
 
-        Parameters
-        ----------
-        time : ndarray, shape (m,)
-            When [s].
+        `time` (m,): when [s].
         """
         starts = np.concatenate([[0.0], np.cumsum(self.time)[:-1]])
         k = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.deflection import felt
 from foucault.models.earth import Site
 from foucault.models.gyro_scale import readout
@@ -25,40 +25,27 @@ from foucault.models.readings import Readings, mean_variance
 from foucault.models.rotation import exp
 from foucault.models.turntable import TableErrors, TablePlan, chain, earth_rate_t
 
-FloatArray = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Rig:
     """A table with its errors, and how the instrument sits on it.
 
     Where an array may have a first axis N it holds one value per instrument.
-
-    Attributes
-    ----------
-    common : ndarray, shape (6,) or (N, 6)
-        Errors that all positions share, in the order of `models.turntable.COMMON` [rad].
-    position_sd : float
-        Sd of another error of the middle and of the inner angle in each position [rad].
-    rate_error : float or ndarray, shape (N,)
-        Relative error of all spin rates, true over said minus 1 [1].
-    rate_jitter : float
-        Sd of another relative error of the rate of each spin [1].
-    mounting : ndarray, shape (3,) or (N, 3)
-        Rotation of the body axes: ``C_bk = Exp(-[mounting x])`` [rad].
-    lever_arm : ndarray, shape (3,) or (N, 3)
-        The accelerometers from the centre of the table, body axes [m].
-    heading : float
-        Azimuth of table y at outer angle zero [rad].
     """
 
+    # (6,) or (N, 6) errors that all positions share, in the order of `models.turntable.COMMON`
+    # [rad]
     common: FloatArray = field(default_factory=lambda: np.zeros(6))
+    # sd of another error of the middle and of the inner angle in each position [rad]
     position_sd: float = 0.0
+    # (N,) relative error of all spin rates, true over said minus 1 [1]
     rate_error: float | FloatArray = 0.0
-    rate_jitter: float = 0.0
+    rate_jitter: float = 0.0  # sd of another relative error of the rate of each spin [1]
+    # (3,) or (N, 3) rotation of the body axes: ``C_bk = Exp(-[mounting x])`` [rad]
     mounting: FloatArray = field(default_factory=lambda: np.zeros(3))
+    # (3,) or (N, 3) the accelerometers from the centre of the table, body axes [m]
     lever_arm: FloatArray = field(default_factory=lambda: np.zeros(3))
-    heading: float = 0.0
+    heading: float = 0.0  # azimuth of table y at outer angle zero [rad]
 
     @property
     def mounting_matrix(self) -> FloatArray:
@@ -75,21 +62,9 @@ class Rig:
     ) -> tuple[FloatArray, FloatArray]:
         """Draw what differs from one position to the next.
 
-        Parameters
-        ----------
-        plan : TablePlan
-            The positions.
-        instruments : int, shape ()
-            Number N of instruments [1].
-        rng : Generator
-            Source of random numbers.
-
-        Returns
-        -------
-        position : ndarray, shape (N, n, 2)
-            Errors of the middle and of the inner angle [rad].
-        rate : ndarray, shape (N, n)
-            True rates of the outer axis, 0 at rest [rad/s].
+        `instruments`: number N of instruments [1]. Returns `position` (N, n, 2): errors of the
+        middle and of the inner angle [rad]; `rate` (N, n): true rates of the outer axis, 0 at
+        rest [rad/s].
         """
         shape = (instruments, len(plan))
         position = self.position_sd * rng.standard_normal((*shape, 2))
@@ -136,12 +111,7 @@ class Fleet:
     def from_values(cls, names: Sequence[str], values: FloatArray) -> Fleet:
         """Build the models from coefficients.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Coefficients; those not named are zero.
-        values : ndarray, shape (N, p)
-            Their values [SI].
+        `values` (N, p): their values [SI].
         """
         stacked = cls.of([ImuModel()])
         n = len(values)
@@ -156,14 +126,7 @@ class Fleet:
     def draw(cls, grade_name: str, instruments: int, seed: int) -> Fleet:
         """Draw the errors of many instruments of a class, as `simulate.hand_rotated` does of one.
 
-        Parameters
-        ----------
-        grade_name : str
-            One of `models.noise.GRADES`.
-        instruments : int, shape ()
-            Number N of instruments [1].
-        seed : int, shape ()
-            Seed [1].
+        `instruments`: number N of instruments [1]; `seed`: seed [1].
         """
         spread = grade(grade_name).spread
         sd = np.array([spread[name.rpartition(".")[0]] for name in LINEAR_LOWER])
@@ -189,12 +152,8 @@ class Fleet:
     def measure(self, f_b: FloatArray, w_ib_b: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Compute what the instruments say, without noise, shape (N, n, 3) each [SI].
 
-        Parameters
-        ----------
-        f_b : ndarray, shape (N, n, 3) or (1, n, 3)
-            True specific force, frame b [m/s^2].
-        w_ib_b : ndarray, shape (N, n, 3) or (1, n, 3)
-            True angular rate, frame b [rad/s].
+        `f_b` (N, n, 3) or (1, n, 3): true specific force, frame b [m/s^2]; `w_ib_b` (N, n, 3) or
+        (1, n, 3): true angular rate, frame b [rad/s].
         """
         sensed = f_b @ np.swapaxes(self.accel_matrix, 1, 2)
         accel = sensed + self.accel_bias[:, None]
@@ -215,40 +174,21 @@ class Fleet:
 
 @dataclass(frozen=True)
 class SimulatedReadings:
-    """Means that N instruments gave in the n positions of a plan, and the truth.
+    """Means that N instruments gave in the n positions of a plan, and the truth."""
 
-    Attributes
-    ----------
-    plan : TablePlan
-        What the table was told.
-    fleet : Fleet
-        True errors: of N instruments, or of the one that all of them are.
-    accel : ndarray, shape (N, n, 3)
-        Mean specific force as measured [m/s^2].
-    gyro : ndarray, shape (N, n, 3)
-        Mean rate as measured [rad/s].
-    accel_variance, gyro_variance : ndarray, shape (n,)
-        Variance of the noise of each axis of these means [SI].
-    direction : ndarray, shape (N, n, 3) or (1, n, 3)
-        True direction of up (rest) or of the outer axis (spin), body axes [1].
-    position : ndarray, shape (N, n, 2)
-        True errors of the middle and of the inner angle in each position [rad].
-    rate : ndarray, shape (N, n)
-        True rate of the outer axis [rad/s].
-    interval : float
-        Sample interval behind the means, 0 where none was assumed [s].
-    """
-
-    plan: TablePlan
-    fleet: Fleet
-    accel: FloatArray
-    gyro: FloatArray
+    plan: TablePlan  # what the table was told
+    fleet: Fleet  # true errors: of N instruments, or of the one that all of them are
+    accel: FloatArray  # (N, n, 3) mean specific force as measured [m/s^2]
+    gyro: FloatArray  # (N, n, 3) mean rate as measured [rad/s]
+    # accel_variance, gyro_variance: (n,) variance of the noise of each axis of these means [SI]
     accel_variance: FloatArray
     gyro_variance: FloatArray
+    # (N, n, 3) or (1, n, 3) true direction of up (rest) or of the outer axis (spin), body axes [1]
     direction: FloatArray
+    # (N, n, 2) true errors of the middle and of the inner angle in each position [rad]
     position: FloatArray
-    rate: FloatArray
-    interval: float
+    rate: FloatArray  # (N, n) true rate of the outer axis [rad/s]
+    interval: float  # sample interval behind the means, 0 where none was assumed [s]
 
     def __len__(self) -> int:
         return len(self.accel)
@@ -279,24 +219,11 @@ def simulate_readings(
 ) -> SimulatedReadings:
     """Simulate the means that instruments give in the positions of a plan.
 
-    Parameters
-    ----------
-    plan : TablePlan
-        Rests and spins.
-    models : Fleet, sequence of ImuModel, or ImuModel
-        Errors of N instruments, or of one that is drawn again and again.
-    noise : ImuNoise
-        Noise of the instruments [SI].
-    site : Site
-        Gravity, and latitude if the Earth's rotation is to be felt.
-    rig : Rig or None
-        Table and mounting; None for perfect ones.
-    draws : int or None, shape ()
-        Number N of draws where there is one model; None for one per model [1].
-    interval : float
-        Sample interval, which rounding needs; 0 where unknown [s].
-    seed : int, shape ()
-        Seed of noise, position errors and rate jitter [1].
+    `models`: errors of N instruments, or of one that is drawn again and again; `noise`: noise of
+    the instruments [SI]; `site`: gravity, and latitude if the Earth's rotation is to be felt;
+    `rig`: table and mounting, None for perfect ones; `draws`: number N of draws where there is
+    one model, None for one per model [1]; `interval`: sample interval, which rounding needs, 0
+    where unknown [s]; `seed`: seed of noise, position errors and rate jitter [1].
     """
     rig = rig or Rig()
     fleet = models if isinstance(models, Fleet) else Fleet.of(_listed(models))

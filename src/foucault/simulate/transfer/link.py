@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.geodesy import displaced
@@ -26,7 +26,6 @@ from foucault.simulate.motion import Motion
 from foucault.simulate.noise import draw_noise
 from foucault.tables import whole_samples
 
-FloatArray = npt.NDArray[np.float64]
 Three = tuple[float, float, float]
 
 _ARCMIN = np.pi / 10800
@@ -112,20 +111,11 @@ class Link:
 
 @dataclass(frozen=True)
 class Received:
-    """Messages of a simulated master.
+    """Messages of a simulated master."""
 
-    Attributes
-    ----------
-    table : MasterTable
-        As the logger has them, repeated ones twice.
-    valid : ndarray, shape (k,)
-        When each was true, on the slave's clock [s].
-    lost, repeated : int
-        How many were lost, and how many came twice [1].
-    """
-
-    table: MasterTable
-    valid: FloatArray
+    table: MasterTable  # as the logger has them, repeated ones twice
+    valid: FloatArray  # (k,) when each was true, on the slave's clock [s]
+    # lost, repeated: how many were lost, and how many came twice [1]
     lost: int
     repeated: int
 
@@ -135,18 +125,7 @@ def messages(
 ) -> Received:
     """Draw the messages that arrive until `end`.
 
-    Parameters
-    ----------
-    motion : Motion
-        Motion of the master.
-    link : Link
-        How they come.
-    noise : MasterNoise
-        Errors of what they say.
-    end : float
-        Arrivals after this are not logged [s].
-    seeds : list of SeedSequence, length 2
-        Of noise and of the link.
+    `end`: arrivals after this are not logged [s].
     """
     rng = np.random.default_rng(seeds[1])
     period = 1.0 / link.rate

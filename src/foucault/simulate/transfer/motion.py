@@ -17,49 +17,31 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.models.earth import EARTH_RATE, earth_rate_n, gravity_n
 from foucault.models.geodesy import displaced, east_north_up, ecef
 from foucault.plans.manoeuvres import Segment, Start
 from foucault.simulate.motion import Motion, TrueTrajectory, motion_of
 from foucault.tables import whole_samples
 
-FloatArray = npt.NDArray[np.float64]
-
 _KEPT = 4  # motions whose increments are kept: trials that differ in noise share them
 
 
 @dataclass(frozen=True)
 class CarriedMotion:
-    """A point of a vehicle that moves, with axes parallel to those of the master.
+    """A point of a vehicle that moves, with axes parallel to those of the master."""
 
-    Attributes
-    ----------
-    motion : Motion
-        Motion of the master at any time.
-    labels : list of (str, float, float)
-        Label of each segment of the plan, its beginning and end [s].
-    dtheta_m : ndarray, shape (n, 3)
-        Increments of angle, frame m [rad].
-    dvel_m : ndarray, shape (n, 3)
-        Increments of velocity where the slave is, frame m [m/s].
-    lift : ndarray, shape (n + 1,)
-        Specific force along z of the master where the slave is, at both ends of the intervals
-        [m/s^2].
-    C_mn : ndarray, shape (n, 3, 3)
-        From East-North-Up to m in the middle of the intervals [1].
-    truth : TrueTrajectory
-        Where the point is at the ends of the intervals; its axes b are m.
-    """
-
-    motion: Motion
+    motion: Motion  # motion of the master at any time
+    # label of each segment of the plan, its beginning and end [s]
     labels: list[tuple[str, float, float]]
-    dtheta_m: FloatArray
-    dvel_m: FloatArray
+    dtheta_m: FloatArray  # (n, 3) increments of angle, frame m [rad]
+    dvel_m: FloatArray  # (n, 3) increments of velocity where the slave is, frame m [m/s]
+    # (n + 1,) specific force along z of the master where the slave is, at both ends of the
+    # intervals [m/s^2]
     lift: FloatArray
-    C_mn: FloatArray
-    truth: TrueTrajectory
+    C_mn: FloatArray  # (n, 3, 3) from East-North-Up to m in the middle of the intervals [1]
+    truth: TrueTrajectory  # where the point is at the ends of the intervals; its axes b are m
 
 
 @lru_cache(_KEPT)
@@ -68,16 +50,8 @@ def carried(
 ) -> CarriedMotion:
     """Return what a point of a vehicle goes through; arrays are shared and read-only.
 
-    Parameters
-    ----------
-    plan : tuple of segments
-        What the vehicle does, from time 0.
-    start : Start
-        Where and how it begins.
-    rate : float
-        Intervals in a second; the first ends at time 0 [Hz].
-    lever : tuple of float, length 3
-        From the master to the point, frame m [m].
+    `rate`: intervals in a second, the first ends at time 0 [Hz]; `lever`: from the master to the
+    point, frame m [m].
     """
     motion, labels = motion_of(plan, start, lead=1.0 / rate)
     time = np.arange(-1, whole_samples(np.floor(motion.end * rate + 1e-9)) + 1) / rate
@@ -111,14 +85,8 @@ _TRUTH = ("time", "latitude", "longitude", "height", "velocity_n", "C_nb")
 def displaced_truth(master: TrueTrajectory, w_im_m: FloatArray, arm: FloatArray) -> TrueTrajectory:
     """Return where a point of the vehicle is, its velocity, and C_nm in its own East-North-Up.
 
-    Parameters
-    ----------
-    master : TrueTrajectory
-        Where the master is.
-    w_im_m : ndarray, shape (n, 3)
-        Its angular rate, frame m [rad/s].
-    arm : ndarray, shape (3,)
-        From the master to the point, frame m [m].
+    `w_im_m` (n, 3): its angular rate, frame m [rad/s]; `arm` (3,): from the master to the point,
+    frame m [m].
     """
     C_nm = master.C_nb
     w_em = w_im_m - _rotated_back(C_nm, earth_rate_n(master.latitude))

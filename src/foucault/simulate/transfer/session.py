@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.models.geodesy import displaced
@@ -32,8 +32,6 @@ from foucault.simulate.transfer.motion import CarriedMotion, carried
 from foucault.simulate.transfer.slave import Fastening, Slave, fastened, felt
 from foucault.tables import Log
 from foucault.units import parse
-
-FloatArray = npt.NDArray[np.float64]
 
 INSTALLATION = parse("5 arcmin", "angle")
 """How well a slave is fastened by hand, about each axis [rad]."""
@@ -92,55 +90,25 @@ def draw_slave(
 
 @dataclass(frozen=True)
 class Barometer:
-    """Errors of the height that a barometer says.
+    """Errors of the height that a barometer says."""
 
-    Attributes
-    ----------
-    white : float
-        Standard deviation of each value [m].
-    wander : float
-        Standard deviation of what changes slowly, with the air [m].
-    correlation_time : float
-        Of that [s].
-    """
-
-    white: float = 0.5
-    wander: float = 2.0
-    correlation_time: float = 600.0
+    white: float = 0.5  # standard deviation of each value [m]
+    wander: float = 2.0  # standard deviation of what changes slowly, with the air [m]
+    correlation_time: float = 600.0  # of that [s]
 
 
 @dataclass(frozen=True)
 class TransferSimulation:
-    """A simulated transfer alignment and the outage after it.
+    """A simulated transfer alignment and the outage after it."""
 
-    Attributes
-    ----------
-    profile : TransferProfile
-        What the vehicle did.
-    log : Log
-        What the slave said, means of increments [SI].
-    master : MasterTable
-        The master's messages in order, each once, until the hand-over.
-    received : Received
-        The same as they were logged, with the time of their validity.
-    barometer : ndarray, shape (n,)
-        Height that a barometer said at the times of the log [m].
-    slave : Slave
-        How the slave was fastened, and what errors it had.
-    fastening : Fastening
-        How it moved on its mount, from one interval before the first row on.
-    carried : CarriedMotion
-        What its place went through.
-    """
-
-    profile: TransferProfile
-    log: Log
-    master: MasterTable
-    received: Received
-    barometer: FloatArray
-    slave: Slave
-    fastening: Fastening
-    carried: CarriedMotion
+    profile: TransferProfile  # what the vehicle did
+    log: Log  # what the slave said, means of increments [SI]
+    master: MasterTable  # the master's messages in order, each once, until the hand-over
+    received: Received  # the same as they were logged, with the time of their validity
+    barometer: FloatArray  # (n,) height that a barometer said at the times of the log [m]
+    slave: Slave  # how the slave was fastened, and what errors it had
+    fastening: Fastening  # how it moved on its mount, from one interval before the first row on
+    carried: CarriedMotion  # what its place went through
 
     @property
     def hand_over(self) -> float:

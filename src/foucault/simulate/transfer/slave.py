@@ -25,8 +25,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
@@ -35,24 +35,15 @@ from foucault.models.transfer import LIVELY
 from foucault.simulate.transfer.motion import CarriedMotion
 from foucault.units import STANDARD_GRAVITY
 
-FloatArray = npt.NDArray[np.float64]
 Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Flexure:
-    """Random bending between master and slave.
+    """Random bending between master and slave."""
 
-    Attributes
-    ----------
-    sd : tuple of float, length 3
-        Standard deviation about x, y, z of the slave [rad].
-    correlation_time : float
-        Its correlation time [s].
-    """
-
-    sd: Three
-    correlation_time: float
+    sd: Three  # standard deviation about x, y, z of the slave [rad]
+    correlation_time: float  # its correlation time [s]
 
     def __post_init__(self) -> None:
         _require("flexure sd", self.sd, min(self.sd) >= 0, "zero or more")
@@ -62,56 +53,29 @@ class Flexure:
 
 @dataclass(frozen=True)
 class Vibration:
-    """Vibration of the slave on its mount, alike along and about all axes.
+    """Vibration of the slave on its mount, alike along and about all axes."""
 
-    Attributes
-    ----------
-    accel : float
-        Root mean square of the acceleration along each axis [m/s^2].
-    gyro : float
-        Root mean square of the angular rate about each axis [rad/s].
-    low, high : float
-        Band in which it lies, evenly; `high` is below half of the rate of the log [Hz].
-    """
-
-    accel: float = 0.0
-    gyro: float = 0.0
+    accel: float = 0.0  # root mean square of the acceleration along each axis [m/s^2]
+    gyro: float = 0.0  # root mean square of the angular rate about each axis [rad/s]
+    # low, high: band in which it lies, evenly; `high` is below half of the rate of the log [Hz]
     low: float = 10.0
     high: float = 40.0
 
 
 @dataclass(frozen=True)
 class Slave:
-    """An IMU beside a master.
+    """An IMU beside a master."""
 
-    Attributes
-    ----------
-    C_0 : ndarray, shape (3, 3)
-        Nominal mounting, slave to master [1].
-    mu : tuple of float, length 3
-        What nobody knows of the mounting, a rotation vector [rad].
-    lever_m : tuple of float, length 3
-        Lever arm from the master to the slave, frame m [m].
-    compliance : tuple of float, length 3
-        k: what one g more along z of the master adds to mu [rad].
-    flexure : Flexure or None
-        Random bending.
-    vibration : Vibration or None
-        Vibration.
-    model : ImuModel
-        Errors of the IMU. What is not linear in them acts on means over an interval.
-    noise : ImuNoise
-        Its noise [SI].
-    """
-
+    # (3, 3) nominal mounting, slave to master [1]
     C_0: FloatArray = field(default_factory=lambda: np.eye(3))
-    mu: Three = (0.0, 0.0, 0.0)
-    lever_m: Three = (0.0, 0.0, 0.0)
-    compliance: Three = (0.0, 0.0, 0.0)
+    mu: Three = (0.0, 0.0, 0.0)  # what nobody knows of the mounting, a rotation vector [rad]
+    lever_m: Three = (0.0, 0.0, 0.0)  # lever arm from the master to the slave, frame m [m]
+    compliance: Three = (0.0, 0.0, 0.0)  # k: what one g more along z of the master adds to mu [rad]
     flexure: Flexure | None = None
     vibration: Vibration | None = None
+    # errors of the IMU. What is not linear in them acts on means over an interval
     model: ImuModel = field(default_factory=ImuModel)
-    noise: ImuNoise = field(default_factory=ImuNoise)
+    noise: ImuNoise = field(default_factory=ImuNoise)  # its noise [SI]
 
     def __post_init__(self) -> None:
         near = np.abs(self.C_0 @ self.C_0.T - np.eye(3)).max() < 1e-9
@@ -121,24 +85,14 @@ class Slave:
 
 @dataclass(frozen=True)
 class Fastening:
-    """How the slave is turned and shifted at the ends of all intervals, the first one's too.
+    """How the slave is turned and shifted at the ends of all intervals, the first one's too."""
 
-    Attributes
-    ----------
-    mu : ndarray, shape (n + 1, 3)
-        mu(t): all that turns it against its nominal mounting [rad].
-    mean : ndarray, shape (n, 3)
-        Its mean over each interval [rad].
-    load, flexure : ndarray, shape (n + 1, 3), or None
-        What load and random bending have in that; None for nothing [rad].
-    shift_n, velocity_n : ndarray, shape (n + 1, 3), or None
-        Of the vibration, frame n [m], [m/s].
-    """
-
-    mu: FloatArray
-    mean: FloatArray
+    mu: FloatArray  # (n + 1, 3) mu(t): all that turns it against its nominal mounting [rad]
+    mean: FloatArray  # (n, 3) its mean over each interval [rad]
+    # load, flexure: (n + 1, 3) what load and random bending have in that; None for nothing [rad]
     load: FloatArray | None = None
     flexure: FloatArray | None = None
+    # shift_n, velocity_n: (n + 1, 3) of the vibration, frame n [m], [m/s]
     shift_n: FloatArray | None = None
     velocity_n: FloatArray | None = None
 
@@ -148,16 +102,7 @@ def fastened(
 ) -> Fastening:
     """Draw how the slave moves on its mount.
 
-    Parameters
-    ----------
-    slave : Slave
-        The slave.
-    carried : CarriedMotion
-        What the place of the slave goes through.
-    rate : float
-        Samples in a second [Hz].
-    seeds : list of SeedSequence, length 2
-        Of flexure and of vibration.
+    `carried`: what the place of the slave goes through; `rate`: samples in a second [Hz].
     """
     n, dt = len(carried.lift), 1.0 / rate
     mu, mean = np.tile(slave.mu, (n, 1)), np.tile(slave.mu, (n - 1, 1))
@@ -192,18 +137,7 @@ def felt(
 ) -> tuple[FloatArray, FloatArray]:
     """Return what an IMU without noise says: mean accel [m/s^2] and gyro [rad/s], shape (n, 3).
 
-    Parameters
-    ----------
-    slave : Slave
-        The slave.
-    carried : CarriedMotion
-        What its place goes through.
-    how : Fastening
-        How it moves there.
-    rate : float
-        Samples in a second [Hz].
-    gravity_offset : float
-        Local minus normal gravity [m/s^2].
+    `rate`: samples in a second [Hz]; `gravity_offset`: local minus normal gravity [m/s^2].
     """
     dvel, dtheta = carried.dvel_m + gravity_offset / rate * carried.C_mn[:, :, 2], carried.dtheta_m
     if how.velocity_n is not None:
@@ -233,16 +167,7 @@ def draw_flexure(
 ) -> tuple[FloatArray, FloatArray]:
     """Draw random bending [rad] and its rate [rad/s], shape (n, 3) each.
 
-    Parameters
-    ----------
-    flexure : Flexure
-        Its size and correlation time.
-    n : int, shape ()
-        Number of samples [1].
-    dt : float
-        From one to the next [s].
-    rng : Generator
-        Source of random numbers.
+    `n`: number of samples [1]; `dt`: from one to the next [s].
     """
     from scipy.signal import lfilter
     from scipy.special import gammainc

@@ -1,0 +1,42 @@
+"""Lines of Python in each package: they may fall, and rise only where a capability is new."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import foucault
+
+ROOT = Path(foucault.__file__).parent
+
+BUDGET = {
+    ".": 3_097,
+    "campaign": 5_360,
+    "cli": 4_923,
+    "diagnose": 20_571,
+    "estimate": 9_693,
+    "export": 2_474,
+    "kernels": 4_288,
+    "logs": 6_266,
+    "models": 5_076,
+    "navigate": 1_560,
+    "plans": 6_115,
+    "procedures": 14_611,
+    "report": 9_910,
+    "simulate": 3_626,
+    "symptoms": 4_408,
+}
+
+SLACK = 100
+"""Lines below its budget at which that of a package has to be lowered [1]."""
+
+
+def test_no_package_grows_beyond_its_budget() -> None:
+    lines: Counter[str] = Counter()
+    for file in ROOT.rglob("*.py"):
+        part = file.relative_to(ROOT).parts
+        lines[part[0] if len(part) > 1 else "."] += len(file.read_text().splitlines())
+    grown = {name: n for name, n in lines.items() if n > BUDGET.get(name, 0)}
+    assert not grown, f"Over budget: {grown}. Delete first; CONTRIBUTING.md says when it may rise."
+    loose = {name: lines[name] for name, n in BUDGET.items() if n - lines[name] > SLACK}
+    assert not loose, f"Well done; lower the budget to {loose}, so that it stays."
