@@ -62,7 +62,7 @@ class Source:
     # (n, d, c) c causes that every reading has for itself, or None [SI]
     each: FloatArray | None = None
     shared: FloatArray | None = None  # (n, d, k) k causes that readings share, or None [SI]
-    sd: float | None = 1.0  # in the unit of what `each` and `shared` are per; None: to be found
+    sd: float | None = 1.0  # size of the cause, None: to be found [what `each`, `shared` are per]
     noise: bool = False  # noise of the sensors: the bound has nothing else
     # twice the log-likelihood it has to gain to be there, where it is to be found [1]
     price: float = SIGNIFICANT
@@ -531,8 +531,8 @@ class HeldOut:
     sd: FloatArray
     score: float  # sum of squares of the errors, white within each part [1]
     count: int  # how many of them the others determine [1]
-    # the score has the mean and variance of `scale` times chi-square with `dof`: parts share what
-    # predicts them [1]
+    # dof, scale: the score has mean and variance of `scale` times chi-square with `dof` degrees of
+    # freedom, because parts share what predicts them [1]
     dof: float
     scale: float
 
