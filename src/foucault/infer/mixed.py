@@ -13,6 +13,7 @@ repeatability: all are sources, and from the list of them everything follows tha
     components      sum of squares of each kind of reading, against its redundancy
     held_out        readings predicted from the others, without solving again [2]
     foreseen        the covariance of a session that was only planned
+    drawn           errors of the readings for one trial of a Monte Carlo study
 
 A variance that is found from v degrees of freedom counts as ``v / (v - 2)`` times as large: errors
 over it have Student's distribution, whose variance that is.
@@ -583,6 +584,19 @@ def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
         error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
         count**2 / max(square, 1e-300), square / max(count, 1),
     )  # fmt: skip
+
+
+def drawn(at: Linearisation, rng: np.random.Generator) -> FloatArray:
+    """Draw the errors of all readings for one Monte Carlo trial, shape (n, d) [SI]."""
+    out = np.zeros_like(at.residuals)
+    for source in at.sources:
+        for root, causes in ((source.each, len(out)), (source.shared, 1)):
+            if root is not None:
+                u = rng.standard_normal((causes, root.shape[2]))
+                out += (source.sd or 0.0) * np.einsum(
+                    "ndc,nc->nd", root, np.broadcast_to(u, (len(out), u.shape[1]))
+                )
+    return out
 
 
 def foreseen(model: Model, prior: CoefficientVector | None = None) -> Linearised:
