@@ -25,7 +25,7 @@ BUDGET = {
     "procedures": 14_611,
     "report": 9_910,
     "simulate": 3_626,
-    "symptoms": 4_408,
+    "symptoms": 90,
 }
 
 SLACK = 100
