@@ -42,7 +42,7 @@ class Line:
 
     def linearise(self, state: FloatArray) -> Linearisation:
         J = np.column_stack([np.ones_like(self.inputs), self.inputs])[:, None, :]
-        miss = self.y - self.inputs - J[:, 0] @ state
+        miss = self.y - self.inputs - J[:, 0] @ state[:2]
         placed = (self.group[:, None] == np.unique(self.group))[:, None, :].astype(float)
         return Linearisation(miss[:, None], J, (
             Source("noise", each=np.ones((len(self.y), 1, 1)), sd=self.noise, noise=True),
@@ -133,6 +133,49 @@ def test_causes_that_readings_share_are_found_as_unknowns_with_a_prior_are() -> 
     want = np.linalg.lstsq(rows, np.append((model.y - model.inputs) / 1e-3, np.zeros(12)))[0]
     np.testing.assert_allclose(found, want[2:], atol=1e-9)
     assert mixed.causes(mixed.fit(model), "noise").size == 0
+
+
+def test_a_held_out_reading_that_the_others_do_not_determine_is_not_predicted() -> None:
+    """Two placements share one input: of the third alone the others say nothing."""
+    model = replace(drawn(np.random.default_rng(8), 3, 2), placement=2e-3)
+    alone = replace(model, inputs=np.array([1.0, 1.0, 1.0, 1.0, 5.0, 5.0]))
+    found = mixed.held_out(mixed.fit(alone), [np.array([4, 5])])
+    assert np.isnan(found.error[4:]).all() and np.isinf(found.sd[4:]).all()
+    assert found.count == 1  # how much they differ
+    twice = np.full((6, 1, 1), 2.0)
+    half = mixed.held_out(mixed.fit(model), [np.array([4])], along=twice)
+    whole = mixed.held_out(mixed.fit(model), [np.array([4])])
+    np.testing.assert_allclose(2 * half.error[4], whole.error[4])
+    np.testing.assert_allclose(2 * half.sd[4], whole.sd[4])
+    assert half.score == pytest.approx(whole.score)
+
+
+@dataclass(frozen=True)
+class Tilted(Line):
+    """A line whose inputs are turned by an angle that is known beforehand."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        J = np.concatenate([at.jacobian, self.inputs[:, None, None] ** 2], axis=2)
+        rows = np.zeros((1, 3))
+        rows[0, 2] = 1e4
+        miss = at.residuals - J[:, :, 2] * state[2]
+        known = (np.array([-1e4 * state[2]]), rows)
+        return replace(at, residuals=miss, jacobian=J, known=known, known_from=("tilt",))
+
+    @property
+    def start(self) -> FloatArray:
+        return np.zeros(3)
+
+    def values(self, state: FloatArray) -> FloatArray:
+        return state[:2]
+
+
+def test_what_is_known_of_a_nuisance_is_a_row_of_the_budget() -> None:
+    at = mixed.fit(Tilted(**vars(replace(drawn(np.random.default_rng(9)), placement=2e-3))))
+    parts = mixed.budget(at)
+    assert set(parts) == {"noise", "placement", "tilt"}
+    np.testing.assert_allclose(sum(parts.values()), np.diag(at.estimate.state_cov)[:2], rtol=1e-9)
 
 
 def test_what_is_left_out_says_nothing_of_what_it_shares() -> None:

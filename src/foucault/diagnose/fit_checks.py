@@ -75,6 +75,7 @@ class Judged:
     cause: Mapping[str, str] = field(default_factory=dict)  # kind -> why it does not fit
     held_out: HeldOut | None = None
     held_out_size: str = ""  # how large its errors are, in words that follow a comma
+    predicted: str = ""  # what was held out, where not all `readings` are
 
 
 def checks(e: Judged) -> list[Check]:
@@ -204,11 +205,12 @@ def _held_out(e: Judged) -> list[Check]:
     found = e.held_out
     if found is None or found.count == 0:
         return []
+    what = e.predicted or e.readings
     given = {
-        "what": e.readings.capitalize(), "size": e.held_out_size,
+        "what": what.capitalize(), "size": e.held_out_size,
         "ratio": float(np.sqrt(found.score / found.count)),
     }  # fmt: skip
-    return [check("held out", f"held-out {e.readings}", found.score, None, found.high, given)]
+    return [check("held out", f"held-out {what}", found.score, None, found.high, given)]
 
 
 def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:

@@ -83,6 +83,8 @@ class Linearisation:
     sources: tuple[Source, ...]  # at this state
     # (k,) and (k, m): white rows of what is known of nuisance parameters beforehand [1]
     known: tuple[FloatArray, FloatArray] | None = None
+    # (k,) the source that each of these rows is in the budget; () for the prior
+    known_from: tuple[str, ...] = ()
 
 
 class Model(Protocol):
@@ -512,6 +514,10 @@ def budget(at: Fit) -> dict[str, FloatArray]:
         if source.shared is not None:
             part += sd**2 * np.sum(np.einsum("pnd,ndk->pk", gain, source.shared) ** 2, axis=1)
         out[source.name] = out.get(source.name, 0.0) + part
+    if at.at.known is not None:
+        part = (at.estimate.state_cov[: len(gain)] @ at.at.known[1].T) ** 2
+        for name, column in zip(at.at.known_from, part.T, strict=False):
+            out[name] = out.get(name, 0.0) + column
     total = np.diag(at.estimate.state_cov)[: len(gain)]
     out["prior"] = np.maximum(total - sum(out.values()), 0.0)
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
@@ -546,8 +552,8 @@ def noise_alone(at: Fit) -> Problem:
 class HeldOut:
     """Readings predicted from the others."""
 
-    # error, sd: (n, d) read minus predicted, and the standard deviation of that; NaN where a
-    # reading was not left out [SI]
+    # error, sd: (n, q) read minus predicted, and the standard deviation of that; NaN where a
+    # reading was not left out, NaN and infinite where the others do not determine it [SI]
     error: FloatArray
     sd: FloatArray
     score: float  # sum of squares of the errors, white within each part [1]
@@ -567,47 +573,57 @@ class HeldOut:
         return self.scale * chi_square_limits(max(self.dof, 1e-3), 2 * FALSE_ALARM)[1]
 
 
-def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
+def held_out(
+    at: Fit, parts: Sequence[IntArray], along: FloatArray | None = None, seen: float = SEEN
+) -> HeldOut:
     """Predict readings from all others, part by part, as if they had not been seen.
 
     With ``W = C^-1 - C^-1 J P J' C^-1``, C the covariance of the readings, what the others leave of
     the readings F is ``e = W_FF^-1 (W r)_F`` and has the covariance ``W_FF^-1`` [2]. Directions
     that the others do not determine do not count.
 
-    `parts`: numbers of the readings that are left out together, each reading once [1].
+    `parts`: numbers of the readings that are left out together, each reading once [1]; `along`
+    (n, d, q) or None: what an error of each number that is predicted does to its reading, None: of
+    each component [SI]; `seen`: least share of it that is redundant [1].
     """
     n, d = at.at.residuals.shape
-    rows = [(d * part[:, None] + np.arange(d)).ravel() for part in parts]
+    along = np.broadcast_to(np.eye(d), (n, d, d)) if along is None else along
+    q = along.shape[2]
+    rows = [(q * part[:, None] + np.arange(q)).ravel() for part in parts]
     every = np.concatenate(rows)
-    eye = np.zeros((n * d, len(every)))
-    eye[every, np.arange(len(every))] = 1.0
-    E = at.covariance.whiten(eye.reshape(n, d, -1))
-    values, vectors = np.linalg.eigh(at.estimate.state_cov)
-    B = E.T @ at.white.jacobian[: n * d] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    one = np.zeros((n, d, len(every)))
+    one[every // q, :, np.arange(len(every))] = along[every // q, :, every % q]
+    E = at.covariance.whiten(one)
+    sd = np.sqrt(np.diag(at.estimate.state_cov))
+    sd[sd == 0] = 1.0  # a heading that nobody knows beside biases: in units of what is known
+    values, vectors = np.linalg.eigh(at.estimate.state_cov / np.outer(sd, sd))
+    root = sd[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    B = E.T @ at.white.jacobian[: n * d] @ root
     W = E.T @ E - B @ B.T
     v = E.T @ at.white.residuals[: n * d]
-    error, sd = np.full((2, n * d), np.nan)
+    error, sd = np.full((2, n * q), np.nan)
     white, first, counts = [], 0, []
     for mine in rows:
         own = slice(first, first + len(mine))
         first += len(mine)
         unit = np.sqrt(np.sum(E[:, own] ** 2, axis=0))
         size, axes = np.linalg.eigh(W[own, own] / np.outer(unit, unit))
-        seen = size > SEEN
-        half = axes[:, seen] / np.sqrt(size[seen]) / unit[:, None]
-        error[mine] = half @ (half.T @ v[own])
-        sd[mine] = np.sqrt(np.sum(half**2, axis=1))
-        wide = np.zeros((len(every), int(seen.sum())))
+        told = size > seen
+        half = axes[:, told] / np.sqrt(size[told]) / unit[:, None]
+        lost = np.sum(axes[:, ~told] ** 2, axis=1) > seen
+        error[mine] = np.where(lost, np.nan, half @ (half.T @ v[own]))
+        sd[mine] = np.where(lost, np.inf, np.sqrt(np.sum(half**2, axis=1)))
+        wide = np.zeros((len(every), int(told.sum())))
         wide[own] = half
         white.append(wide)
-        counts.append(int(seen.sum()))
+        counts.append(int(told.sum()))
     A = np.concatenate(white, axis=1)
     z, M = A.T @ v, A.T @ W @ A
     square = float(np.sum(M**2))
     count = len(z)
     part = np.repeat(np.arange(len(parts)), counts)
     return HeldOut(
-        error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
+        error.reshape(n, q), sd.reshape(n, q), float(z @ z), count,
         count**2 / max(square, 1e-300), square / max(count, 1),
         np.bincount(part, z**2, len(parts)), np.array(counts),
     )  # fmt: skip
