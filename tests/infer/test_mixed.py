@@ -142,12 +142,11 @@ def test_a_held_out_reading_that_the_others_do_not_determine_is_not_predicted() 
     found = mixed.held_out(mixed.fit(alone), [np.array([4, 5])])
     assert np.isnan(found.error[4:]).all() and np.isinf(found.sd[4:]).all()
     assert found.count == 1  # how much they differ
-    twice = np.full((6, 1, 1), 2.0)
-    half = mixed.held_out(mixed.fit(model), [np.array([4])], along=twice)
-    whole = mixed.held_out(mixed.fit(model), [np.array([4])])
-    np.testing.assert_allclose(2 * half.error[4], whole.error[4])
-    np.testing.assert_allclose(2 * half.sd[4], whole.sd[4])
-    assert half.score == pytest.approx(whole.score)
+    parts, at = [np.array([0, 4]), np.array([1])], mixed.fit(model)
+    twice, whole = mixed.held_out(at, parts, np.full((6, 1, 1), 2.0)), mixed.held_out(at, parts)
+    np.testing.assert_allclose(twice.error, 2 * whole.error)
+    np.testing.assert_allclose(twice.sd, 2 * whole.sd)
+    assert twice.score == pytest.approx(whole.score) and twice.count == whole.count == 3
 
 
 @dataclass(frozen=True)

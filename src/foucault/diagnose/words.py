@@ -59,6 +59,36 @@ WORDS = {
         "uncertainty{size}: the model lacks something, or some of them do not belong to the "
         "others.",
     ),
+    "prediction": Words(
+        "A rest that the fit did not see is known {value:.1f} times worse than one that was "
+        "measured.",
+        above="A rest that the fit did not see is known {value:.1f} times worse than one that was "
+        "measured, more than {high:g} times: without any few of the rests the others hardly "
+        "determine the accelerometers. Add rests in other orientations.",
+    ),
+    "rests": Words(
+        "{value} rests were used.",
+        "Only {value} rests: at least {low} are needed to notice a bad one.",
+    ),
+    "half-space": Words(
+        "The orientations lie on all sides.",
+        above="All rests lie in one half-space: bias and scale are hard to tell apart. Add rests "
+        "with {missing}.",
+    ),
+    "condition": Words(
+        "The orientations determine the accelerometer coefficients well (condition {value:.0f}).",
+        above="The orientations determine the accelerometer coefficients poorly (condition "
+        "{value:.0f}, even coverage has 2). Add rests with {missing}.",
+    ),
+    "shaken rests": Words(
+        "{shaken} of {n} rests are more than {limit:g} times as noisy as the quietest part of the "
+        "log.",
+        above="{shaken} of {n} rests are more than {limit:g} times as noisy as the quietest part "
+        "of the log: the instrument was held or shaken there, and the noise measured in the rests, "
+        "with every uncertainty that follows from it, is that of the hand. Put it down for each "
+        "rest; for this log set threshold = {quieter:g} in [procedure], so that only what is "
+        "quieter than that counts as rest.",
+    ),
 }  # fmt: skip
 """Key of a check -> its sentences."""
 

@@ -515,8 +515,8 @@ def budget(at: Fit) -> dict[str, FloatArray]:
             part += sd**2 * np.sum(np.einsum("pnd,ndk->pk", gain, source.shared) ** 2, axis=1)
         out[source.name] = out.get(source.name, 0.0) + part
     if at.at.known is not None:
-        part = (at.estimate.state_cov[: len(gain)] @ at.at.known[1].T) ** 2
-        for name, column in zip(at.at.known_from, part.T, strict=False):
+        rows = (at.estimate.state_cov[: len(gain)] @ at.at.known[1].T) ** 2
+        for name, column in zip(at.at.known_from, rows.T, strict=False):
             out[name] = out.get(name, 0.0) + column
     total = np.diag(at.estimate.state_cov)[: len(gain)]
     out["prior"] = np.maximum(total - sum(out.values()), 0.0)
@@ -574,7 +574,7 @@ class HeldOut:
 
 
 def held_out(
-    at: Fit, parts: Sequence[IntArray], along: FloatArray | None = None, seen: float = SEEN
+    at: Fit, parts: Sequence[IntArray], onto: FloatArray | None = None, seen: float = SEEN
 ) -> HeldOut:
     """Predict readings from all others, part by part, as if they had not been seen.
 
@@ -582,50 +582,57 @@ def held_out(
     the readings F is ``e = W_FF^-1 (W r)_F`` and has the covariance ``W_FF^-1`` [2]. Directions
     that the others do not determine do not count.
 
-    `parts`: numbers of the readings that are left out together, each reading once [1]; `along`
-    (n, d, q) or None: what an error of each number that is predicted does to its reading, None: of
-    each component [SI]; `seen`: least share of it that is redundant [1].
+    `parts`: numbers of the readings that are left out together, each reading once [1]; `onto`
+    (n, q, d) or None: what is predicted of each reading, None: all of its components [1]; `seen`:
+    least share that is redundant of a direction of a reading [1].
     """
+    from scipy.linalg import block_diag
+
     n, d = at.at.residuals.shape
-    along = np.broadcast_to(np.eye(d), (n, d, d)) if along is None else along
-    q = along.shape[2]
-    rows = [(q * part[:, None] + np.arange(q)).ravel() for part in parts]
+    q = d if onto is None else onto.shape[1]
+    rows = [(d * part[:, None] + np.arange(d)).ravel() for part in parts]
     every = np.concatenate(rows)
-    one = np.zeros((n, d, len(every)))
-    one[every // q, :, np.arange(len(every))] = along[every // q, :, every % q]
-    E = at.covariance.whiten(one)
-    sd = np.sqrt(np.diag(at.estimate.state_cov))
-    sd[sd == 0] = 1.0  # a heading that nobody knows beside biases: in units of what is known
-    values, vectors = np.linalg.eigh(at.estimate.state_cov / np.outer(sd, sd))
-    root = sd[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    one = np.zeros((n * d, len(every)))
+    one[every, np.arange(len(every))] = 1.0
+    E = at.covariance.whiten(one.reshape(n, d, -1))
+    wide = np.sqrt(np.diag(at.estimate.state_cov))
+    wide[wide == 0] = 1.0  # a heading that nobody knows beside biases: each in units of its sd
+    values, vectors = np.linalg.eigh(at.estimate.state_cov / np.outer(wide, wide))
+    root = wide[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     B = E.T @ at.white.jacobian[: n * d] @ root
     W = E.T @ E - B @ B.T
     v = E.T @ at.white.residuals[: n * d]
-    error, sd = np.full((2, n * q), np.nan)
+    error, sd = np.full((2, n, q), np.nan)
     white, first, counts = [], 0, []
-    for mine in rows:
+    for part, mine in zip(parts, rows, strict=True):
         own = slice(first, first + len(mine))
         first += len(mine)
         unit = np.sqrt(np.sum(E[:, own] ** 2, axis=0))
         size, axes = np.linalg.eigh(W[own, own] / np.outer(unit, unit))
         told = size > seen
-        half = axes[:, told] / np.sqrt(size[told]) / unit[:, None]
-        lost = np.sum(axes[:, ~told] ** 2, axis=1) > seen
-        error[mine] = np.where(lost, np.nan, half @ (half.T @ v[own]))
-        sd[mine] = np.where(lost, np.inf, np.sqrt(np.sum(half**2, axis=1)))
-        wide = np.zeros((len(every), int(told.sum())))
+        half = axes[:, told] / np.sqrt(size[told]) / unit[:, None]  # W_FF^-1 = half half'
+        P = np.eye(len(mine)) if onto is None else block_diag(*onto[part])
+        lost = np.sum((P / unit @ axes[:, ~told]) ** 2, axis=1) > seen * np.sum(
+            (P / unit) ** 2, axis=1
+        )
+        A = P @ half
+        error[part] = np.where(lost, np.nan, A @ (half.T @ v[own])).reshape(-1, q)
+        sd[part] = np.where(lost, np.inf, np.sqrt(np.sum(A**2, axis=1))).reshape(-1, q)
+        if onto is not None:  # the directions that are predicted
+            _, s, V = np.linalg.svd(A, full_matrices=False)
+            half = half @ V[s > 1e-9 * s.max(initial=0.0)].T
+        wide = np.zeros((len(every), half.shape[1]))
         wide[own] = half
         white.append(wide)
-        counts.append(int(told.sum()))
+        counts.append(half.shape[1])
     A = np.concatenate(white, axis=1)
     z, M = A.T @ v, A.T @ W @ A
     square = float(np.sum(M**2))
     count = len(z)
-    part = np.repeat(np.arange(len(parts)), counts)
+    where = np.repeat(np.arange(len(parts)), counts)
     return HeldOut(
-        error.reshape(n, q), sd.reshape(n, q), float(z @ z), count,
-        count**2 / max(square, 1e-300), square / max(count, 1),
-        np.bincount(part, z**2, len(parts)), np.array(counts),
+        error, sd, float(z @ z), count, count**2 / max(square, 1e-300), square / max(count, 1),
+        np.asarray(np.bincount(where, z**2, len(parts)), float), np.array(counts),
     )  # fmt: skip
 
 
