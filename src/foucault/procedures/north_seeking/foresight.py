@@ -7,7 +7,7 @@ is a fix that is judged, by the heading.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,10 +34,10 @@ from foucault.procedures.north_seeking.solution import (
     require_latitude,
     solved,
 )
+from foucault.procedures.record import Beforehand, Prior
 from foucault.simulate.north import NorthPlan, NorthSimulation, Stops
 from foucault.units import span
 
-Prior = Mapping[str, tuple[float, float]]
 Judge = Callable[[Session], CoefficientVector]
 
 ANGLES = Layout(
@@ -99,15 +99,9 @@ class _Planned:
         return CoefficientVector(ANGLES, np.zeros(3), survey.fixes.cov[:, :3, :3].mean(axis=0))
 
 
-def foresee(
-    settings: Settings, session: Session, site: Site, noise: ImuNoise | None, prior: Prior
-) -> Foresight:
-    """Return what a planned session will show.
-
-    `settings`: how it will be solved, and what the base can do; `noise` or None: noise as
-    declared [SI]; `prior`: mean and standard deviation of coefficients or groups of coefficients
-    [SI].
-    """
+def foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what a planned session will show."""
+    settings, session, site, noise, prior = b.settings, b.session, b.site, b.noise, b.prior
     if site.latitude is None:
         raise error("north.calibration_latitude")
     require_latitude(site.latitude)

@@ -41,8 +41,8 @@ MINUTE = 60.0
 HOUR = 3600.0
 """No rig is read, or told what to do, so seldom [s]."""
 
-SIMULATE = {"grade": "navigation"}
-"""Default of [simulate]; the errors of clusters are those of `TYPICAL`."""
+GRADE = "navigation"
+"""Class of [simulate]; the errors of clusters are those of `TYPICAL`."""
 
 
 def _three(given: Three, kind: str, key: str) -> FloatArray:
@@ -326,8 +326,8 @@ def draw_errors(grade: str, seed: int) -> ClusterModel:
 
     `seed`: seed [1].
     """
-    if grade != SIMULATE["grade"]:
-        raise error("torquing.grade", given=grade, allowed=SIMULATE["grade"])
+    if grade != GRADE:
+        raise error("torquing.grade", given=grade, allowed=GRADE)
     drawn = np.random.default_rng(seed).standard_normal(len(CONSTANTS))
     sd = CoefficientVector.prior(CONSTANTS, PRIOR).prior_sd
     return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, sd * drawn))

@@ -93,8 +93,8 @@ PRIOR_LINES = """\
 """
 """[prior] of the template."""
 
-SIMULATE = {"grade": "navigation"}
-"""Default of [simulate]: the method is one for instruments that find north."""
+GRADE = "navigation"
+"""Class of [simulate]: the method is one for instruments that find north."""
 
 
 FIRST_REST = FEWEST * EPOCH

@@ -35,8 +35,8 @@ from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, Seconds
 
-SIMULATE = {"grade": "tactical"}
-"""Default of [simulate]; of this class the turn-on errors are those of the publication."""
+GRADE = "tactical"
+"""Class of [simulate]; of this class the turn-on errors are those of the publication."""
 
 TRUTH_TABLE, OUTAGE_LOG, REFERENCE = "truth.csv", "outage.csv", "reference.csv"
 """Where the slave truly was; its log after the hand-over, and what to compare that with: the
@@ -213,7 +213,7 @@ def draw_errors(grade_name: str, seed: int) -> ImuModel:
     `seed`: seed [1].
     """
     published = turn_on_grade().spread
-    spread = published if grade_name == SIMULATE["grade"] else grade(grade_name).spread
+    spread = published if grade_name == GRADE else grade(grade_name).spread
     rng, layout = np.random.default_rng([seed, 21]), LAYOUT
     vector = ImuModel().coefficients()
     for group in published:
