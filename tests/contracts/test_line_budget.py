@@ -13,9 +13,10 @@ BUDGET = {
     ".": 3_097,
     "campaign": 5_322,
     "cli": 4_923,
-    "diagnose": 20_571,
+    "diagnose": 20_945,
     "estimate": 9_693,
     "export": 2_474,
+    "infer": 650,
     "kernels": 4_288,
     "logs": 6_266,
     "models": 5_076,
@@ -24,7 +25,7 @@ BUDGET = {
     "procedures": 14_049,
     "report": 9_910,
     "simulate": 3_626,
-    "symptoms": 4_408,
+    "symptoms": 90,
 }
 
 SLACK = 100
