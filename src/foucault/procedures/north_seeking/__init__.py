@@ -33,7 +33,7 @@ from foucault.models.earth import Site
 from foucault.models.noise import noise_json
 from foucault.models.north_seeker import EQUATION, Compensation
 from foucault.procedures.north_seeking.foresight import foresee
-from foucault.procedures.north_seeking.settings import Session, Settings, draw_errors, simulate
+from foucault.procedures.north_seeking.settings import Session, Settings, draw_errors, simulated
 from foucault.procedures.north_seeking.solution import Solution, require_latitude, solved
 from foucault.procedures.north_seeking.wanted import Wanted, space
 from foucault.procedures.record import Given, Procedure
@@ -164,7 +164,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=simulate,
+    simulation=simulated,
     names=names_in,
     foresee=foresee,
     space=space,
@@ -178,4 +178,4 @@ PROCEDURE = Procedure(
     clocked=lambda _: (False, False),
     log_table=indexed_own.log_table,
 )
-calibrate = PROCEDURE.calibrate
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -25,7 +25,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.procedures.north_seeking.fix import find_north
-from foucault.procedures.north_seeking.settings import Session, Settings, Stop, simulate
+from foucault.procedures.north_seeking.settings import Session, Settings, Stop, simulated
 from foucault.procedures.north_seeking.solution import (
     Z_COUPLING,
     Solution,
@@ -78,7 +78,7 @@ class _Planned:
         """Simulate with nothing drawn: a perfect instrument on a perfect table, no noise."""
         sure = {"heading_sd": 0.0, "heading_offset_sd": 0.0, "index_sd": 0.0, "drift_sd": None}
         still = {"offset_sd": 0.0, "twice_per_turn_sd": 0.0, "gyro_drift": 0.0}
-        return simulate(
+        return simulated(
             session.model_copy(update=still), settings=self.settings.model_copy(update=sure),
             model=ImuModel(), noise=ImuNoise(), site=self.site, seed=0,
         )  # fmt: skip

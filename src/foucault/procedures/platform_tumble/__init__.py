@@ -39,7 +39,7 @@ from foucault.procedures.platform_tumble.settings import (
     Session,
     Settings,
     draw_errors,
-    simulate,
+    simulated,
 )
 from foucault.procedures.platform_tumble.solution import (
     Solution,
@@ -151,7 +151,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=simulate,
+    simulation=simulated,
     names=lambda *_: LAYOUT.names,
     layout=LAYOUT,
     foresee=_foresee,
@@ -167,4 +167,4 @@ PROCEDURE = Procedure(
     prior_lines=tumble_log.PRIOR_LINES,
     errors_line=tumble_log.ERRORS_LINE,
 )
-calibrate, trial = PROCEDURE.calibrate, PROCEDURE.trial
+calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

@@ -287,10 +287,9 @@ class Session(BaseModel):
         return attitude
 
 
-def simulate(
+def simulated(
     session: Session,
-    *,
-    settings: Settings | None = None,
+    settings: Settings,
     model: ClusterModel,
     noise: ImuNoise,
     site: Site,
@@ -298,11 +297,8 @@ def simulate(
 ) -> TumbleSimulation:
     """Simulate a tumble: the plan of the settings, or the published one.
 
-    `session`: how it is sampled, and how far the attitude is from what is believed; `settings` or
-    None: of the calibration to follow: plan, start, lever arms, and the sd of the delay; `noise`:
-    its noise [SI]; `seed`: seed of attitude, delay and noise [1].
+    `noise`: noise of the cluster [SI]; `seed`: seed of attitude, delay and noise [1].
     """
-    settings = settings or Settings()
     plan = settings.planned
     rng = np.random.default_rng([seed, 5])
     if site.latitude is not None:  # it is known as well as the calibration will be told

@@ -54,7 +54,7 @@ from foucault.procedures.systematic.settings import (
     Session,
     Settings,
     draw_errors,
-    simulate,
+    simulated,
 )
 from foucault.procedures.systematic.solution import Solution, named, public
 from foucault.result import Result, TableData, Verdict
@@ -199,7 +199,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=simulate,
+    simulation=simulated,
     names=lambda settings, _: names_of(settings),
     every_name=every_name,
     layout=LAYOUT,
@@ -213,4 +213,4 @@ PROCEDURE = Procedure(
     log_table=log_table,
     prior_lines=PRIOR_LINES,
 )
-calibrate, trial = PROCEDURE.calibrate, PROCEDURE.trial
+calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

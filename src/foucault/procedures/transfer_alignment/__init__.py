@@ -52,7 +52,7 @@ from foucault.procedures.transfer_alignment.input import heard, there, usable
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.plan import EVALUATIONS, Wanted, space
 from foucault.procedures.transfer_alignment.problem import problem_of
-from foucault.procedures.transfer_alignment.session import GRADE, Session, draw_errors, simulate
+from foucault.procedures.transfer_alignment.session import GRADE, Session, draw_errors, simulated
 from foucault.procedures.transfer_alignment.settings import LEFT_OUT, Settings
 from foucault.procedures.transfer_alignment.solution import Solution, bent, gravity_error, solved
 from foucault.result import Result, TableData, Verdict
@@ -221,7 +221,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=simulate,
+    simulation=simulated,
     names=lambda settings, _: settings.reported,
     layout=chosen.LAYOUT,
     foresee=foresee,
@@ -239,4 +239,4 @@ PROCEDURE = Procedure(
     noise_lines=chosen.NOISE_LINES,
     prior_lines=chosen.PRIOR_LINES,
 )
-calibrate, trial = PROCEDURE.calibrate, PROCEDURE.trial
+calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

@@ -222,24 +222,16 @@ def draw_errors(grade_name: str, seed: int) -> ImuModel:
     return ImuModel.from_coefficients(vector)
 
 
-def simulate(
-    session: Session,
-    *,
-    settings: Settings | None = None,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
+def simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> TransferSession:
     """Simulate a session.
 
-    `session`: what the vehicle does, how its messages come, and how the slave is fixed;
-    `settings` or None: of the calibration to follow: nominal mounting and lever arm; `noise`: its
-    noise [SI]; `seed`: seed of installation, compliance and noise [1].
+    `noise`: noise of the slave [SI]; `seed`: seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
     offset = site.gravity - gravity(site.latitude or 0.0, site.height)  # `moved` wants a latitude
-    return simulate_motion(motion, session, settings or Settings(), model, noise, seed, offset)
+    return simulate_motion(motion, session, settings, model, noise, seed, offset)
 
 
 def simulate_motion(
