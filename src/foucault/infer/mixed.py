@@ -632,7 +632,7 @@ def held_out(
     where = np.repeat(np.arange(len(parts)), counts)
     return HeldOut(
         error, sd, float(z @ z), count, count**2 / max(square, 1e-300), square / max(count, 1),
-        np.asarray(np.bincount(where, z**2, len(parts)), float), np.array(counts),
+        np.array([z[where == k] @ z[where == k] for k in range(len(parts))]), np.array(counts),
     )  # fmt: skip
 
 
