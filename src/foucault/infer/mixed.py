@@ -23,6 +23,7 @@ References
 .. [1] H. D. Patterson, R. Thompson, "Recovery of inter-block information when block sizes are
    unequal", Biometrika 58(3), 1971; D. A. Harville, JASA 72, 1977.
 .. [2] W. Baarda, "A testing procedure for use in geodetic networks", 1968.
+.. [3] A. R. Gilmour, R. Thompson, B. R. Cullis, "Average information REML", Biometrics 51, 1995.
 """
 
 from __future__ import annotations
@@ -299,6 +300,7 @@ def fit(
     if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
         problem = stated(model, begin, prior)
         return _fit_of(model, problem, gauss_newton.solve(problem, loss=loss), begin)
+    first = estimate
     weights = _outliers(model, estimate, few) if robust else np.ones(len(estimate.weights))
     found, dof, settled = begin, begin, not begin and not robust
     for _ in range(0 if settled else 4):
@@ -312,7 +314,9 @@ def fit(
     alone = {s.name: 0.0 for s in model.linearise(estimate.state).sources if s.unexplained}
     before = after
     if any(found.get(name) for name in alone) and not any(begin.values()):
-        before = components(model, _solved(model, found | alone, estimate, weights))
+        same = np.array_equal(first.weights, weights) and not any((found | alone).values())
+        bare = first if same else _solved(model, found | alone, estimate, weights)
+        before = components(model, bare)
     sds = {name: sd * student(dof[name]) for name, sd in found.items()}
     estimate = _solved(model, sds, estimate, weights) if any(sds.values()) else estimate
     problem = stated(model, sds, prior)
@@ -389,11 +393,14 @@ def repeatability(
     kept = dict(free)
     while True:  # one that does not gain its price gives what it explained back to the others
         var = _most_likely(z, {name: V[name] for name in kept})
-        gains = {n: _unlikely(z, V, var | {n: 0.0}) - _unlikely(z, V, var) for n in kept}
+        now = _unlikely(z, V, var)
+        gains = {n: _unlikely(z, V, var | {n: 0.0}) - now if var[n] else 0.0
+                 for n, price in kept.items() if price}  # fmt: skip
         worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
         if worst is None or gains[worst] >= kept[worst]:
             break
-        del kept[worst]
+        # Without those that are nothing the others are what they are.
+        kept = {n: c for n, c in kept.items() if n != worst and (var[n] or not c)}
     S = _inverse(z, V, var)
     dof = {n: float(np.sum((S @ V[n] * var[n]) * (S @ V[n] * var[n]).T)) for n in var}
     return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
@@ -432,32 +439,45 @@ def _contrasts(
     return left @ r, V
 
 
+def _root(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
+    """Return the Cholesky factor of the covariance of the contrasts, shape (k, k) [1]."""
+    total = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
+    return np.asarray(np.linalg.cholesky(total))
+
+
 def _inverse(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
-    return np.asarray(np.linalg.inv(np.eye(len(z)) + sum(v * V[n] for n, v in var.items())))
+    from scipy.linalg.lapack import dpotri
+
+    lower = np.tril(dpotri(_root(z, V, var), lower=1)[0])
+    return np.asarray(lower + np.tril(lower, -1).T)
 
 
 def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> float:
     """Twice the negative restricted log-likelihood, but for a constant."""
-    S = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
-    root = np.linalg.cholesky(S)
-    white = np.linalg.solve(root, z)
+    from scipy.linalg import solve_triangular
+
+    root = _root(z, V, var)
+    white = solve_triangular(root, z, lower=True, check_finite=False)
     return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
 
 
 def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]:
     """Return the variances that are most likely: z' S V S z = tr(S V) for each, or none at all.
 
-    Fisher scoring, held above zero; each step is halved until the likelihood does not fall.
+    Newton's method with the mean of observed and expected information, ``z' S V_a S V_b S z`` [3],
+    held above zero; each step is halved until the likelihood does not fall.
     """
+    if not V:
+        return {}
     unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
-    size = max(1.0, float(z @ z) / len(z))
+    size = max(0.1, float(z @ z) / len(z) - 1.0)
     var = {n: size * u for n, u in unit.items()}
     now = _unlikely(z, V, var)
     for _ in range(100):
         S = _inverse(z, V, var)
-        SV = {n: S @ v for n, v in V.items()}
-        score = np.array([z @ SV[n] @ S @ z - np.trace(SV[n]) for n in V])
-        info = np.array([[np.sum(SV[a] * SV[b].T) for b in V] for a in V])
+        VSz = np.stack([v @ (S @ z) for v in V.values()], axis=1)
+        score = z @ S @ VSz - np.array([np.sum(S * v) for v in V.values()])
+        info = VSz.T @ S @ VSz
         # What is at its bound, and would go below, stays there.
         held = np.array([var[n] <= 0 for n in V], bool) & (score < 0)
         step = np.zeros(len(V))
