@@ -136,10 +136,8 @@ def prior_check(
         together = float(np.linalg.norm(axes[:, seen].T @ (off / unit) / np.sqrt(size[seen])))
         if seen.any() and together > highest(float(seen.sum())):
             key, value, limit = "priors together", together, highest(float(seen.sum()))
-    given = {
-        "name": coefficients.names[known[worst]], "count": len(known),
-        "cause": cause or WRONG_PRIOR,
-    }  # fmt: skip
+    name = coefficients.names[known[worst]]
+    given = {"name": name, "count": len(known), "cause": cause or WRONG_PRIOR}
     return check(key, "prior", value, None, limit, given)
 
 

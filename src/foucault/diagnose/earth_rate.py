@@ -32,9 +32,13 @@ def earth_checks(earth: EarthSeen | None, false_alarm: float) -> list[Check]:
     if earth is None:
         return []
     limit = chi_square_limits(2, 2 * false_alarm)[1]
-    faster, sd, _ = earth.faster
-    given = {"rate": 1 + faster, "sd": sd, "causes": causes(earth, limit)}
+    given = _said(earth, limit)
     return [check("Earth's rate", "Earth's rate", earth.square, None, limit, given)]
+
+
+def _said(earth: EarthSeen, limit: float) -> dict[str, str]:
+    faster, sd, _ = earth.faster
+    return {"rate": f"{1 + faster:.5f}", "sd": f"{sd:.1g}", "causes": _causes(earth, limit)}
 
 
 def known_checks(
@@ -75,19 +79,14 @@ def earth_findings(earth: EarthSeen | None, false_alarm: float) -> list[Finding]
     `earth` or None: what the session says of it; `false_alarm`: probability that it is said by
     chance [1].
     """
-    if earth is None or all(check.passed for check in earth_checks(earth, false_alarm)):
+    if earth is None or all(one.passed for one in earth_checks(earth, false_alarm)):
         return []
-    faster, sd, _ = earth.faster
-    words = causes(earth, chi_square_limits(2, 2 * false_alarm)[1])
-    return [finding("session.earth_rate", rate=f"{1 + faster:.5f}", sd=f"{sd:.1g}",
-                    causes=words)]  # fmt: skip
+    limit = chi_square_limits(2, 2 * false_alarm)[1]
+    return [finding("session.earth_rate", **_said(earth, limit))]
 
 
-def causes(earth: EarthSeen, limit: float) -> str:
-    """Say what explains another rate of the Earth, the likelier first.
-
-    `limit`: a cause explains it that leaves no more than this squared normalised difference [1].
-    """
+def _causes(earth: EarthSeen, limit: float) -> str:
+    """Say what explains it, the likelier first: what leaves a square of no more than `limit`."""
     (faster, sd, left), (north, north_sd, remains) = earth.faster, earth.farther_north
     mirrored = earth.left_by(np.array([0.0, -2.0 * np.sin(earth.latitude)]))
     some = [

@@ -79,7 +79,7 @@ WORDS = {
         "not belong to the others, and their scatter is shared by all.",
     ),
     "Earth's rate": Words(
-        "By the times of the log the Earth turns {rate:.5f} +- {sd:.1g} times its rate.",
+        "By the times of the log the Earth turns {rate} +- {sd} times its rate.",
         above="...: {causes}.",
     ),
     "noise at rest": Words("The readings at rest scatter no more than [noise] says."),

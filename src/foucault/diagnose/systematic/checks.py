@@ -92,9 +92,8 @@ def checks(e: Evidence) -> tuple[Check, ...]:
 def _innovations(e: Evidence) -> Check:
     total, dof = float(e.run.nis.sum()), int(e.run.measured.sum())
     limit = chi_square_limits(dof, 2 * EACH)[1]
-    key, given = "innovations", {"ratio": np.sqrt(total / dof)}
-    if total < dof / 2:
-        key = "innovations, still"
+    key = "innovations, still" if total < dof / 2 else "innovations"
+    given = {"ratio": np.sqrt(total / dof)}
     return check(key, "innovations", total / dof, None, limit / dof, given)
 
 
