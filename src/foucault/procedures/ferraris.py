@@ -32,7 +32,6 @@ from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.procedures import on_faces
 from foucault.procedures.on_faces import Solution
-from foucault.procedures.on_faces import settings as face_settings
 from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
@@ -137,7 +136,7 @@ def names_of(settings: Settings) -> tuple[str, ...]:
     if settings.solution == "published":
         names = (*LINEAR_LOWER, *(n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")))
         return tuple(n for n in LAYOUT.names if n in names)
-    return face_settings.names_of(settings, turns=True)
+    return settings.estimated()
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:

@@ -54,10 +54,6 @@ class Settings(TableSettings):
         description="How the frames of the linear solutions are tied together; four positions: as "
         "published, needs four_positions = true and believes the angles of the table.",
     )
-    repeatability: bool = Field(
-        default=True,
-        description="Estimate the scatter between readings that the noise does not explain.",
-    )
 
 
 class Session(TableSession):
@@ -67,7 +63,7 @@ class Session(TableSession):
 def task_of(settings: Settings) -> Task:
     """Return the task that `settings` describe."""
     variant = None if settings.solution == "likelihood" else partial(linear, settings)
-    return Task("norm_observation", settings, None, variant, settings.repeatability)
+    return Task("norm_observation", settings, None, variant)
 
 
 def linear(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
@@ -17,6 +17,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
 from foucault.models.rotation import turned
 from foucault.plans.north.orders import PALINDROME, PUBLISHED, SEQUENTIAL
+from foucault.procedures.fields import Rows, SampleRate, Strict
 from foucault.simulate.north import (
     NorthPlan,
     NorthSimulation,
@@ -51,10 +52,8 @@ SPREAD = {
 """What the errors of instruments are drawn from: standard deviation and kind."""
 
 
-class Stop(BaseModel):
+class Stop(Strict):
     """One stop of the base."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     index: Angle = Field(description="Index angle, clockwise seen from above.")
     dwell: Seconds | None = Field(
@@ -71,10 +70,8 @@ Order = Annotated[
 """A mistake is told of what was given alone: a name, or a list."""
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen: of both, of the calibration on a turntable, of the fix in the field."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     drift: Literal["auto", "none", "linear"] = Field(
         default="auto",
@@ -181,10 +178,8 @@ class Settings(BaseModel):
         return self
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The calibration session that `simulate` makes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     headings: int = Field(default=12, ge=1, description="Headings of the turntable, evenly spread.")
     order: Order = Field(
@@ -213,12 +208,8 @@ class Session(BaseModel):
     accelerometers: Literal["base", "case", "none"] = Field(
         default="base", description="One that turns with the gyro, two fixed to the case, or none."
     )
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=10.0, gt=0, description="Sample rate."
-    )
-    rows: Literal["means", "samples"] = Field(
-        default="means", description="One mean per stop, or a row per sample."
-    )
+    rate: SampleRate = 10.0
+    rows: Rows = "means"
 
     @property
     def called(self) -> str:

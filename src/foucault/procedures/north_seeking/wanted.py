@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.coefficients import Coefficient, Layout
 from foucault.diagnose.north.plan import Conditions
@@ -14,6 +14,7 @@ from foucault.plans.north.bound import Known
 from foucault.plans.north.moves import Rig, schedule
 from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
+from foucault.procedures.fields import Strict
 from foucault.procedures.north_seeking.foresight import silent
 from foucault.procedures.north_seeking.settings import Ramp, Session, Settings
 from foucault.procedures.record import Beforehand
@@ -23,10 +24,8 @@ SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),)
 """What a plan is made for."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What may be changed of the stops of the base in a set-up, and what is wanted."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     weights: dict[str, float] = Field(
         default={}, description='How much each counts; here there is "heading" alone.'

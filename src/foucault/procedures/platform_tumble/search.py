@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
@@ -19,6 +19,7 @@ from foucault.plans.tumble.reach import needs
 from foucault.plans.tumble.search import Conditions, TorquingSpace
 from foucault.plans.tumble.torquing import TorquingPlan
 from foucault.plans.weights import weights_of
+from foucault.procedures.fields import Strict, located
 from foucault.procedures.platform_tumble import foresight as tumble_foresight
 from foucault.procedures.platform_tumble.settings import (
     Session,
@@ -26,7 +27,6 @@ from foucault.procedures.platform_tumble.settings import (
     draw_errors,
 )
 from foucault.procedures.record import Beforehand
-from foucault.procedures.validators import located
 from foucault.units import Quantity, parse
 
 DEGREE = float(np.radians(1.0))
@@ -44,10 +44,8 @@ def _latitude(text: str) -> float:
     return latitude
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What a better motion may do."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     axes: Literal["x", "y", "z", "xy", "xz", "yz", "xyz"] = Field(
         default="xyz", description="Axes of the cluster that may be turned."

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from foucault import units
 from foucault.arrays import FloatArray
@@ -18,11 +18,11 @@ from foucault.models.noise import ImuNoise
 from foucault.plans.tumble import torquing
 from foucault.plans.tumble.reach import Limits
 from foucault.plans.tumble.torquing import TorquingPlan
+from foucault.procedures.fields import Strict, located
 from foucault.procedures.platform_tumble.usual import NOISE as NOISE
 from foucault.procedures.platform_tumble.usual import PRIOR as PRIOR
 from foucault.procedures.platform_tumble.usual import TYPICAL as TYPICAL
 from foucault.procedures.platform_tumble.usual import WHITE as WHITE
-from foucault.procedures.validators import located
 from foucault.simulate.tumble import (
     Acquisition,
     TumbleSimulation,
@@ -49,10 +49,8 @@ def _three(given: Three, kind: str, key: str) -> FloatArray:
     return np.array([units.parse(text, kind, key) for text in given])
 
 
-class PlanStep(BaseModel):
+class PlanStep(Strict):
     """One step of a torquing plan."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     rate: Three = Field(
         description="Rate about x, y and z of the cluster, relative to East-North-Up.",
@@ -67,10 +65,8 @@ class PlanStep(BaseModel):
         return rate
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen; the defaults suit a cluster that starts level and pointed north."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     filter: Literal["gauss-newton", "published", "published literal"] = Field(
         default="gauss-newton",
@@ -243,10 +239,8 @@ class Settings(BaseModel):
         return torquing.starting(plan, self.angles, self.ramp)
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The tumble that `simulate` makes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     integrator: Literal["exponential", "published"] = Field(
         default="exponential",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
@@ -20,6 +20,7 @@ from foucault.plans.systematic.moves import Allowed
 from foucault.plans.systematic.search import SystematicSpace, sd_limit
 from foucault.plans.systematic.sequence import RATE, CalibrationSequence
 from foucault.plans.weights import weights_of
+from foucault.procedures.fields import Shortest, Strict, located
 from foucault.procedures.record import Beforehand
 from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen
 from foucault.procedures.systematic.problem import steady
@@ -33,7 +34,6 @@ from foucault.procedures.systematic.settings import (
     draw_errors,
     planned,
 )
-from foucault.procedures.validators import located
 from foucault.units import Quantity, Seconds, parse
 
 HERE = "the site"
@@ -44,10 +44,8 @@ SPINS = 6
 """Spins that a model of deflection takes [1]."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What a better sequence may do."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     total: Seconds | None = Field(
         default=None, gt=0, examples=["45 min"],
@@ -67,7 +65,7 @@ class Wanted(BaseModel):
         description="Number of spins; left out, six where there is a model of deflection.",
     )  # fmt: skip
     most_turns: int = Field(default=40, ge=1, description="Most turns of a spin.")
-    shortest: Seconds = Field(default=20.0, gt=0, description="Shortest rest.")
+    shortest: Shortest = 20.0
     longest: Seconds = Field(default=600.0, gt=0, description="Longest rest.")
     move_rate: Annotated[float, Quantity("angular rate")] = Field(
         default=RATE, gt=0, description="Rate of all turns but the spins."

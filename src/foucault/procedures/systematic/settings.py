@@ -7,11 +7,11 @@ from functools import reduce
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from foucault import units
 from foucault.coefficients import Layout
-from foucault.errors import FoucaultError, error
+from foucault.errors import error
 from foucault.models import imu
 from foucault.models.deflection import MODELS, DeflectionModel, deflection_model
 from foucault.models.earth import Site
@@ -24,6 +24,7 @@ from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.built_in import built_in
 from foucault.plans.systematic.file import ActionTable
 from foucault.plans.systematic.sequence import REST, CalibrationSequence, orientation
+from foucault.procedures.fields import Quadratic, SampleRate, Shortest, Strict, located
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
 from foucault.units import Angle, AngleSd, Quantity, Seconds
@@ -104,10 +105,8 @@ ENDS = 0.5
 """A rest that is planned is found shorter by less than this [s]."""
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen; the defaults suit an instrument on a table in a laboratory."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     sequence: tuple[str, ...] = Field(
         default=("19 positions",),
@@ -136,9 +135,7 @@ class Settings(BaseModel):
         description="Sense of the spokes of the dither wheel, where the model has one; choose "
         "tries both.",
     )
-    accel_quadratic: bool = Field(
-        default=False, description="Estimate the accelerometers' quadratic terms too."
-    )
+    accel_quadratic: Quadratic = False
     accel_asymmetry: bool = Field(
         default=True,
         description="Estimate the accelerometers' scale factor asymmetry: a scale factor for each "
@@ -205,7 +202,7 @@ class Settings(BaseModel):
         ge=units.parse("0.01 ug", "specific force"),
         description="The same of the accelerometers.",
     )
-    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
+    shortest: Shortest = 5.0
     rate_limit: Annotated[float, Quantity("angular rate")] | None = Field(
         default=None, gt=0, examples=["90 deg/s"], description="Highest rate of the table."
     )
@@ -218,13 +215,7 @@ class Settings(BaseModel):
     @field_validator("sequence", mode="after")
     @classmethod
     def _known(cls, names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        try:
-            for name in names:
-                built_in(name)
-        except FoucaultError as problem:
-            if "locate" in (info.context or ()):
-                raise ValueError(problem) from None
-            raise
+        located(info, lambda: [built_in(name) for name in names])
         return names
 
     @model_validator(mode="after")
@@ -299,18 +290,14 @@ class Settings(BaseModel):
         return with_size_effect(sensors, lever=self.lever_arms, delay=self.delay)
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The session that `simulate` makes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     rest_time: Seconds | None = Field(
         default=None, gt=0, examples=["60 s"],
         description="Length of every rest; left out, as the sequence has it.",
     )  # fmt: skip
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=50.0, gt=0, description="Sample rate."
-    )
+    rate: SampleRate = 50.0
     angle_sd: AngleSd = Field(
         default=float(np.radians(1 / 60)),
         ge=0,

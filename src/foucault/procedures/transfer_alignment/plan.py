@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
@@ -17,6 +17,7 @@ from foucault.plans.transfer.moves import Flyable
 from foucault.plans.transfer.profiles import TransferProfile
 from foucault.plans.transfer.search import POSITION, TransferSpace
 from foucault.plans.weights import weights_of
+from foucault.procedures.fields import Strict
 from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.foresight import Shown, shown
 from foucault.procedures.transfer_alignment.session import Session, moved
@@ -39,10 +40,8 @@ FASTER = 0.2
 """Part of the speed at the start by which it may be left, where nothing is said [1]."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What a better motion may do."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     aim: Literal["coefficients", "position"] = Field(
         default="coefficients",

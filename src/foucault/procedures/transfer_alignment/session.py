@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault import logs
 from foucault.arrays import FloatArray
@@ -22,6 +22,7 @@ from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise, grade
 from foucault.plans.manoeuvre_table import ManoeuvreTable
 from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
+from foucault.procedures.fields import SampleRate, Strict
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.simulate.transfer.link import Link, MasterNoise
@@ -50,10 +51,8 @@ ROWS = 10.0
 """Rows of the tables of truth in a second [Hz]."""
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The session that `simulate` makes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     profile: str = Field(
         default="flight",
@@ -73,9 +72,7 @@ class Session(BaseModel):
         default=None, ge=0, examples=["40 m/s"],
         description="Speed at the start; left out, that of the profile.",
     )  # fmt: skip
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=200.0, gt=0, description="Sample rate of the slave."
-    )
+    rate: SampleRate = 200.0
     message_rate: Annotated[float, Quantity("frequency")] = Field(
         default=10.0, gt=0, description="Messages of the master in a second."
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
@@ -16,6 +16,7 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.transfer import LOAD, Matching, Mount
+from foucault.procedures.fields import Strict
 from foucault.units import Angle, AngleSd, Quantity, Seconds, parse
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
@@ -76,10 +77,8 @@ PRIOR_LINES = """\
 """[prior] of the template."""
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen; the defaults suit a slave fixed firmly to the structure of its master."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     matching: Literal["velocity+attitude", "velocity", "attitude"] = Field(
         default="velocity+attitude", description="What of the master's messages is used."
