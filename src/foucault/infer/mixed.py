@@ -609,7 +609,7 @@ def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
     return HeldOut(
         error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
         count**2 / max(square, 1e-300), square / max(count, 1),
-        np.bincount(part, z**2, len(parts)), np.array(counts),
+        np.array([z[part == k] @ z[part == k] for k in range(len(parts))]), np.array(counts),
     )  # fmt: skip
 
 
