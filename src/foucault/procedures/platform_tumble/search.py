@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -12,20 +11,15 @@ from pydantic import Field, ValidationInfo, field_validator
 from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.cluster import CONSTANTS
-from foucault.models.earth import Site, earth_rate_n
-from foucault.models.noise import ImuNoise
+from foucault.models.earth import earth_rate_n
 from foucault.plans.tumble.limits import Allowed
 from foucault.plans.tumble.reach import needs
 from foucault.plans.tumble.search import Conditions, TorquingSpace
 from foucault.plans.tumble.torquing import TorquingPlan
 from foucault.plans.weights import weights_of
 from foucault.procedures.fields import Strict, located
-from foucault.procedures.platform_tumble import foresight as tumble_foresight
-from foucault.procedures.platform_tumble.settings import (
-    Session,
-    Settings,
-    draw_errors,
-)
+from foucault.procedures.platform_tumble.foresight import Planned, planned, with_plan
+from foucault.procedures.platform_tumble.settings import GRADE, Session, Settings, draw_errors
 from foucault.procedures.record import Beforehand
 from foucault.units import Quantity, parse
 
@@ -93,28 +87,22 @@ class Wanted(Strict):
 class Stated:
     """What a calibration would state at the site, at a latitude or for a drawn cluster."""
 
-    settings: Settings
-    session: Session  # how it is sampled
-    site: Site
-    noise: ImuNoise | None  # as declared [SI]
-    prior: Mapping[str, tuple[float, float]]  # what is known beforehand [SI]
+    given: Beforehand[Settings, Session]  # all but the plan
 
     def __call__(self, plan: TorquingPlan, case: str) -> FloatArray:
         """Return the sd of the 42 constants: bound, slow noise, latitude and gravity [SI]."""
-        p, site = self.planned(plan, case)
-        return tumble_foresight.stated(p, self.settings, site)
+        return self.planned(plan, case).sd
 
-    def planned(self, plan: TorquingPlan, case: str) -> tuple[tumble_foresight.Planned, Site]:
-        """Return the motion, linearised in the circumstances of `case`, and where that is."""
-        site, drawn = self.site, None
+    def planned(self, plan: TorquingPlan, case: str) -> Planned:
+        """Return the motion, linearised in the circumstances of `case`."""
+        site, drawn = self.given.site, None
         kind, _, number = case.partition(" ")
         if kind == "latitude":
             site = replace(site, latitude=_latitude(number))
         elif kind == "cluster":
-            drawn = draw_errors("navigation", int(number))
-        settings = tumble_foresight.with_plan(self.settings, plan)
-        arguments = (settings, self.session, site, self.noise, self.prior, drawn)
-        return tumble_foresight.planned(*arguments), site
+            drawn = draw_errors(GRADE, int(number))
+        settings = with_plan(self.given.settings, plan)
+        return planned(replace(self.given, settings=settings, site=site), drawn)
 
 
 def space(b: Beforehand[Settings, Session]) -> TorquingSpace:
@@ -132,8 +120,8 @@ def space(b: Beforehand[Settings, Session]) -> TorquingSpace:
         ramp=settings.ramp,
         limits=settings.limits,
     )
-    stated = Stated(settings, b.session, site, b.noise, b.prior)
-    p, _ = stated.planned(reference, HERE)
+    stated = Stated(b)
+    p = stated.planned(reference, HERE)
     assert site.latitude is not None
     t = p.tumble
     conditions = Conditions(
