@@ -22,7 +22,7 @@ BUDGET = {
     "models": 5_076,
     "navigate": 1_560,
     "plans": 6_115,
-    "procedures": 13_889,
+    "procedures": 13_544,
     "report": 9_910,
     "simulate": 3_626,
     "symptoms": 90,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
 
@@ -73,18 +73,29 @@ Rows = Annotated[
 ]
 
 
-class Strict(BaseModel):
-    """A table of a campaign file: keys that it does not know are refused."""
+def _flowing(schema: dict[str, Any]) -> None:
+    """Let a description of several lines be one, as users see it."""
+    for field in schema.get("properties", {}).values():
+        if "description" in field:
+            field["description"] = " ".join(field["description"].split())
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+
+class Strict(BaseModel):
+    """A table of a campaign file: keys that it does not know are refused.
+
+    The docstring of a field is its description, in the template and in the schema.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True, json_schema_extra=_flowing
+    )
 
 
 class EarthRate(Strict):
     """Whether the Earth's rotation is modelled."""
 
-    earth_rate: bool = Field(
-        default=True, description="Model the Earth's rotation where the latitude is given."
-    )
+    earth_rate: bool = True
+    """Model the Earth's rotation where the latitude is given."""
 
     def where(self, site: Site) -> Site:
         """Return the site as it is modelled: without latitude where the Earth is not to turn."""
@@ -95,9 +106,8 @@ class Terms(Strict):
     """Which terms of the model of an IMU are estimated beside the linear ones."""
 
     accel_quadratic: Quadratic = False
-    g_sensitivity: bool = Field(
-        default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
-    )
+    g_sensitivity: bool = False
+    """Estimate the gyros' g-sensitivity too (9 more)."""
 
     def estimated(self, *, gyro: bool = True, turns: bool = True) -> tuple[str, ...]:
         """Return the names of all coefficients that are estimated.
@@ -115,11 +125,9 @@ class Terms(Strict):
 class Robust(Strict):
     """What is done with readings that contradict the others."""
 
-    loss: Literal["robust", "squares"] = Field(
-        default="robust",
-        description="robust: a reading that contradicts the others, beyond 3 sd, counts little or "
-        "nothing; squares: all count in full.",
-    )
+    loss: Literal["robust", "squares"] = "robust"
+    """robust: a reading that contradicts the others, beyond 3 sd, counts little or nothing;
+    squares: all count in full."""
 
     @property
     def robust(self) -> bool:

@@ -77,9 +77,8 @@ class Settings(fields.Robust, fields.EarthRate, fields.Terms):
     """What can be chosen; the defaults suit most logs."""
 
     repeatability: fields.Repeatability = True
-    held_out: int = Field(
-        default=5, ge=0, description="Parts left out in turn to test the prediction; 0: none."
-    )
+    held_out: int = Field(default=5, ge=0)
+    """Parts left out in turn to test the prediction; 0: none."""
     window: fields.Window = 0.5
     shortest: fields.Shortest = 1.0
     threshold: fields.Threshold = None
@@ -88,10 +87,14 @@ class Settings(fields.Robust, fields.EarthRate, fields.Terms):
 class Session(fields.Strict):
     """The session that `simulate` makes."""
 
-    rests: int = Field(default=24, ge=2, description="Number of rests.")
-    rest_time: Seconds = Field(default=4.0, gt=0, description="Typical length of a rest.")
-    turn_time: Seconds = Field(default=2.0, gt=0, description="Typical length of a turn.")
-    first_rest_time: Seconds = Field(default=10.0, gt=0, description="Length of the first rest.")
+    rests: int = Field(default=24, ge=2)
+    """Number of rests."""
+    rest_time: Seconds = Field(default=4.0, gt=0)
+    """Typical length of a rest."""
+    turn_time: Seconds = Field(default=2.0, gt=0)
+    """Typical length of a turn."""
+    first_rest_time: Seconds = Field(default=10.0, gt=0)
+    """Length of the first rest."""
     rate: fields.SampleRate = 100.0
     kind: fields.Sampling = "rate"
 

@@ -38,58 +38,35 @@ position = "position"                   # number of the position, empty or -1 in
 class TableSettings(fields.Robust, fields.EarthRate, fields.Terms):
     """What can be chosen of a session on a table; procedures add their own."""
 
-    plan: str = Field(
-        default="icosahedron 12",
-        description="Set of positions, as `foucault plans` lists them.",
-    )
+    plan: str = "icosahedron 12"
+    """Set of positions, as `foucault plans` lists them."""
     positions: list[list[str]] | None = Field(
         default=None,
         examples=[[["30 deg", "0 deg", "-31.7 deg"], ["60 deg", "0 deg", "211.7 deg"]]],
-        description="Positions of your own instead of a plan: outer, middle and inner angle each.",
     )
-    spin_rate: Annotated[float, Quantity("angular rate")] = Field(
-        default=float(np.radians(10.0)),
-        description="Rate of the outer axis in spins, counter-clockwise seen from above.",
-    )
-    both_senses: bool = Field(
-        default=False, description="Each spin is followed by one the other way."
-    )
-    four_positions: bool = Field(
-        default=False,
-        description="With the rests that the published unification of the frames needs.",
-    )
+    """Positions of your own instead of a plan: outer, middle and inner angle each."""
+    spin_rate: Annotated[float, Quantity("angular rate")] = float(np.radians(10.0))
+    """Rate of the outer axis in spins, counter-clockwise seen from above."""
+    both_senses: bool = False
+    """Each spin is followed by one the other way."""
+    four_positions: bool = False
+    """With the rests that the published unification of the frames needs."""
     shortest: fields.Shortest = 5.0
     rate_sd: fields.RateSd = 0.0
     table_rate_sd: fields.TableRateSd = 0.0
     plumb_sd: fields.PlumbSd = float(np.radians(1 / 60))
-    lever_arm: bool = Field(
-        default=True,
-        description="Estimate how far the accelerometers are from the centre of the table.",
-    )
+    lever_arm: bool = True
+    """Estimate how far the accelerometers are from the centre of the table."""
     repeatability: fields.Repeatability = True
-    cable_limit: Angle | None = Field(
-        default=None,
-        gt=0,
-        examples=["3 rev"],
-        description="Largest outer angle either way that a cable allows, turns counted; for "
-        "preflight and optimise, as the other limits of the table below.",
-    )
-    middle_range: tuple[Angle, Angle] | None = Field(
-        default=None,
-        examples=[["-95 deg", "95 deg"]],
-        description="Smallest and largest middle angle that the table reaches.",
-    )
-    inner_range: tuple[Angle, Angle] | None = Field(
-        default=None,
-        examples=[["0 deg", "360 deg"]],
-        description="Smallest and largest inner angle that the table reaches.",
-    )
-    angle_step: Angle | None = Field(
-        default=None,
-        gt=0,
-        examples=["15 deg"],
-        description="Angles are multiples of this, as on a dividing head.",
-    )
+    cable_limit: Angle | None = Field(default=None, gt=0, examples=["3 rev"])
+    """Largest outer angle either way that a cable allows, turns counted; for preflight and
+    optimise, as the other limits of the table below."""
+    middle_range: tuple[Angle, Angle] | None = Field(default=None, examples=[["-95 deg", "95 deg"]])
+    """Smallest and largest middle angle that the table reaches."""
+    inner_range: tuple[Angle, Angle] | None = Field(default=None, examples=[["0 deg", "360 deg"]])
+    """Smallest and largest inner angle that the table reaches."""
+    angle_step: Angle | None = Field(default=None, gt=0, examples=["15 deg"])
+    """Angles are multiples of this, as on a dividing head."""
 
     @field_validator("plan", mode="after")
     @classmethod
@@ -128,7 +105,8 @@ class TableSession(fields.Strict):
     """The session on a table that `simulate` makes."""
 
     rest_time: fields.RestTime = 60.0
-    turns: int = Field(default=4, ge=1, description="Whole turns of each spin.")
+    turns: int = Field(default=4, ge=1)
+    """Whole turns of each spin."""
     rate: fields.SampleRate = 20.0
     kind: fields.Sampling = "rate"
     rows: fields.Rows = "samples"
@@ -138,21 +116,12 @@ class TableSession(fields.Strict):
     position_sd: fields.PositionSd = float(np.radians(1 / 60))
     rate_error_sd: fields.TableRateSd = 0.0
     rate_jitter: fields.RateSd = 0.0
-    mounting_sd: AngleSd = Field(
-        default=float(np.radians(10 / 60)),
-        ge=0,
-        description="Sd of the rotation of the instrument on the table, about each axis.",
-    )
-    lever_arm_sd: Annotated[float, Quantity("length")] = Field(
-        default=0.02,
-        ge=0,
-        le=100,
-        description="Sd of each coordinate of the accelerometers from the centre of the table.",
-    )
-    heading: Angle = Field(
-        default=float(np.radians(30.0)),
-        description="Azimuth of table y at outer angle zero, clockwise from North.",
-    )
+    mounting_sd: AngleSd = Field(default=float(np.radians(10 / 60)), ge=0)
+    """Sd of the rotation of the instrument on the table, about each axis."""
+    lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.02, ge=0, le=100)
+    """Sd of each coordinate of the accelerometers from the centre of the table."""
+    heading: Angle = float(np.radians(30.0))
+    """Azimuth of table y at outer angle zero, clockwise from North."""
 
 
 def plan_of(

@@ -41,40 +41,30 @@ def _latitude(text: str) -> float:
 class Wanted(Strict):
     """What a better motion may do."""
 
-    axes: Literal["x", "y", "z", "xy", "xz", "yz", "xyz"] = Field(
-        default="xyz", description="Axes of the cluster that may be turned."
-    )
-    rates: tuple[str, ...] = Field(
-        default=(), examples=[["0.1 deg/s", "0.2 deg/s"]],
-        description="Rates about an axis that may be chosen; left out, `rate_limit`, or the "
-        "largest rate of the plan to beat.",
-    )  # fmt: skip
-    together: bool = Field(
-        default=False, description="Whether several axes may turn at once, each at that rate."
-    )
+    axes: Literal["x", "y", "z", "xy", "xz", "yz", "xyz"] = "xyz"
+    """Axes of the cluster that may be turned."""
+    rates: tuple[str, ...] = Field(default=(), examples=[["0.1 deg/s", "0.2 deg/s"]])
+    """Rates about an axis that may be chosen; left out, `rate_limit`, or the largest rate of the
+    plan to beat."""
+    together: bool = False
+    """Whether several axes may turn at once, each at that rate."""
     total: Annotated[float, Quantity("time")] | None = Field(
-        default=None, gt=0, examples=["5400 s"],
-        description="Time there is; left out, that of the plan to beat.",
-    )  # fmt: skip
-    shortest: Annotated[float, Quantity("time")] = Field(
-        default=60.0, ge=0, description="Shortest time at one rate."
+        default=None, gt=0, examples=["5400 s"]
     )
-    worst: float = Field(
-        default=1.5,
-        gt=0,
-        description="No coefficient that counts should get worse than so many times its sd under "
-        "the plan to beat; ignored where the rig cannot do that plan.",
-    )
-    latitudes: tuple[str, ...] = Field(
-        default=LATITUDES, description="Where the plan found is compared, beside the site."
-    )
-    truths: int = Field(
-        default=4, ge=0, description="With so many drawn clusters the plan found is compared."
-    )
+    """Time there is; left out, that of the plan to beat."""
+    shortest: Annotated[float, Quantity("time")] = Field(default=60.0, ge=0)
+    """Shortest time at one rate."""
+    worst: float = Field(default=1.5, gt=0)
+    """No coefficient that counts should get worse than so many times its sd under the plan to beat;
+    ignored where the rig cannot do that plan."""
+    latitudes: tuple[str, ...] = LATITUDES
+    """Where the plan found is compared, beside the site."""
+    truths: int = Field(default=4, ge=0)
+    """With so many drawn clusters the plan found is compared."""
     weights: dict[str, float] = Field(
-        default={}, examples=[{"gyro.drift": 2.0, "accel.quadratic": 0.0}],
-        description="How much coefficients or groups of them count; 1 if left out.",
-    )  # fmt: skip
+        default={}, examples=[{"gyro.drift": 2.0, "accel.quadratic": 0.0}]
+    )
+    """How much coefficients or groups of them count; 1 if left out."""
 
     @field_validator("latitudes", mode="after")
     @classmethod

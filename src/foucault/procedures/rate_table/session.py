@@ -56,34 +56,23 @@ class _Rates(fields.Strict):
 class Settings(_Rates, fields.Robust, fields.EarthRate):
     """What can be chosen; the defaults suit most tables."""
 
-    rates: tuple[str, ...] = Field(
-        default=(),
-        description="Rates of the table in each placement, in order, counter-clockwise seen from "
-        "above positive; needed where the log carries no rate of the table. Rests between rates "
-        "above 0.2 deg/s need not be listed.",
-    )
-    axes: tuple[Axis, ...] = Field(
-        default=(),
-        description="Placements in order, such as x up; needed where the log has no "
-        "accelerometers, checked where it has. An axis that is not named is not estimated.",
-    )
-    asymmetry: bool = Field(
-        default=True, description="Estimate the asymmetry of each scale factor (3 more)."
-    )
-    cubic: bool = Field(
-        default=True, description="Estimate the cubic term of each scale factor (3 more)."
-    )
-    g_sensitivity: bool = Field(
-        default=False,
-        description="Estimate the gyros' g-sensitivity too (9 more); needs every axis up and down.",
-    )
+    rates: tuple[str, ...] = ()
+    """Rates of the table in each placement, in order, counter-clockwise seen from above positive;
+    needed where the log carries no rate of the table. Rests between rates above 0.2 deg/s need not
+    be listed."""
+    axes: tuple[Axis, ...] = ()
+    """Placements in order, such as x up; needed where the log has no accelerometers, checked where
+    it has. An axis that is not named is not estimated."""
+    asymmetry: bool = True
+    """Estimate the asymmetry of each scale factor (3 more)."""
+    cubic: bool = True
+    """Estimate the cubic term of each scale factor (3 more)."""
+    g_sensitivity: bool = False
+    """Estimate the gyros' g-sensitivity too (9 more); needs every axis up and down."""
     rate_sd: fields.RateSd = 0.0
     table_rate_sd: fields.TableRateSd = 0.0
-    fixture_sd: AngleSd = Field(
-        default=0.0,
-        ge=0,
-        description="Sd of the tilt of the instrument in each placement, about each level axis.",
-    )
+    fixture_sd: AngleSd = Field(default=0.0, ge=0)
+    """Sd of the tilt of the instrument in each placement, about each level axis."""
     repeatability: fields.Repeatability = True
     shortest: fields.Shortest = 5.0
 
@@ -96,31 +85,27 @@ class Settings(_Rates, fields.Robust, fields.EarthRate):
 class Session(_Rates):
     """The session that `simulate` makes."""
 
-    rates: tuple[str, ...] = Field(
-        default=(
-            "10 deg/s", "-10 deg/s", "25 deg/s", "-25 deg/s", "50 deg/s", "-50 deg/s",
-            "100 deg/s", "-100 deg/s",
-        ),
-        description="Rates in each placement, unless [procedure] lists them.",
-    )  # fmt: skip
-    axes: tuple[Axis, ...] = Field(
-        default=("x up", "x down", "y up", "y down", "z up", "z down"),
-        description="Placements, unless [procedure] lists them.",
+    rates: tuple[str, ...] = (
+        "10 deg/s",
+        "-10 deg/s",
+        "25 deg/s",
+        "-25 deg/s",
+        "50 deg/s",
+        "-50 deg/s",
+        "100 deg/s",
+        "-100 deg/s",
     )
-    step_time: Seconds = Field(
-        default=30.0, gt=0, description="Each rate is held for whole turns, at least so long."
-    )
-    rest_time: Seconds = Field(
-        default=0.0,
-        ge=0,
-        description="Length of a rest before each rate and after the last; 0: no rests.",
-    )
-    asymmetry_sd: RatioSd = Field(
-        default=100e-6, ge=0, description="Sd of the asymmetry of the scale factors."
-    )
-    cubic_sd: RatioSd = Field(
-        default=50e-6, ge=0, description="Sd of the cubic term at the fastest rate."
-    )
+    """Rates in each placement, unless [procedure] lists them."""
+    axes: tuple[Axis, ...] = ("x up", "x down", "y up", "y down", "z up", "z down")
+    """Placements, unless [procedure] lists them."""
+    step_time: Seconds = Field(default=30.0, gt=0)
+    """Each rate is held for whole turns, at least so long."""
+    rest_time: Seconds = Field(default=0.0, ge=0)
+    """Length of a rest before each rate and after the last; 0: no rests."""
+    asymmetry_sd: RatioSd = Field(default=100e-6, ge=0)
+    """Sd of the asymmetry of the scale factors."""
+    cubic_sd: RatioSd = Field(default=50e-6, ge=0)
+    """Sd of the cubic term at the fastest rate."""
     rate: fields.SampleRate = 20.0
     rows: fields.Rows = "samples"
 
