@@ -75,6 +75,28 @@ def test_repeatability_of_a_balanced_session_is_that_of_the_analysis_of_variance
     assert 0 < dof["placement"] < 9
 
 
+class Restless(Line):
+    """Readings that scatter beyond the noise, each by itself."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        each = np.ones((len(self.y), 1, 1))
+        return replace(at, sources=(at.sources[0], Source("scatter", each, sd=None, price=0.0)))
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-3, 1.4e-3])
+def test_what_was_found_beside_what_is_known_is_widened_as_their_sum_is(noise: float) -> None:
+    """Of n contrasts the variance of the sum has n degrees of freedom, whatever was known of it."""
+    rng = np.random.default_rng(10)
+    y = drawn(rng, 25, 2, 0.0)
+    at = mixed.fit(
+        Restless(**vars(replace(y, y=y.y + 2e-3 * rng.standard_normal(50), noise=noise)))
+    )
+    total = noise**2 + at.found["scatter"] ** 2
+    assert noise**2 + at.sds["scatter"] ** 2 == pytest.approx(total * 48 / 46, rel=1e-3)
+    assert 2 < at.dof["scatter"] <= 48.0
+
+
 def test_budget_adds_up_and_the_bound_is_the_noise_alone() -> None:
     at = mixed.fit(drawn(np.random.default_rng(2)))
     parts = mixed.budget(at)

@@ -16,7 +16,8 @@ repeatability: all are sources, and from the list of them everything follows tha
     drawn           errors of the readings for one trial of a Monte Carlo study
 
 A variance that is found from v degrees of freedom counts as ``v / (v - 2)`` times as large: errors
-over it have Student's distribution, whose variance that is.
+over it have Student's distribution, whose variance that is. Beside noise that is known it is their
+sum that counts so.
 
 References
 ----------
@@ -402,8 +403,21 @@ def repeatability(
         # Without those that are nothing the others are what they are.
         kept = {n: c for n, c in kept.items() if n != worst and (var[n] or not c)}
     S = _inverse(z, V, var)
-    dof = {n: float(np.sum((S @ V[n] * var[n]) * (S @ V[n] * var[n]).T)) for n in var}
+    dof = {n: _freedom(v * S @ V[n]) for n, v in var.items()}
     return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
+
+
+def _freedom(share: FloatArray) -> float:
+    """Return the degrees of freedom that a variance was found from.
+
+    With m of them, and a part f of what differs that is its, the variance of the sum is known to
+    ``2 / (m - 2)`` of itself, whatever of it was known before: that is 1 / f times as much of what
+    was found.
+
+    `share` (k, k): ``S^-1 v V``, its part of the covariance S of the contrasts [1].
+    """
+    total, square = float(np.trace(share)), float(np.sum(share * share.T))
+    return total + 2 * (1 - square / total) if total > 0 else 0.0
 
 
 def _contrasts(
