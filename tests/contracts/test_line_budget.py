@@ -16,7 +16,7 @@ BUDGET = {
     "diagnose": 20_700,
     "estimate": 9_562,
     "export": 2_475,
-    "infer": 710,
+    "infer": 835,
     "kernels": 4_288,
     "logs": 6_267,
     "models": 4_979,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -73,28 +74,6 @@ def test_repeatability_of_a_balanced_session_is_that_of_the_analysis_of_variance
     means = y.reshape(10, 5).mean(axis=1)
     assert found["placement"] ** 2 == pytest.approx(means.var(ddof=1) - 1e-6 / 5, rel=1e-3)
     assert 0 < dof["placement"] < 9
-
-
-class Restless(Line):
-    """Readings that scatter beyond the noise, each by itself."""
-
-    def linearise(self, state: FloatArray) -> Linearisation:
-        at = super().linearise(state)
-        each = np.ones((len(self.y), 1, 1))
-        return replace(at, sources=(at.sources[0], Source("scatter", each, sd=None, price=0.0)))
-
-
-@pytest.mark.parametrize("noise", [1e-4, 1e-3, 1.4e-3])
-def test_what_was_found_beside_what_is_known_is_widened_as_their_sum_is(noise: float) -> None:
-    """Of n contrasts the variance of the sum has n degrees of freedom, whatever was known of it."""
-    rng = np.random.default_rng(10)
-    y = drawn(rng, 25, 2, 0.0)
-    at = mixed.fit(
-        Restless(**vars(replace(y, y=y.y + 2e-3 * rng.standard_normal(50), noise=noise)))
-    )
-    total = noise**2 + at.found["scatter"] ** 2
-    assert noise**2 + at.sds["scatter"] ** 2 == pytest.approx(total * 48 / 46, rel=1e-3)
-    assert 2 < at.dof["scatter"] <= 48.0
 
 
 def test_budget_adds_up_and_the_bound_is_the_noise_alone() -> None:
@@ -199,6 +178,25 @@ def test_what_is_known_of_a_nuisance_is_a_row_of_the_budget() -> None:
     np.testing.assert_allclose(sum(parts.values()), np.diag(at.estimate.state_cov)[:2], rtol=1e-9)
 
 
+def test_a_model_is_linearised_once_at_a_state() -> None:
+    at = mixed.fit(model := drawn(np.random.default_rng(10)))
+    seen: list[FloatArray] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> object:
+            return getattr(model, name)
+
+        def linearise(self, state: FloatArray) -> Linearisation:
+            seen.append(state)
+            return model.linearise(state)
+
+    found = mixed.fit(Counting())
+    np.testing.assert_array_equal(found.state, at.state)
+    assert all(a is not b for a, b in pairwise(seen))
+    mixed.noise_alone(found).linearise(found.state, np.ones(48))
+    assert sum(state is found.state for state in seen) == 1
+
+
 def test_what_is_left_out_says_nothing_of_what_it_shares() -> None:
     model = replace(drawn(np.random.default_rng(4)), placement=2e-3)
     whole = mixed.fit(
@@ -246,3 +244,77 @@ class Priced(Line):
     def linearise(self, state: FloatArray) -> Linearisation:
         at = super().linearise(state)
         return replace(at, sources=(at.sources[0], replace(at.sources[1], price=mixed.SIGNIFICANT)))
+
+
+class Twice(Priced):
+    """Nothing tells the priced source from one that is always added."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        named = replace(at.sources[1], name="named", price=0.0)
+        return replace(at, sources=(*at.sources, named))
+
+
+def test_what_another_source_explains_as_well_gains_nothing() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        model = Twice(**vars(drawn(rng, placements=30)))
+        found, _ = mixed.repeatability(model, np.zeros(2), np.ones(120))
+        alone, _ = mixed.repeatability(Line(**vars(model)), np.zeros(2), np.ones(120))
+        assert found["placement"] == 0.0
+        assert found["named"] == pytest.approx(alone["placement"], rel=1e-3)
+
+
+@pytest.mark.parametrize("bad", [0, 1, 7])
+def test_what_is_off_is_left_out_and_not_what_shares_its_placement(bad) -> None:
+    model = replace(drawn(np.random.default_rng(8)), placement=1.0)
+    at = mixed.fit(
+        replace(model, y=model.y + np.where(np.arange(48) == bad, 0.1, 0.0)), robust=True
+    )
+    assert at.outliers.tolist() == [bad]
+    kept = np.arange(48) != bad
+    C = 1e-6 * np.eye(48) + 1.0 * (model.group[:, None] == model.group)
+    r = at.at.residuals[:, 0]
+    left = r[bad] - C[bad, kept] @ np.linalg.solve(C[np.ix_(kept, kept)], r[kept])
+    var = C[bad, bad] - C[bad, kept] @ np.linalg.solve(C[np.ix_(kept, kept)], C[kept, bad])
+    assert mixed.norms(at.at, at.covariance)[bad] == pytest.approx(abs(left) / var**0.5, rel=1e-3)
+
+
+def test_the_likeliest_model_is_the_one_that_it_was_drawn_from() -> None:
+    rng = np.random.default_rng(9)
+    right = drawn(rng)
+    wrong = replace(right, group=rng.permutation(right.group))
+    assert mixed.likeliest([wrong, right], np.zeros(2), np.ones(48)) is right
+
+
+def test_causes_that_readings_share_are_found_and_drawn_to_nothing() -> None:
+    model = replace(drawn(np.random.default_rng(10)), placement=2e-3)
+    at = mixed.fit(model)
+    means = at.at.residuals[:, 0].reshape(12, 4).mean(axis=1)
+    want = means * 4e-6 / (4e-6 + 1e-6 / 4)
+    np.testing.assert_allclose(mixed.causes(at, "placement"), want, rtol=1e-6)
+    assert not mixed.causes(at, "noise").size
+
+
+def test_noise_that_nobody_knows_is_told_from_much_larger_errors_that_readings_share() -> None:
+    rng = np.random.default_rng(11)
+    found = [
+        mixed.repeatability(Unknown(**vars(drawn(rng, sd=sd)), unit=unit), np.zeros(2), np.ones(48))
+        for sd, unit in ((1.0, 1.0), (1.0, 1e-9), (1e-3, 1e6))
+    ]
+    for (size, dof), unit in zip(found, (1.0, 1e-9, 1e6), strict=True):
+        assert size["noise"] * unit == pytest.approx(1e-3, rel=0.3)
+        assert dof["noise"] == pytest.approx(36, abs=3)
+
+
+@dataclass(frozen=True)
+class Unknown(Line):
+    unit: float = 1.0
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        noise, placed = at.sources
+        each = self.unit * np.ones((len(self.y), 1, 1))
+        return replace(
+            at, sources=(replace(noise, each=each, sd=None, price=0.0), replace(placed, sd=1.0))
+        )

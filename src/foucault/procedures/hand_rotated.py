@@ -29,7 +29,7 @@ from foucault.diagnose import information
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.coverage import coverage, coverage_json
 from foucault.diagnose.earth_rate import no_latitude
-from foucault.diagnose.fit_checks import NOISE_BASIS, budget_json, chi_square_json
+from foucault.diagnose.fit_checks import budget_json, chi_square_json
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated import report as session_report
 from foucault.diagnose.hand_rotated.earth import vertical_check
@@ -48,7 +48,7 @@ from foucault.errors import Finding
 from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
 from foucault.estimate.hand_rotated.start import first_guess
 from foucault.infer import mixed
-from foucault.infer.mixed import SIGNIFICANT
+from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
 from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, FRAME, Gauge, ImuModel

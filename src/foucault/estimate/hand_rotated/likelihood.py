@@ -10,9 +10,8 @@ the honest uncertainty of a hand-held rest, and zero on a stable table (design/R
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -48,7 +47,6 @@ class RestsAndTurns:
     evaluated: tuple[str, str] = ("B", "")  # type and basis of the noise
     # twice the log-likelihood that scatter has to gain to be there; None: it is not looked for [1]
     price: float | None = None
-    _last: list[Any] = field(default_factory=list, repr=False, compare=False)
 
     @property
     def layout(self) -> Layout:
@@ -76,16 +74,10 @@ class RestsAndTurns:
         return state.model.coefficients(self.names).values
 
     def linearise(self, state: Attitudes) -> Linearisation:
-        """Compare the session with the model; the last state is kept, turns are integrated once."""
-        if not self._last or self._last[0] is not state:
-            at = self.predict(state)
-            known = self._headings(state)
-            named = ("unknown heading",) * len(known[0])
-            sources = tuple(self._sources(at))
-            self._last[:] = [
-                state, Linearisation(at.residuals, at.jacobian, sources, known, named),
-            ]  # fmt: skip
-        return self._last[1]  # type: ignore[no-any-return]
+        """Compare the session with the model."""
+        at, known = self.predict(state), self._headings(state)
+        named = ("unknown heading",) * len(known[0])
+        return Linearisation(at.residuals, at.jacobian, tuple(self._sources(at)), known, named)
 
     def predict(self, state: Attitudes) -> Prediction:
         """Compare the session with its prediction."""
