@@ -161,3 +161,22 @@ class Priced(Line):
     def linearise(self, state: FloatArray) -> Linearisation:
         at = super().linearise(state)
         return replace(at, sources=(at.sources[0], replace(at.sources[1], price=mixed.SIGNIFICANT)))
+
+
+class Twice(Priced):
+    """Nothing tells the priced source from one that is always added."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        named = replace(at.sources[1], name="named", price=0.0)
+        return replace(at, sources=(*at.sources, named))
+
+
+def test_what_another_source_explains_as_well_gains_nothing() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        model = Twice(**vars(drawn(rng, placements=30)))
+        found, _ = mixed.repeatability(model, np.zeros(2), np.ones(120))
+        alone, _ = mixed.repeatability(Line(**vars(model)), np.zeros(2), np.ones(120))
+        assert found["placement"] == 0.0
+        assert found["named"] == pytest.approx(alone["placement"], rel=1e-3)

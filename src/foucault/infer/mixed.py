@@ -385,7 +385,11 @@ def repeatability(
     kept = dict(free)
     while True:  # one that does not gain its price gives what it explained back to the others
         var = _most_likely(z, {name: V[name] for name in kept})
-        gains = {n: _unlikely(z, V, var | {n: 0.0}) - _unlikely(z, V, var) for n in kept}
+        gains = {}
+        for name in (n for n in kept if kept[n] > 0):
+            without = {n: V[n] for n in kept if n != name}
+            best = _most_likely(z, without) if var[name] else var
+            gains[name] = _unlikely(z, V, best) - _unlikely(z, V, var)
         worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
         if worst is None or gains[worst] >= kept[worst]:
             break
@@ -491,13 +495,15 @@ def components(model: Model, estimate: Estimate) -> dict[str, Component]:
     return out
 
 
-def budget(at: Fit) -> dict[str, FloatArray]:
+def budget(at: Fit, gain: FloatArray | None = None) -> dict[str, FloatArray]:
     """Return the variance of every coefficient by source; what is left came from the prior [GUM].
 
-    Returns source -> variances, shape (p,) [SI]; what is nothing is left out.
+    `gain` (p, n d): of another estimate from the same readings, None: of the fit. Returns source
+    -> variances, shape (p,) [SI]; what is nothing is left out.
     """
     n, d = at.at.residuals.shape
-    gain = at.gain.reshape(len(at.gain), n, d)
+    other, gain = gain is not None, at.gain if gain is None else gain
+    gain = gain.reshape(len(gain), n, d)
     out: dict[str, FloatArray] = {}
     for source in at.at.sources:
         sd = size_of(source, at.sds)
@@ -507,7 +513,7 @@ def budget(at: Fit) -> dict[str, FloatArray]:
         if source.shared is not None:
             part += sd**2 * np.sum(np.einsum("pnd,ndk->pk", gain, source.shared) ** 2, axis=1)
         out[source.name] = out.get(source.name, 0.0) + part
-    total = np.diag(at.estimate.state_cov)[: len(gain)]
+    total = sum(out.values()) if other else np.diag(at.estimate.state_cov)[: len(gain)]
     out["prior"] = np.maximum(total - sum(out.values()), 0.0)
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
 
