@@ -299,16 +299,19 @@ def fit(
     found, dof, settled = begin, begin, not begin and not robust
     for _ in range(0 if settled else 4):
         found, dof = repeatability(model, estimate.state, weights)
-        estimate = _solved(model, found, estimate, weights)
+        if robust or found != begin:
+            estimate = _solved(model, found, estimate, weights)
         kept, weights = weights, _outliers(model, estimate, few) if robust else weights
         if np.array_equal(kept, weights):
             break
         estimate = _solved(model, found, estimate, weights)
     after = components(model, estimate)
-    alone = {s.name: 0.0 for s in model.linearise(estimate.state).sources if s.unexplained}
     before = after
-    if any(found.get(name) for name in alone) and not any(begin.values()):
-        before = components(model, _solved(model, found | alone, estimate, weights))
+    if any(found.values()) and not any(begin.values()):
+        sources = model.linearise(estimate.state).sources
+        alone = {s.name: 0.0 for s in sources if s.unexplained and found.get(s.name)}
+        if alone:
+            before = components(model, _solved(model, found | alone, estimate, weights))
     sds = {name: sd * student(dof[name]) for name, sd in found.items()}
     estimate = _solved(model, sds, estimate, weights) if any(sds.values()) else estimate
     problem = stated(model, sds, prior)
@@ -382,18 +385,18 @@ def repeatability(
     none = dict.fromkeys(free, 0.0)
     if not len(z) or not free:
         return none, none
-    kept = dict(free)
+    kept, var = dict(free), _most_likely(z, V)
     while True:  # one that does not gain its price gives what it explained back to the others
-        var = _most_likely(z, {name: V[name] for name in kept})
-        gains = {}
-        for name in (n for n in kept if kept[n] > 0):
-            without = {n: V[n] for n in kept if n != name}
-            best = _most_likely(z, without) if var[name] else var
-            gains[name] = _unlikely(z, V, best) - _unlikely(z, V, var)
-        worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
-        if worst is None or gains[worst] >= kept[worst]:
+        kept = {name: price for name, price in kept.items() if var[name] or not price}
+        priced = [name for name, price in kept.items() if price]
+        best = {name: _most_likely(z, {n: V[n] for n in kept if n != name}) for name in priced}
+        lost = {name: _unlikely(z, V, best[name]) - kept[name] for name in priced}
+        worst = min(lost, key=lambda name: lost[name], default=None)
+        if worst is None or lost[worst] >= _unlikely(z, V, var):
             break
+        var = best[worst]
         del kept[worst]
+    var = {name: var[name] for name in kept}
     S = _inverse(z, V, var)
     dof = {n: float(np.sum((S @ V[n] * var[n]) * (S @ V[n] * var[n]).T)) for n in var}
     return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
