@@ -22,6 +22,11 @@ class Words(NamedTuple):
     above: str = ""
 
 
+_FACES = (
+    "{n} rests on {faces} faces leave {free} of {equations} equations of specific force over. They "
+    "test whether opposite faces have the same bias"
+)
+
 WORDS = {
     "redundancy": Words(
         "{n} {readings} leave {value:.3g} numbers more than the unknowns need.",
@@ -58,6 +63,17 @@ WORDS = {
         above="{what} that the fit did not see are predicted to {ratio:.2f} times their predicted "
         "uncertainty{size}: the model lacks something, or some of them do not belong to the "
         "others.",
+    ),
+    "repeated faces": Words(
+        f"{_FACES}, and whether rests on the same face agree.",
+    ),
+    "single faces": Words(
+        f"{_FACES}; scale factors and misalignments are not tested: an error there would not be "
+        "seen.",
+    ),
+    "turns untested": Words(
+        "{n} turns determine nine gyro coefficients and nothing is left over: a turn that was not "
+        "as declared would not be seen. Turn about each axis twice to test it.",
     ),
 }  # fmt: skip
 """Key of a check -> its sentences."""

@@ -121,11 +121,10 @@ def calibrate(
     faces = on_faces.found_faces(log, site, settings)
     check_moves(log, faces)
     progress(0.5, "calibrating")
-    solution = on_faces.solve(
-        log, faces, None, site, names_of(settings, log.gyro is not None),
-        on_faces.noise_of(log, faces, None, noise), noise is not None,
+    solved = on_faces.solve(
+        log, faces, None, site, names_of(settings, log.gyro is not None), noise,
         (settings.placement_sd, 0.0, 0.0), prior or {},
     )  # fmt: skip
     progress(1.0, "done")
     seconds = clock.monotonic() - started
-    return on_faces.result_of("six_position", log, solution, instrument or {}, seconds)
+    return on_faces.result_of("six_position", log, solved, instrument or {}, seconds)
