@@ -18,7 +18,6 @@ from foucault.diagnose.faces.rests import Faces, find_faces
 from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.hand_rotated import report as session_report
 from foucault.diagnose.rests import Rests, detection_table, measure_noise
-from foucault.diagnose.time_base import with_clock
 from foucault.errors import Finding
 from foucault.estimate.faces.likelihood import (
     FaceNoise,
@@ -37,7 +36,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
 from foucault.models.session_noise import SessionNoise
 from foucault.procedures.on_faces.settings import FaceSettings
-from foucault.result import Result, Verdict, provenance
+from foucault.result import Result, Verdict
 from foucault.tables import Log, temperature_range
 
 
@@ -108,23 +107,17 @@ def solve(
     return FaceEvidence(fit, model, faces, tested, given[0] is not None, given[2] is not None)
 
 
-def result_of(
-    procedure: str,
-    log: Log,
-    e: FaceEvidence,
-    instrument: Mapping[str, Any],
-    seconds: float,
-) -> Result:
+def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
     """Make the result of what was solved.
 
-    `log`: readings [SI]; `seconds`: how long it took [s].
+    `log`: readings [SI].
     """
     estimate, site, faces = e.fit.estimate, e.scene.site, e.faces
     checks = face_checks.checks(e)
     tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
     if faces.rests is not None:
         tables["detection"] = detection_table(log, faces.rests)
-    result = Result(
+    return Result(
         procedure=procedure,
         coefficients=with_references(estimate.coefficients, site),
         equation=EQUATION,
@@ -134,14 +127,11 @@ def result_of(
         checks=checks,
         findings=(*_noticed(log, e), *faces.findings, *face_checks.findings(e)),
         status=estimate.status,
-        instrument=dict(instrument),
         site=site.as_dict(),
         validity=_validity(log, e.scene),
         diagnostics=_diagnostics(log, e),
-        provenance=provenance(log.source, seconds),
         tables=tables,
     )
-    return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def _noticed(log: Log, e: FaceEvidence) -> tuple[Finding, ...]:
