@@ -71,6 +71,7 @@ class Judged:
     readings: str = "readings"
     cure: str = "Add readings."
     more: str = "repeat the readings"
+    overstated: str = "the noise is"  # what is, where the residuals are too small
     too_much: float = TOO_MUCH  # residuals so many times the noise are no scatter [1]
     silent: bool = False  # a log without any noise says nothing of what is too much
     cause: Mapping[str, str] = field(default_factory=dict)  # kind -> why it does not fit
@@ -121,6 +122,7 @@ def explained(e: Judged, kind: str) -> Check:
         return check("noise untested", name, float("nan"), None, None, told)
     ratio = float(np.sqrt(c.ratio))
     given = told | {"ratio": ratio, "then": _then(e, kind, ratio, added, c.redundancy)}
+    given["overstated"] = e.overstated
     if e.noise == "declared":
         return check("noise", name, c.chi_square, c.low, c.high, given)
     known = added and c.redundancy >= TOLD_APART

@@ -66,11 +66,13 @@ class FaceEvidence:
         return self.model.scene
 
     def tilt(self, which: int) -> float:
-        """Return the sd of placement, level or angle that was used, numbers 0 to 2 [rad]."""
+        """Return the sd of an error of how it lay and turned, as it was used [rad].
+
+        `which`: 0 for placement, 1 for level, 2 for angle [1].
+        """
         source = self.model.tilt(which)
-        used = self.fit.sds.get(source.name, source.sd or 0.0)
-        beyond = self.fit.sds.get(BEYOND, 0.0) if source.name == "placement" and not which else 0.0
-        return float(np.hypot(used, beyond))
+        beyond = 0.0 if which else self.fit.sds.get(BEYOND, 0.0)
+        return float(np.hypot(mixed.size_of(source, self.fit.sds), beyond))
 
 
 KINDS = {
@@ -104,6 +106,7 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
         },
         # How it settles after a turn has nothing to do with its noise: `limits` judge it.
         too_much=np.inf,
+        overstated="the noise or the errors of placement are",
         cure="Rest on each face again.",
         more="repeat the rests",
         cause={
@@ -151,40 +154,28 @@ def _whole(e: FaceEvidence) -> Check:
     alone = single & ~known & (not e.angle_given)
     limits = np.where(alone, SINGLE, PARTIAL)
     k = int(np.argmax(np.abs(values) / limits))
-    value, limit = float(values[k]), float(limits[k])
-    fine = abs(value) <= limit
-    sd = f"{plain(e.tilt(2) * ARCMIN, 2)} arcmin"
-    words = f"The turns, as the data show: {'; '.join(turns_in_words(e.scene))}. They are as whole "
-    words += f"as the scale factors of the gyros allow to say; they count as exact to {sd} (sd)"
-    words += ", as declared." if e.angle_given else ", like the placements: declare `angle_sd`."
-    if not fine:
-        off = np.degrees(np.abs(turns.angle[turns.axis == k]).min()) * abs(value)
-        words = (
-            f"The turn about {AXES[k]} is {100 * value:+.1f} % off: a scale factor error of the "
-            f"gyro, or {off:.0f} deg that were turned too much or too little. "
-        )
-        words += "A single turn cannot tell. " if alone[k] else ""
-        words += "Turn against a stop, and twice about each axis, or declare `angle_sd`."
-    return Check("whole turns", 100 * value, -100 * limit, 100 * limit, fine, words)
+    value, limit = float(values[k]), 100 * float(limits[k])
+    given = {
+        "turns": "; ".join(turns_in_words(e.scene)), "sd": plain(e.tilt(2) * ARCMIN, 2),
+        "where": "as declared" if e.angle_given else "like the placements: declare `angle_sd`",
+        "axis": AXES[k], "alone": "A single turn cannot tell. " if alone[k] else "",
+        "off": np.degrees(np.abs(turns.angle[turns.axis == k]).min()) * abs(value),
+    }  # fmt: skip
+    return check("whole turns", "whole turns", 100 * value, -limit, limit, given)
 
 
 def _placement(e: FaceEvidence) -> Check:
-    sd, given = e.tilt(0), e.model.given[0] or 0.0
-    size, beyond = f"{plain(sd * ARCMIN, 2)} arcmin (sd)", bool(e.fit.found.get(BEYOND))
-    where = "as declared" if e.placement_given else "as the residuals show"
-    words = f"The placements are off by {size}, {where}; they are part of the uncertainties."
-    if beyond:
-        words = (
-            f"The placements are off by {size}, more than the {plain(given * ARCMIN, 2)} arcmin "
-            "that `placement_sd` says, or a rest is wrong; it is part of the uncertainties. Leave "
-            "`placement_sd` out to have it estimated."
-        )
-    elif sd == 0:
-        words = "The placements count as exact" + (", as declared." if e.placement_given else ".")
-    if sd > ROUGH:
-        words += " That is too much: use a block with square faces on a level support."
-    high = (given if beyond else ROUGH) * ARCMIN
-    return Check("placement", sd * ARCMIN, None, high, True, words)
+    sd, declared = e.tilt(0), e.placement_given
+    given = {"size": plain(sd * ARCMIN, 2)}
+    if e.fit.found.get(BEYOND):
+        high = (e.model.given[0] or 0.0) * ARCMIN
+        return check("placement beyond", "placement", sd * ARCMIN, None, high, given)
+    if sd == 0:
+        given["where"] = ", as declared" if declared else ""
+    else:
+        given["where"] = "as declared" if declared else "as the residuals show"
+    key = "placement" if sd else "placement exact"
+    return check(key, "placement", sd * ARCMIN, None, ROUGH * ARCMIN, given)
 
 
 def findings(e: FaceEvidence) -> list[Finding]:

@@ -272,9 +272,8 @@ class OnFaces:
     layout: Layout
     start: State
     noise: FaceNoise
-    # placement, level, angle: sds about each axis: of up against the case axis, of the axis of a
-    # turn against up, of the angle of a turn. None: to be found; the last two are then like the
-    # placement [rad]
+    # sds of placement, level and angle, about each axis: of up against the case axis, of the axis
+    # of a turn against up, of the angle of a turn. None: to be found, or like the placement [rad]
     given: tuple[float | None, float | None, float | None]
     basis: tuple[str, str] = ("", "")  # type and basis of the noise
     near: tuple[float, float] = (0.0, 0.0)  # placement and level whose squares are taken [rad]
@@ -455,7 +454,10 @@ class OnFaces:
         return out
 
     def tilt(self, which: int) -> Source:
-        """Return name and size of the error of placement, level or angle, numbers 0 to 2 [rad]."""
+        """Return name and size of an error of how it lay and turned, without what it does.
+
+        `which`: 0 for placement, 1 for level, 2 for angle [1].
+        """
         like = 0 if self.given[which] is None else which
         (name, setting), sd = TILTS[like], self.given[like]
         if sd is None:
