@@ -314,3 +314,16 @@ def test_the_change_of_axes_is_unbiased():
     np.testing.assert_allclose(solved.coefficients["accel.scale"].values, 0.0, atol=1e-14)
     got = unbiased(solved).coefficients["accel.scale"].values
     np.testing.assert_allclose(got, np.array([-1, 0, 1]) * sd**2 / 2, atol=0.01 * sd**2)
+
+
+def test_rates_beyond_all_measure_leave_the_rest_alone():
+    """Scatter a million times the noise is found, and the accelerometers do not feel it."""
+    rng = np.random.default_rng(5)
+    rests, _, _ = perfect(ImuModel(), np.eye(3), GRAVITY)
+    names = tuple(n for n in LINEAR_LOWER if n.startswith(("accel.", "gyro.bias.")))
+    rests = replace(rests, gyro=rests.gyro + rng.normal(0, 5.0, (6, 3)),
+                    accel=rests.accel + rng.normal(0, 1e-4, (6, 3)))  # fmt: skip
+    scene, state = closed_form(rests, None, GRAVITY, names)
+    found = mixed.fit(modelled(scene, state, names, (None, 0.0, 0.0))).found
+    assert found[SCATTER["gyro"]] == pytest.approx(5.0, rel=0.5)
+    assert found[SCATTER["accel"]] == 0.0 and found["placement"] < 1e-4

@@ -444,7 +444,10 @@ def _inverse(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float
 def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> float:
     """Twice the negative restricted log-likelihood, but for a constant."""
     S = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
-    root = np.linalg.cholesky(S)
+    try:
+        root = np.linalg.cholesky(S)
+    except np.linalg.LinAlgError:  # sizes beyond all measure
+        return np.inf
     white = np.linalg.solve(root, z)
     return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
 
@@ -455,8 +458,8 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
     Fisher scoring, held above zero; each step is halved until the likelihood does not fall.
     """
     unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
-    size = max(1.0, float(z @ z) / len(z))
-    var = {n: size * u for n, u in unit.items()}
+    # Each begins as large as what it reaches: a kind that is far off is no size of the others.
+    var = {n: max(1.0, float(z @ V[n] @ z) * u / len(z)) * u for n, u in unit.items()}
     now = _unlikely(z, V, var)
     for _ in range(100):
         S = _inverse(z, V, var)
