@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.checks import reversed_earth_check
+from foucault.diagnose.checks import reversed_earth_at_rest, reversed_earth_check
 from foucault.diagnose.faces.rests import Faces
 from foucault.diagnose.fit_checks import Judged, Limit
 from foucault.diagnose.fit_checks import checks as fit_checks
@@ -121,8 +121,19 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     out = [own.get(c.name, c) for c in fit_checks(judged)]
     out += [_whole(e)] if e.scene.turns is not None else []
     out.append(_placement(e))
-    sign = reversed_earth_check(e.fit.estimate.coefficients, e.scene.site)
-    return (*out, *([] if sign is None else [sign]))
+    out += [sign for sign in (_turned_round(e),) if sign is not None]
+    return tuple(out)
+
+
+def _turned_round(e: FaceEvidence) -> Check | None:
+    """Doubt rates at rest, or a g-sensitivity, that a reversed sign of the Earth's rate makes."""
+    rests, site, state = e.scene.rests, e.scene.site, e.fit.estimate.state
+    if rests.gyro is None or "gyro.g_sensitivity.xx" in e.model.layout:
+        return reversed_earth_check(e.fit.estimate.coefficients, site)
+    matrix = state.model.gyro_matrix @ state.C_bk
+    noise = float(np.sqrt(e.model.noise.gyro_var.mean())) if e.model.noise.known else 0.0
+    rates = rests.gyro - e.scene.rate_k @ matrix.T
+    return reversed_earth_at_rest(rates, rests.up_k, matrix, site, noise)
 
 
 def _redundancy(e: FaceEvidence) -> Check:
