@@ -13,7 +13,7 @@ BUDGET = {
     ".": 3_097,
     "campaign": 5_337,
     "cli": 4_923,
-    "diagnose": 20_930,
+    "diagnose": 20_925,
     "estimate": 9_545,
     "export": 2_475,
     "infer": 835,

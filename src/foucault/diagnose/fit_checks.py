@@ -35,17 +35,6 @@ TESTED = 3.0
 """Half a session with fewer degrees of freedom is not compared with the other [1]."""
 
 
-NOISE_BASIS = {
-    "declared": ("B", "noise as declared in the campaign"),
-    "measured": ("A", "scatter of the samples within the readings"),
-    "unknown": ("A", "scatter of the residuals"),
-}
-"""Where a noise is from -> type and basis of its sources."""
-
-UNEXPLAINED_BASIS = ("A", "scatter of the residuals beyond the noise")
-"""Type and basis of what is found from the residuals."""
-
-
 class Limit(NamedTuple):
     """From what size on a scatter is no longer a calibration."""
 

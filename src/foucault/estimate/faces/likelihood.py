@@ -36,7 +36,7 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.estimate.faces.ferraris import turn_spread
 from foucault.infer import mixed
-from foucault.infer.mixed import Linearisation, Source
+from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.faces import FaceReadings, TurnReadings
 from foucault.models.imu import LAYOUT, Gauge, ImuModel, coefficient_slot
@@ -58,7 +58,7 @@ SCATTER = {"accel": "scatter of specific force at rest", "gyro": "scatter of ang
 BEYOND = "placement beyond placement_sd"
 """Source of what placements are off by beyond what was declared."""
 
-FOUND = Source("", sd=None, type="A", basis="scatter of the residuals beyond the noise")
+FOUND = Source("", sd=None, type=UNEXPLAINED_BASIS[0], basis=UNEXPLAINED_BASIS[1])
 """A source whose size the residuals tell."""
 
 TILTS = (
@@ -275,7 +275,6 @@ class OnFaces:
     # sds of placement, level and angle, about each axis: of up against the case axis, of the axis
     # of a turn against up, of the angle of a turn. None: to be found, or like the placement [rad]
     given: tuple[float | None, float | None, float | None]
-    basis: tuple[str, str] = ("", "")  # type and basis of the noise
     near: tuple[float, float] = (0.0, 0.0)  # placement and level whose squares are taken [rad]
 
     @cached_property
@@ -351,7 +350,7 @@ class OnFaces:
         """What the sensors are off by, known and unknown; none of it depends on the state."""
         n, rated, m = self.scene.sizes
         noise, slow = self.noise, self.noise.session.slow
-        start, time = self.windows
+        (kind, basis), (start, time) = NOISE_BASIS[noise.source], self.windows
         # What a rate is off by adds up over a turn.
         size = np.append(np.ones(n + rated), time[n + rated :])
         effect = size[:, None, None] * np.eye(3)
@@ -364,7 +363,7 @@ class OnFaces:
             triads.append(("gyro noise", SCATTER["gyro"], mine, variance, slow.gyro))
         out = []
         for name, scatter, mine, variance, wander in triads:
-            sensor = Source(name, noise=True, type=self.basis[0], basis=self.basis[1])
+            sensor = Source(name, noise=True, type=kind, basis=basis)
             white = self._rows(mine.start, np.sqrt(variance)[:, :, None] * np.eye(3))
             out.append(replace(sensor, each=white, sd=1.0 if noise.known else None, price=0.0))
             each = self._rows(mine.start, effect[mine])
@@ -476,17 +475,15 @@ def on_faces(
     names: Sequence[str],
     noise: FaceNoise,
     given: tuple[float | None, float | None, float | None],
-    basis: tuple[str, str] = ("", ""),
 ) -> OnFaces:
     """State the model; the squares of tilts of unknown size are as large as they seem at first.
 
     `scene`, `start`: as `closed_form` returns them; `given`: placement, level and angle as
-    declared, None: to be found, the last two are then like the placement [rad]; `basis`: type and
-    basis of the noise.
+    declared, None: to be found, the last two are then like the placement [rad].
     """
     if given[0] is None and not noise.known:  # it is part of the noise that is found
         given = (0.0, *given[1:])
-    model = OnFaces(scene, LAYOUT.subset(names), start, noise, given, basis)
+    model = OnFaces(scene, LAYOUT.subset(names), start, noise, given)
     size = given[0]
     if (
         size is None

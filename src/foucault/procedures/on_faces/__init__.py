@@ -100,7 +100,7 @@ def solve(
     """
     scene, start = closed_form(faces.readings, turns, site, names, log)
     had = noise_of(log, faces, turns, noise)
-    model = on_faces(scene, start, names, had, given, fit_checks.NOISE_BASIS[had.source])
+    model = on_faces(scene, start, names, had, given)
     fit = mixed.fit(model, CoefficientVector.prior(model.layout, prior) if prior else None)
     tested = snoop(fit.white, fit.estimate.state_cov)
     fit = replace(fit, estimate=unbiased(fit.estimate))
