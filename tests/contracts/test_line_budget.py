@@ -16,7 +16,7 @@ BUDGET = {
     "diagnose": 20_945,
     "estimate": 9_693,
     "export": 2_474,
-    "infer": 620,
+    "infer": 650,
     "kernels": 4_288,
     "logs": 6_266,
     "models": 5_076,
@@ -25,7 +25,7 @@ BUDGET = {
     "procedures": 14_611,
     "report": 9_910,
     "simulate": 3_626,
-    "symptoms": 4_408,
+    "symptoms": 90,
 }
 
 SLACK = 100

@@ -404,6 +404,8 @@ def _contrasts(
 
     Where nothing is known of the noise it is a millionth of what is to be found.
     """
+    from scipy.linalg import qr
+
     n, d, _ = at.jacobian.shape
     little = dict.fromkeys(free, 1e-6 if _silent(at, free).any() else 0.0)
     known = Covariance(at.sources, little, (n, d), weights)
@@ -411,8 +413,9 @@ def _contrasts(
     if at.known is not None:
         J, r = np.concatenate([J, at.known[1]]), np.append(r, at.known[0])
     size = np.linalg.norm(J, axis=0)
-    U, s, _ = np.linalg.svd(J[:, size > 0] / size[size > 0], full_matrices=True)
-    left = U[:, int(np.sum(s > 1e-10 * s.max(initial=0.0))) :].T
+    Q, R, _ = qr(J[:, size > 0] / size[size > 0], pivoting=True, check_finite=False)
+    rank = int(np.sum(np.abs(np.diag(R)) > 1e-10 * np.abs(R).max(initial=0.0)))
+    left = Q[:, rank:].T
     V = {}
     for name in free:
         parts = []
