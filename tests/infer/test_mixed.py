@@ -135,6 +135,25 @@ def test_causes_that_readings_share_are_found_as_unknowns_with_a_prior_are() -> 
     assert mixed.causes(mixed.fit(model), "noise").size == 0
 
 
+def test_a_model_is_linearised_once_at_a_state() -> None:
+    at = mixed.fit(model := drawn(np.random.default_rng(10)))
+    seen: list[FloatArray] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> object:
+            return getattr(model, name)
+
+        def linearise(self, state: FloatArray) -> Linearisation:
+            seen.append(state)
+            return model.linearise(state)
+
+    found = mixed.fit(Counting())
+    np.testing.assert_array_equal(found.state, at.state)
+    assert all(a is not b for a, b in zip(seen, seen[1:], strict=False))
+    mixed.noise_alone(found).linearise(found.state, np.ones(48))
+    assert sum(state is found.state for state in seen) == 1
+
+
 def test_what_is_left_out_says_nothing_of_what_it_shares() -> None:
     model = replace(drawn(np.random.default_rng(4)), placement=2e-3)
     whole = mixed.fit(

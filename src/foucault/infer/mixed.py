@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -203,6 +203,26 @@ def size_of(source: Source, sds: Mapping[str, float]) -> float:
     return sds.get(source.name, source.sd or 0.0)
 
 
+class _Once:
+    """A model that remembers its last linearisation: weights and sizes change more often."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._last: tuple[Any, Linearisation] | None = None
+
+    @staticmethod
+    def of(model: Model) -> Model:
+        return model if isinstance(model, _Once) else cast("Model", _Once(model))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._model, name)
+
+    def linearise(self, state: Any) -> Linearisation:
+        if self._last is None or self._last[0] is not state:
+            self._last = state, self._model.linearise(state)
+        return self._last[1]
+
+
 def stated(
     model: Model,
     sds: Mapping[str, float] | None = None,
@@ -215,13 +235,10 @@ def stated(
     `sds`: source -> size [SI]; `prior` or None: what is known of the coefficients [SI];
     `noise_alone`: leave all sources out that are not noise of the sensors.
     """
-    sds = sds or {}
-    last: list[tuple[Any, Linearisation]] = []  # weights change more often than the state
+    sds, once = sds or {}, _Once.of(model)
 
     def linearise(state: Any, weights: FloatArray) -> Linearised:
-        if not last or last[0][0] is not state:
-            last[:] = [(state, model.linearise(state))]
-        at = last[0][1]
+        at = once.linearise(state)
         n, d = at.residuals.shape
         some = [s for s in at.sources if s.noise or not noise_alone]
         both = np.concatenate([at.jacobian, at.residuals[:, :, None]], axis=2)
@@ -291,6 +308,7 @@ def fit(
     `gauss_newton.ROBUST_LIMIT`, unless a larger share than `few` of their kind are: that is
     repeatability [1].
     """
+    model = _Once.of(model)
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
     begin = _first_sizes(model)
     estimate = gauss_newton.solve(stated(model, begin), loss=loss)
@@ -609,7 +627,7 @@ def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
     return HeldOut(
         error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
         count**2 / max(square, 1e-300), square / max(count, 1),
-        np.bincount(part, z**2, len(parts)), np.array(counts),
+        np.asarray(np.bincount(part, z**2, len(parts))), np.array(counts),
     )  # fmt: skip
 
 
