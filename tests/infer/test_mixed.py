@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -149,7 +150,7 @@ def test_a_model_is_linearised_once_at_a_state() -> None:
 
     found = mixed.fit(Counting())
     np.testing.assert_array_equal(found.state, at.state)
-    assert all(a is not b for a, b in zip(seen, seen[1:], strict=False))
+    assert all(a is not b for a, b in pairwise(seen))
     mixed.noise_alone(found).linearise(found.state, np.ones(48))
     assert sum(state is found.state for state in seen) == 1
 

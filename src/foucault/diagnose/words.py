@@ -52,6 +52,16 @@ WORDS = {
           "others: it was disturbed, warming up, or lost samples, and no single uncertainty "
           "describes all of it."] * 2,
     ),
+    "worst": Words(
+        "The {what} that fits worst is {size:.1f} standard deviations from the others.",
+        above="The {what} that fits worst is {size:.1f} standard deviations from the others: more "
+        "than chance gives.",
+    ),
+    "level": Words(
+        "The {what} stands {ratio:.2f} times level_sd off level.",
+        above="The {what} stands {ratio:.2f} times level_sd off level: it is less level than was "
+        "said.",
+    ),
     "held out": Words(
         "{what} that the fit did not see are predicted to {ratio:.2f} times their predicted "
         "uncertainty{size}.",

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.checks import SEEN, judge_prior, status_check
+from foucault.diagnose.fit_checks import Judged, chi_square_json, explained
+from foucault.diagnose.fit_checks import checks as general_checks
+from foucault.diagnose.words import check
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.calibration import Rig
+from foucault.estimate.north.calibration import ACCEL, GYRO, Rig
 from foucault.estimate.north.reduction import Pairs
-from foucault.estimate.snooping import snoop
+from foucault.infer.mixed import Component, Fit, HeldOut, held_out
 from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
-from foucault.result import Check, Estimate, Problem
+from foucault.result import Check, Estimate
 from foucault.units import STANDARD_GRAVITY
 
 SIGNIFICANT = 0.01
 """The coupling of the third rate is there where chance gives it less often than this [1]."""
-
-ENOUGH = 6
-"""Redundant readings that a bad heading needs to be noticed [1]."""
 
 TURNED = np.radians(20.0)
 """An index zero further off than this is a mistake, no misalignment [rad]."""
@@ -37,6 +39,19 @@ VAGUE = 0.1
 
 NOTHING = 1e-6
 """Part of the Earth's rate that is read by a gyro that reads nothing: no unit is so wrong [1]."""
+
+UNKNOWN = "from the residuals"
+NOISE: dict[str, Literal["declared", "measured", "unknown"]] = {
+    "declared": "declared", "measured in the dwells": "measured", UNKNOWN: "unknown",
+}  # fmt: skip
+"""Where the noise is from, here and in `diagnose.fit_checks`."""
+
+KINDS = {
+    GYRO: "gyro rates over headings", ACCEL: "specific forces over headings",
+    "gyro over index angles": "gyro readings over index angles",
+    "accel over index angles": "accelerometer readings over index angles",
+}  # fmt: skip
+"""Kinds of reading, of the calibration and within the set-ups, and what people call them."""
 
 LEAN, BIASED = 2e-3, 2e-2
 """A table leaned on purpose where its set-ups depart from one axis by the first, or where the
@@ -139,137 +154,100 @@ def suspicious(estimate: Estimate, latitude: float) -> list[Finding]:
     return found
 
 
-def leftovers(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
-    """Return residuals and redundancies of the observations, shape (m, k) each [1].
+def within(pairs: Pairs) -> dict[str, Component]:
+    """Return how the readings of the set-ups fit over the index angle, of gyro and accelerometers.
 
     `pairs`: set-ups [SI].
     """
-    used = estimate.blocks >= 0
-    shape = (len(pairs), -1)
-    share = np.clip(1.0 - estimate.leverage[used], 0.0, 1.0)
-    return estimate.residuals[used].reshape(shape), share.reshape(shape)
+    names = [kind for kind in KINDS if kind not in (GYRO, ACCEL)]
+    square, dof = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0).astype(float)
+    return {
+        name: Component(float(v), float(n), *chi_square_limits(n, tests=len(KINDS)))
+        for name, v, n in zip(names, square, dof, strict=True)
+        if n
+    }
 
 
-def squares(estimate: Estimate, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
-    """Return sum of squares and degrees of freedom of gyro and accelerometers, shape (2,) each.
-
-    `pairs`: set-ups [SI].
-    """
-    r, share = leftovers(estimate, pairs)
-    parts = (slice(0, 2), slice(2, 4))
-    return (
-        np.array([np.sum(r[:, p] ** 2) for p in parts]),
-        np.array([np.sum(share[:, p]) for p in parts]),
-    )
-
-
-def chi_square(estimate: Estimate, pairs: Pairs) -> dict[str, list[float]]:
+def chi_square(fit: Fit, pairs: Pairs) -> dict[str, list[float]]:
     """Return sums of squares with their limits and degrees of freedom, for result.json.
 
     `pairs`: set-ups [SI].
     """
-    value, dof = squares(estimate, pairs)
-    rows = {"gyro over headings": (value[0], dof[0]), "accel over headings": (value[1], dof[1])}
-    within, own = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0)
-    rows |= {"gyro over index angles": (within[0], own[0]),
-             "accel over index angles": (within[1], own[1])}  # fmt: skip
-    return {
-        name: [float(v), *chi_square_limits(float(d)), float(d)]
-        for name, (v, d) in rows.items()
-        if d >= 0.5
-    }
+    return chi_square_json({**fit.after, **within(pairs)})
 
 
 def checks(
-    pairs: Pairs, rig: Rig, problem: Problem, estimate: Estimate, source: str
+    fit: Fit, pairs: Pairs, rig: Rig, dwells: Dwells, source: str, apart: HeldOut
 ) -> tuple[Check, ...]:
     """Return every test of the calibration.
 
-    `pairs`: set-ups [SI].
+    `pairs`: set-ups [SI]; `source`: where the noise is from; `apart`: every set-up predicted from
+    the others.
     """
-    out = [status_check(estimate.status, estimate.weakest), _redundancy(pairs, estimate)]
-    out += [*_fitting(problem, estimate, source), *_level(estimate, rig)]
-    if source != "from the residuals":
-        tests = chi_square(estimate, pairs)
-        out += [_explained(name, row[0], row[3], len(tests)) for name, row in tests.items()]
-    share = (estimate.coefficients.sd / estimate.coefficients.prior_sd) ** 2
-    if (1.0 - share[np.isfinite(estimate.coefficients.prior_sd)] > SEEN).any():
-        out += judge_prior(estimate)
-    return tuple(out)
+    inside, found_in = within(pairs), {}
+    if source == UNKNOWN:  # by residuals of the set-ups and of what is within
+        own = zip(fit.after.items(), pairs.dof.sum(axis=0), strict=False)
+        fit = replace(fit, dof={kind: c.redundancy + n for (kind, c), n in own})
+        inside, found_in = {}, {kind: (kind,) for kind in fit.dof}
+    middle = np.bincount(dwells.setup, dwells.start + dwells.time / 2)
+    cause = "the noise is larger than said, or a heading, index angle or reading is wrong"
+    e = Judged(
+        fit, KINDS, NOISE[source], middle / np.bincount(dwells.setup), found_in,
+        readings="headings", cure="Add headings.", cause=dict.fromkeys(KINDS, cause),
+        held_out=apart,
+    )  # fmt: skip
+    readings = replace(e, fit=replace(fit, before=inside, after=inside))
+    out = general_checks(e) + [explained(readings, kind) for kind in inside]
+    return (*out, *_fitting(apart, fit.estimate, source), *_level(fit, rig))
 
 
-def _fitting(problem: Problem, estimate: Estimate, source: str) -> list[Check]:
-    found = outlier(problem, estimate, source == "from the residuals")
+def each_apart(fit: Fit) -> HeldOut:
+    """Return every set-up as the others predict it."""
+    return held_out(fit, [np.array([i]) for i in range(len(fit.at.residuals))])
+
+
+def _fitting(apart: HeldOut, estimate: Estimate, source: str) -> list[Check]:
+    found = outlier(apart, estimate, source)
     if found is None:
         return []
     _, beyond, size = found
-    words = f"The set-up that fits worst is {size:.1f} standard deviations from the others"
-    words += "." if beyond <= 1 else ": more than chance gives."
-    return [Check("every heading fits", beyond, None, 1.0, beyond <= 1, words)]
+    given = {"what": "set-up", "size": size}
+    return [check("worst", "every heading fits", beyond, None, 1.0, given)]
 
 
-def _level(estimate: Estimate, rig: Rig) -> list[Check]:
+def _level(fit: Fit, rig: Rig) -> list[Check]:
     """Whether the table stands as level as was said, where the accelerometers can tell."""
-    said = np.isfinite(rig.level_sd) and rig.level_sd > 0
-    if not (said and rig.accelerometers and rig.tilt == "one axis"):
+    tilt = fit.state[len(fit.model.layout) :]
+    if not (len(tilt) and np.isfinite(rig.level_sd)):
         return []
-    value = float(np.sum(estimate.state.table[:2] ** 2)) / rig.level_sd**2
-    _, high = chi_square_limits(2)
-    words = f"The axis of the table is {np.sqrt(value / 2):.2f} times level_sd from the vertical"
-    words += "." if value <= high else ": it is less level than was said."
-    return [Check("level", value, None, high, value <= high, words)]
+    value = float(np.sum(tilt**2)) / rig.level_sd**2
+    given = {"what": "table", "ratio": np.sqrt(value / 2)}
+    return [check("level", "level", value, None, chi_square_limits(2)[1], given)]
 
 
-def _redundancy(pairs: Pairs, estimate: Estimate) -> Check:
-    n, fine = estimate.dof, estimate.dof >= ENOUGH
-    words = f"{len(pairs)} headings give {n} numbers more than the unknowns need" + (
-        "." if fine else f": at least {ENOUGH} are needed to notice a bad heading. Add headings."
-    )
-    return Check("redundancy", n, ENOUGH, None, fine, words)
-
-
-def _explained(name: str, value: float, dof: float, tests: int) -> Check:
-    low, high = chi_square_limits(dof, tests=tests)
-    inside = low <= value <= high
-    words = f"{name}: residuals are {np.sqrt(value / dof):.2f} times what the noise predicts"
-    if value > high:
-        words += ": the noise is larger than said, or a heading, index angle or reading is wrong."
-    elif value < low:
-        words += ": the noise is smaller than said, and so are the uncertainties."
-    else:
-        words += "."
-    return Check(name, value, low, high, inside, words[0].upper() + words[1:])
-
-
-def outlier(
-    problem: Problem, estimate: Estimate, measured: bool
-) -> tuple[int, float, float] | None:
+def outlier(apart: HeldOut, estimate: Estimate, source: str) -> tuple[int, float, float] | None:
     """Find the set-up that fits the others worst.
 
     Where the noise was measured by these very residuals it is measured anew without the set-up in
     question, for an outlier hides behind the noise that it makes.
 
-    `measured`: whether the noise is that of the residuals. Returns its number, its test over the
-    limit (above 1: it does not fit), and its residual over the sd [1]; None where nothing
-    controls a set-up.
+    `apart`: every set-up predicted from the others; `source`: where the noise is from. Returns its
+    number, its test over the limit (above 1: it does not fit), and its residual over the sd [1];
+    None where nothing controls a set-up.
     """
     from scipy.special import fdtri
 
-    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
-    rows = int(np.sum(at.blocks == 0))
-    test = snoop(at, estimate.state_cov, rows)
-    own = np.maximum(test.dof, 1.0)
-    ratio = test.test / own
+    own = np.maximum(apart.counts, 1.0)
+    ratio = apart.scores / own
     n = len(ratio)
     limits = np.array([chi_square_limits(d, tests=n)[1] for d in own]) / own
     rest = estimate.dof - own
-    if measured:
-        controlled = (test.dof > 0) & (rest >= 1)
-        left = np.maximum(estimate.chi_square - test.test, 1e-12) / np.maximum(rest, 1.0)
+    controlled = apart.counts > 0
+    if source == UNKNOWN:
+        controlled &= rest >= 1
+        left = np.maximum(estimate.chi_square - apart.scores, 1e-12) / np.maximum(rest, 1.0)
         ratio = ratio / left
         limits = fdtri(own, np.maximum(rest, 1.0), 1 - 0.01 / n)
-    else:
-        controlled = test.dof > 0
     beyond = np.where(controlled, ratio / limits, 0.0)
     if not controlled.any():
         return None
@@ -277,9 +255,9 @@ def outlier(
     return worst, float(beyond[worst]), float(np.sqrt(ratio[worst]))
 
 
-def findings(problem: Problem, estimate: Estimate, dwells: Dwells, source: str) -> list[Finding]:
+def findings(apart: HeldOut, estimate: Estimate, dwells: Dwells, source: str) -> list[Finding]:
     """Name the heading that does not fit the others."""
-    found = outlier(problem, estimate, source == "from the residuals")
+    found = outlier(apart, estimate, source)
     if found is None or found[1] <= 1:
         return []
     name = dwells.names[found[0]]

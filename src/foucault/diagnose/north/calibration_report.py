@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,62 +9,23 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import information
-from foucault.diagnose.north.calibration_checks import leftovers
 from foucault.estimate.north.attitude import Known, solve
-from foucault.estimate.north.calibration import Rig, covariance_parts, tilts
+from foucault.estimate.north.calibration import Rig, tilts
 from foucault.estimate.north.reduction import Pairs
+from foucault.infer.mixed import Fit, HeldOut, causes
 from foucault.models.dwells import Dwells
 from foucault.models.north_seeker import Compensation
 from foucault.models.rotation import turned
-from foucault.result import Estimate, Problem
 
 
-def _gain(problem: Problem, estimate: Estimate, scene_root: FloatArray) -> FloatArray:
-    """How the coefficients answer to each number, shape (n, m, k)."""
-    n = len(problem.layout)
-    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
-    used = at.blocks >= 0
-    m, k = scene_root.shape[:2]
-    J = at.jacobian[used].reshape(m, k, -1)
-    back = np.linalg.solve(np.swapaxes(scene_root, 1, 2), J)
-    return np.asarray(np.einsum("nj,mkj->nmk", estimate.state_cov[:n], back))
-
-
-def _table(estimate: Estimate, rig: Rig) -> FloatArray | None:
-    """The tilt of the table that the weights were made with."""
-    return np.asarray(estimate.state.table[:4]) if rig.tilt == "one axis" else None
-
-
-def budget(problem: Problem, estimate: Estimate, pairs: Pairs, rig: Rig) -> dict[str, list[float]]:
-    """Split the variance of every coefficient by source.
-
-    `pairs`: set-ups, their covariance by source [SI].
-    """
-    parts = covariance_parts(pairs, rig, _table(estimate, rig))
-    gain = _gain(problem, estimate, np.linalg.cholesky(np.asarray(sum(parts.values()))))
-    out = {name: np.einsum("nmi,mij,nmj->n", gain, S, gain) for name, S in parts.items()}
-    left = np.diag(estimate.state_cov)[: len(problem.layout)] - np.sum(list(out.values()), axis=0)
-    out["table, latitude and what was known before"] = np.maximum(left, 0.0)
-    total = np.sum(list(out.values()), axis=0)
-    return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-9 * total)}
-
-
-def bound(problem: Problem, estimate: Estimate) -> dict[str, Any]:
-    """Return the bound and the weakest combinations, for result.json."""
-    table = estimate.state.table[: len(problem.start.table)]
-    state = replace(estimate.state, table=table)
-    return information.bound(problem, state)
-
-
-def table_json(estimate: Estimate, rig: Rig) -> dict[str, Any]:
+def table_json(fit: Fit, rig: Rig) -> dict[str, Any]:
     """Return what was found of the turntable, for result.json."""
-    east, north, heading = estimate.state.table[:3]
+    tilt = fit.state[len(fit.model.layout) :]
+    east, north = tilt if len(tilt) else (0.0, 0.0)
     return {
         "used": rig.tilt,
         "tilt_about_east": float(east),
         "tilt_about_north": float(north),
-        "common_heading": float(heading),
         "heading_sd": rig.heading_sd,
         "heading_offset_sd": rig.heading_offset_sd,
     }
@@ -134,29 +94,28 @@ def heading_errors(
 
 
 def heading_table(
-    estimate: Estimate, pairs: Pairs, rig: Rig, dwells: Dwells
+    fit: Fit, pairs: Pairs, rig: Rig, dwells: Dwells, apart: HeldOut
 ) -> dict[str, npt.NDArray[Any]]:
     """Return a row per set-up: readings, what is left of them, and tilt.
 
-    `pairs`: set-ups [SI].
+    `pairs`: set-ups [SI]; `apart`: every set-up predicted from the others.
     """
-    left, share = leftovers(estimate, pairs)
-    standard = np.where(share > 1e-6, left / np.sqrt(np.maximum(share, 1e-6)), np.nan)
-    root = np.linalg.cholesky(
-        np.asarray(sum(covariance_parts(pairs, rig, _table(estimate, rig)).values()))
-    )
-    raw = np.einsum("mij,mj->mi", root, left)
+    left = fit.at.residuals.copy()
+    for source in fit.at.sources:
+        if source.shared is not None:
+            left -= source.shared @ causes(fit, source.name)
+    standard = apart.error / apart.sd
     lean = tilts(pairs, rig.site.gravity, Compensation()) if rig.accelerometers else None
     nothing = np.full(len(pairs), np.nan)
     before, _ = heading_errors(pairs, rig, None)
-    after, sd = heading_errors(pairs, rig, estimate.coefficients)
+    after, sd = heading_errors(pairs, rig, fit.estimate.coefficients)
     return {
         "setup": np.array(dwells.names),
         "heading": rig.heading,
         "gyro_x": pairs.values[:, 0],
         "gyro_y": pairs.values[:, 1],
-        "left_x": raw[:, 0],
-        "left_y": raw[:, 1],
+        "left_x": left[:, 0],
+        "left_y": left[:, 1],
         "residual_x": standard[:, 0],
         "residual_y": standard[:, 1],
         "offset": pairs.offset,

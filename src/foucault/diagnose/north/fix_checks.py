@@ -8,13 +8,10 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.diagnose.north.noise import signal_to_noise
+from foucault.diagnose.words import check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import (
-    Fixes,
-    Known,
-    solve,
-)
+from foucault.estimate.north.attitude import Fixes, Known, solve
 from foucault.estimate.north.reduction import Pairs
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
@@ -115,17 +112,10 @@ def _sees(ratio: float) -> Check:
 
 
 def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
-    dof = int(j.pairs.dof[i, sensor])
-    if dof < 1 or (sensor == 1 and not j.noise.accel.white):
-        return None
-    value = float(j.pairs.chi_square[i, sensor])
-    _, high = chi_square_limits(dof, tests=TESTS)
-    fine = value <= high
+    dof, value = int(j.pairs.dof[i, sensor]), float(j.pairs.chi_square[i, sensor])
     what = ("gyro", "accelerometer")[sensor]
-    words = f"The readings of the {what} scatter by {np.sqrt(value / dof):.2f} times their noise"
-    if not fine:
-        words += ": a disturbance, a drift, too few digits, or more noise than was said"
-    return Check(f"{what} over index angle", value, None, high, fine, words + ".")
+    then = ": a disturbance, a drift, too few digits, or more noise than was said."
+    return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, then)
 
 
 def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
@@ -133,17 +123,18 @@ def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
     dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
     usual = (dof > 0) & (value <= FAR_OUT**2 * dof)
     total, n = float(value[usual].sum()), int(dof[usual].sum())
-    if n < 2 or (sensor == 1 and not j.noise.accel.white):
+    name = ("gyro", "accelerometer")[sensor] + " over all set-ups"
+    then = ": there is more noise than was said, or the bias wanders."
+    return None if n < 2 else _noise(j, sensor, name, f"the {name}", total, n, then)
+
+
+def _noise(
+    j: Judged, sensor: int, name: str, what: str, value: float, dof: int, then: str
+) -> Check | None:
+    if dof < 1 or (sensor == 1 and not j.noise.accel.white):
         return None
-    high = chi_square_limits(n, tests=TESTS)[1]
-    fine = total <= high
-    what = ("gyro", "accelerometer")[sensor]
-    words = (
-        f"Over all set-ups the readings of the {what} scatter by {np.sqrt(total / n):.2f} times "
-        "their noise"
-    )
-    words += "." if fine else ": there is more noise than was said, or the bias wanders."
-    return Check(f"{what} over all set-ups", total, None, high, fine, words)
+    given = {"what": what, "ratio": np.sqrt(value / dof), "dof": dof, "then": then}
+    return check("noise", name, value, None, chi_square_limits(dof, tests=TESTS)[1], given)
 
 
 def _norm(j: Judged, i: int) -> Check:
@@ -156,11 +147,8 @@ def _norm(j: Judged, i: int) -> Check:
 
 
 def _level(value: float) -> Check:
-    high = chi_square_limits(2, tests=TESTS)[1]
-    fine = value <= high
-    words = f"The tilt that the accelerometers say is {np.sqrt(value / 2):.2f} times level_sd"
-    words += "." if fine else ": the case is less level than was said."
-    return Check("level", value, None, high, fine, words)
+    given = {"what": "case", "ratio": np.sqrt(value / 2)}
+    return check("level", "level", value, None, chi_square_limits(2, tests=TESTS)[1], given)
 
 
 def _ambiguous(j: Judged, i: int) -> Check:
@@ -261,10 +249,8 @@ def _fitting(j: Judged, i: int) -> Check | None:
     found = _worst(j, i)
     if found is None:
         return None
-    fine = found[1] <= 1
-    words = f"The reading that fits worst is {found[2]:.1f} standard deviations from the fit"
-    words += "." if fine else ": more than chance gives."
-    return Check("every reading fits", found[1], None, 1.0, fine, words)
+    given = {"what": "reading", "size": found[2]}
+    return check("worst", "every reading fits", found[1], None, 1.0, given)
 
 
 def _outlier(j: Judged, i: int) -> list[Finding]:
