@@ -11,9 +11,9 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_097,
-    "campaign": 5_360,
+    "campaign": 5_322,
     "cli": 4_923,
-    "diagnose": 20_945,
+    "diagnose": 20_934,
     "estimate": 9_693,
     "export": 2_474,
     "infer": 650,
@@ -22,7 +22,7 @@ BUDGET = {
     "models": 5_076,
     "navigate": 1_560,
     "plans": 6_115,
-    "procedures": 14_611,
+    "procedures": 14_003,
     "report": 9_910,
     "simulate": 3_626,
     "symptoms": 90,

@@ -19,7 +19,7 @@ from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans.tumble.torquing import PUBLISHED as PUBLISHED_PLAN
 from foucault.plans.tumble.torquing import nominal
-from foucault.procedures.platform_tumble import PRIOR
+from foucault.procedures.platform_tumble.settings import PRIOR
 from foucault.result import Level
 from foucault.symptoms import SYMPTOMS
 from make_cluster import G

@@ -207,18 +207,13 @@ class _Once:
     """A model that remembers its last linearisation: weights and sizes change more often."""
 
     def __init__(self, model: Model) -> None:
-        self._model = model
-        self._last: tuple[Any, Linearisation] | None = None
-
-    @staticmethod
-    def of(model: Model) -> Model:
-        return model if isinstance(model, _Once) else cast("Model", _Once(model))
+        self._model, self._last = model, cast("tuple[Any, Linearisation]", (None, None))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._model, name)
 
     def linearise(self, state: Any) -> Linearisation:
-        if self._last is None or self._last[0] is not state:
+        if self._last[0] is not state:
             self._last = state, self._model.linearise(state)
         return self._last[1]
 
@@ -235,7 +230,7 @@ def stated(
     `sds`: source -> size [SI]; `prior` or None: what is known of the coefficients [SI];
     `noise_alone`: leave all sources out that are not noise of the sensors.
     """
-    sds, once = sds or {}, _Once.of(model)
+    sds, once = sds or {}, _Once(model)
 
     def linearise(state: Any, weights: FloatArray) -> Linearised:
         at = once.linearise(state)
@@ -308,7 +303,7 @@ def fit(
     `gauss_newton.ROBUST_LIMIT`, unless a larger share than `few` of their kind are: that is
     repeatability [1].
     """
-    model = _Once.of(model)
+    model = cast("Model", _Once(model))
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
     begin = _first_sizes(model)
     estimate = gauss_newton.solve(stated(model, begin), loss=loss)
@@ -627,7 +622,7 @@ def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
     return HeldOut(
         error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
         count**2 / max(square, 1e-300), square / max(count, 1),
-        np.asarray(np.bincount(part, z**2, len(parts))), np.array(counts),
+        np.array([z[part == k] @ z[part == k] for k in range(len(parts))]), np.array(counts),
     )  # fmt: skip
 
 

@@ -80,10 +80,11 @@ def _checks(
     out.append(_ambiguous(j, i))
     out.append(_upright(j, i))
     if j.accuracy is not None:
-        out.append(_accurate(j, i))
+        out.append(_accurate(float(j.fixes.sd[i, 0]), j.accuracy))
     if calibration is not None and calibration is not Level.PASS:
-        words = f"The calibration that was used is {calibration.value}."
-        out.append(Check("calibration", 0.0, 1.0, None, False, words, calibration))
+        given = {"level": calibration.value}
+        out.append(check("calibration used", "calibration", 0.0, 1.0, None, given,
+                         fails=calibration))  # fmt: skip
     return tuple(out)
 
 
@@ -97,18 +98,15 @@ def _solved(j: Judged, i: int) -> Check:
         2: "The solution did not settle.",
         3: "The readings do not determine the attitude.",
     }.get(status, "A reading is not a finite number.")
-    return Check("solved", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
+    given = {"advice": words}
+    return check("converged", "solved", float(fine), 1.0, None, given, fails=Level.UNUSABLE)
 
 
 def _sees(ratio: float) -> Check:
-    fine = ratio >= SEES
-    words = f"The Earth's horizontal rate is {plain(ratio, 3)} times the uncertainty of the rates"
-    if not fine:
-        words += (
-            f": the gyro is too noisy by a factor of {SEES / max(ratio, 1e-9):.2g}; dwell "
-            f"{(SEES / max(ratio, 1e-9)) ** 2:.2g} times as long, or take a better gyro"
-        )
-    return Check("sees the Earth", ratio, SEES, None, fine, words + ".", Level.UNUSABLE)
+    factor = SEES / max(ratio, 1e-9)
+    given = {"ratio": plain(ratio, 3), "factor": factor, "times": factor**2}
+    name = "sees the Earth"
+    return check(name, name, ratio, SEES, None, given, fails=Level.UNUSABLE)
 
 
 def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
@@ -139,11 +137,8 @@ def _noise(
 
 def _norm(j: Judged, i: int) -> Check:
     value, high = float(j.fixes.square[i]), chi_square_limits(1, tests=TESTS)[1]
-    fine = value <= high
-    words = f"The Earth's rate as measured fits the latitude to {np.sqrt(value):.2f} sd"
-    if not fine:
-        words += ": latitude, scale factor or sign of the accelerometer may be wrong"
-    return Check("rate and latitude", value, None, high, fine, words + ".")
+    name = "rate and latitude"
+    return check(name, name, value, None, high, {"sd": np.sqrt(value)})
 
 
 def _level(value: float) -> Check:
@@ -152,32 +147,20 @@ def _level(value: float) -> Check:
 
 
 def _ambiguous(j: Judged, i: int) -> Check:
-    fine = not bool(j.fixes.ambiguous[i])
-    words = "No other heading fits." if fine else (
-        f"Heading {np.degrees(j.fixes.other[i, 0]):.3f} deg, at latitude "
-        f"{np.degrees(j.fixes.other[i, 3]):.2f} deg, fits as well."
-    )  # fmt: skip
-    return Check("one heading", float(fine), 1.0, None, fine, words)
+    heading, latitude = np.degrees(j.fixes.other[i, [0, 3]])
+    given = {"heading": heading, "latitude": latitude}
+    fine = float(not j.fixes.ambiguous[i])
+    return check("one heading", "one heading", fine, 1.0, None, given)
 
 
 def _upright(j: Judged, i: int) -> Check:
     _, pitch, roll, _ = j.fixes.angles[i]
-    tilt = float(np.arccos(np.clip(np.cos(pitch) * np.cos(roll), -1.0, 1.0)))
-    fine = tilt < STEEP
-    words = f"The tilt is {np.degrees(tilt):.2f} deg"
-    words += "." if fine else ": heading is hardly defined there."
-    limit = float(np.degrees(STEEP))
-    return Check("tilt", float(np.degrees(tilt)), None, limit, fine, words)
+    tilt = np.arccos(np.clip(np.cos(pitch) * np.cos(roll), -1.0, 1.0))
+    return check("tilt", "tilt", float(np.degrees(tilt)), None, float(np.degrees(STEEP)))
 
 
-def _accurate(j: Judged, i: int) -> Check:
-    assert j.accuracy is not None
-    sd = float(j.fixes.sd[i, 0])
-    fine = sd <= j.accuracy
-    words = f"The heading has a standard deviation of {np.degrees(sd):.4g} deg"
-    words += "." if fine else f"; {np.degrees(j.accuracy):.4g} deg was wanted."
-    return Check("accuracy", float(np.degrees(sd)), None, float(np.degrees(j.accuracy)), fine,
-                 words)  # fmt: skip
+def _accurate(sd: float, wanted: float) -> Check:
+    return check("accuracy", "accuracy", float(np.degrees(sd)), None, float(np.degrees(wanted)))
 
 
 def findings(j: Judged) -> tuple[tuple[Finding, ...], ...]:

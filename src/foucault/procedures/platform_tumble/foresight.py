@@ -17,6 +17,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import hardly
 from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.tumble import checks as tumble_checks
 from foucault.diagnose.tumble import input as tumble_input
@@ -37,7 +38,7 @@ from foucault.procedures.platform_tumble.settings import (
     PlanStep,
     Session,
     Settings,
-    simulate,
+    simulated,
 )
 from foucault.procedures.platform_tumble.solution import Solution, coefficients, owed_by
 from foucault.simulate.tumble import TumbleSimulation
@@ -100,7 +101,7 @@ def _simulated(
     """Simulate with nothing drawn: given errors, the attitude of the session, no delay."""
     sure = settings.model_copy(update={"latitude_sd": 0.0, "delay_sd": 0.0})
     steady = {"attitude_sd": 0.0, "delay": 0.0, "integrator": "exponential"}
-    return simulate(
+    return simulated(
         session.model_copy(update=steady), settings=sure, model=errors, noise=ImuNoise(),
         site=site, seed=0,
     )  # fmt: skip
@@ -125,12 +126,9 @@ def seen(
     e = Evidence(p.tumble, p.prior, p.fit, found, settings.angles, slow)
     shown = tumble_report.observability_json(e)
     told = [f for f in tumble_checks.findings(e) if f.code in FORETOLD]
-    share = found.sd / found.prior_sd
-    hardly = tuple(
-        n for n, s in zip(found.names, share, strict=True) if s > tumble_checks.HARDLY
-    )  # fmt: skip
-    if hardly:
-        told.insert(0, finding("preflight.unseen", count=len(hardly), names=", ".join(hardly)))
+    names = hardly(found)
+    if names:
+        told.insert(0, finding("preflight.unseen", count=len(names), names=", ".join(names)))
     plan, legs = p.simulation.plan, _legs(shown)
     return Foresight(
         coefficients=found,
@@ -145,7 +143,7 @@ def seen(
         legs=legs,
         limits=needs(plan, settings.limits),
         more=extras,
-        hardly=hardly,
+        hardly=tuple(names),
         unseen=tuple(shown["unseen"]),
         remaining=tuple(shown["remaining"]),
         weakest=tuple(shown["weakest"]),
