@@ -23,8 +23,6 @@ BY_HAND = {
     "diagnose/faces/checks.py",
     "diagnose/hand_rotated/checks.py",
     "diagnose/hand_rotated/earth.py",
-    "diagnose/north/calibration_checks.py",
-    "diagnose/north/fix_checks.py",
     "diagnose/rate_table/checks.py",
     "diagnose/table/batch_checks.py",
     "diagnose/table/checks.py",

@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import nees
-from foucault.diagnose.north import calibration_checks as judge
+from foucault.diagnose.north import calibration as judge
 from foucault.errors import FoucaultError, Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.infer import mixed

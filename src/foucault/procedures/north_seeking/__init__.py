@@ -20,8 +20,7 @@ import numpy as np
 
 from foucault.diagnose.fit_checks import budget_json
 from foucault.diagnose.information import bound
-from foucault.diagnose.north import calibration_checks as judge
-from foucault.diagnose.north import calibration_report as shown
+from foucault.diagnose.north import calibration as judge
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import alive, late_index, stops, units_first
 from foucault.diagnose.spikes import without_spikes
@@ -107,7 +106,7 @@ def _require_readings(log: IndexedLog, dwells: Dwells) -> None:
 def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Result:
     estimate, apart = s.fit.estimate, judge.each_apart(s.fit)
     checks = judge.checks(s.fit, s.pairs, s.rig, dwells, s.source, apart)
-    headings = shown.heading_table(s.fit, s.pairs, s.rig, dwells, apart)
+    headings = judge.heading_table(s.fit, s.pairs, s.rig, dwells, apart)
     return Result(
         procedure="north_seeking",
         coefficients=estimate.coefficients,
@@ -128,10 +127,10 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
             "iterations": estimate.iterations,
             "noise": {"source": s.source} | noise_json(s.noise),
             "chi_square": judge.chi_square(s.fit, s.pairs),
-            "unseen": shown.unseen(s.rig, estimate.coefficients.names),
-            "table": shown.table_json(s.fit, s.rig),
+            "unseen": judge.unseen(s.rig, estimate.coefficients.names),
+            "table": judge.table_json(s.fit, s.rig),
             "circle_accuracy": {
-                when: shown.circle_accuracy(headings[f"heading_{when}"])
+                when: judge.circle_accuracy(headings[f"heading_{when}"])
                 for when in ("before", "after")
             },
             "stop_offsets": s.stop_offsets,

@@ -9,7 +9,7 @@ import numpy as np
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.fit_checks import NOISE_BASIS
-from foucault.diagnose.north import calibration_checks as judge
+from foucault.diagnose.north import calibration as judge
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import (
     Gains,
