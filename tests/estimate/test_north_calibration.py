@@ -311,11 +311,12 @@ def sources(pairs, table, names=ONE_AXIS):
 
 def test_sources_of_the_covariance():
     pairs = reduce(make_dwells(level(), LATITUDE), FIELD)
-    plain = sources(pairs, rig(level()))
+    plain = sources(pairs, rig(level(), level_sd=0.0))
     assert set(plain) == {"gyro noise", "tilt: noise"}
     assert all(s.noise for s in plain.values())
     loose = sources(pairs, rig(level(), heading_sd=1e-3, level_sd=1e-4, latitude_sd=1e-3))
-    assert set(loose) - set(plain) == {"reference headings", "latitude"}
+    assert set(loose) - set(plain) == {"reference headings", "latitude", "level of the table"}
+    assert loose["level of the table"].shared is None, "an unknown, with a row of its own"
     blind = rig(level(), level_sd=1e-4, accelerometers=False)
     assert set(sources(pairs, blind)) == {"gyro noise", "level of the table"}
     assert not any(s.noise for name, s in loose.items() if name not in plain)

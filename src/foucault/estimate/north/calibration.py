@@ -162,7 +162,7 @@ class OnTurntable:
         J = np.concatenate([both[..., :p], by_table[..., :2]], axis=2)
         tie = np.eye(p + 2)[p:] / self.rig.level_sd
         known = (-tie @ state, tie) if tie.any() else None
-        return Linearisation(both[..., -1], J, sources, known)
+        return Linearisation(both[..., -1], J, sources, known, (LEVEL, LEVEL))
 
     def _all(self, values: FloatArray) -> tuple[Layout, FloatArray]:
         """The coefficients that are found, then those that are not."""
@@ -251,13 +251,15 @@ class OnTurntable:
             Source(HEADINGS, each=heading, sd=rig.heading_sd, basis="heading_sd as given"),
             Source(COMMON_HEADING, shared=heading, sd=rig.heading_offset_sd,
                    basis="heading_offset_sd as given"),
-            Source(LEVEL, shared=tilt, sd=0.0 if self._seen else rig.level_sd,
+            # What is known of it where it is an unknown is in rows of its own.
+            Source(LEVEL, shared=None if self._seen else tilt, sd=rig.level_sd,
                    basis="level_sd as given"),
             Source("latitude", shared=latitude, sd=rig.latitude_sd, basis="latitude_sd as given"),
             Source("tilt: accelerometers", shared=by_own * own,
                    basis="what is known beforehand of errors that this session does not show"),
         )  # fmt: skip
-        return tuple(s for s in every if s.sd and np.any(s.shared if s.each is None else s.each))
+        effects = ((s, s.shared if s.each is None else s.each) for s in every if s.sd)
+        return tuple(s for s, effect in effects if effect is None or effect.any())
 
 
 def calibrate_batch(
