@@ -21,8 +21,6 @@ GOLDEN = Path(__file__).parent.parent / "golden"
 
 BY_HAND = {
     "diagnose/faces/checks.py",
-    "diagnose/north/calibration_checks.py",
-    "diagnose/north/fix_checks.py",
     "diagnose/rate_table/checks.py",
     "diagnose/table/batch_checks.py",
     "diagnose/table/checks.py",
