@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.fit_checks import NOISE_BASIS
 from foucault.diagnose.north import calibration as judge
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import (
@@ -26,7 +25,7 @@ from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.calibration import Rig
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
 from foucault.infer import mixed
-from foucault.infer.mixed import Fit
+from foucault.infer.mixed import NOISE_BASIS, Fit
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
