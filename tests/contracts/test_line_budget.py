@@ -16,7 +16,7 @@ BUDGET = {
     "diagnose": 20_945,
     "estimate": 9_693,
     "export": 2_474,
-    "infer": 605,
+    "infer": 700,
     "kernels": 4_288,
     "logs": 6_266,
     "models": 5_076,

@@ -161,3 +161,58 @@ class Priced(Line):
     def linearise(self, state: FloatArray) -> Linearisation:
         at = super().linearise(state)
         return replace(at, sources=(at.sources[0], replace(at.sources[1], price=mixed.SIGNIFICANT)))
+
+
+@pytest.mark.parametrize("bad", [0, 1, 7])
+def test_what_is_off_is_left_out_and_not_what_shares_its_placement(bad) -> None:
+    model = replace(drawn(np.random.default_rng(8)), placement=1.0)
+    at = mixed.fit(
+        replace(model, y=model.y + np.where(np.arange(48) == bad, 0.1, 0.0)), robust=True
+    )
+    assert at.outliers.tolist() == [bad]
+    kept = np.arange(48) != bad
+    C = 1e-6 * np.eye(48) + 1.0 * (model.group[:, None] == model.group)
+    r = at.at.residuals[:, 0]
+    left = r[bad] - C[bad, kept] @ np.linalg.solve(C[np.ix_(kept, kept)], r[kept])
+    var = C[bad, bad] - C[bad, kept] @ np.linalg.solve(C[np.ix_(kept, kept)], C[kept, bad])
+    assert mixed.norms(at.at, at.covariance)[bad] == pytest.approx(abs(left) / var**0.5, rel=1e-3)
+
+
+def test_the_likeliest_model_is_the_one_that_it_was_drawn_from() -> None:
+    rng = np.random.default_rng(9)
+    right = drawn(rng)
+    wrong = replace(right, group=rng.permutation(right.group))
+    assert mixed.likeliest([wrong, right], np.zeros(2), np.ones(48)) is right
+
+
+def test_causes_that_readings_share_are_found_and_drawn_to_nothing() -> None:
+    model = replace(drawn(np.random.default_rng(10)), placement=2e-3)
+    at = mixed.fit(model)
+    means = at.at.residuals[:, 0].reshape(12, 4).mean(axis=1)
+    want = means * 4e-6 / (4e-6 + 1e-6 / 4)
+    np.testing.assert_allclose(mixed.causes(at, "placement"), want, rtol=1e-6)
+    assert not mixed.causes(at, "noise").size
+
+
+def test_noise_that_nobody_knows_is_told_from_much_larger_errors_that_readings_share() -> None:
+    rng = np.random.default_rng(11)
+    found = [
+        mixed.repeatability(Unknown(**vars(drawn(rng, sd=sd)), unit=unit), np.zeros(2), np.ones(48))
+        for sd, unit in ((1.0, 1.0), (1.0, 1e-9), (1e-3, 1e6))
+    ]
+    for (size, dof), unit in zip(found, (1.0, 1e-9, 1e6), strict=True):
+        assert size["noise"] * unit == pytest.approx(1e-3, rel=0.3)
+        assert dof["noise"] == pytest.approx(36, abs=3)
+
+
+@dataclass(frozen=True)
+class Unknown(Line):
+    unit: float = 1.0
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        noise, placed = at.sources
+        each = self.unit * np.ones((len(self.y), 1, 1))
+        return replace(
+            at, sources=(replace(noise, each=each, sd=None, price=0.0), replace(placed, sd=1.0))
+        )

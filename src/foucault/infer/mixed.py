@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -49,6 +49,9 @@ FEW = 0.25
 
 SETTLED = 1e-3
 """A variance that changes by less than this share has settled [1]."""
+
+LEAST = 1e-13
+"""Least variance of a reading for itself, as a part of its whole variance [1]."""
 
 SEEN = 0.01
 """A direction of a reading of which less than this share is redundant is not predicted [1]."""
@@ -115,6 +118,9 @@ class Model(Protocol):
         ...
 
 
+AModel = TypeVar("AModel", bound=Model)
+
+
 @dataclass(frozen=True)
 class Component:
     """How one kind of reading fits."""
@@ -152,7 +158,7 @@ class Covariance:
         `weights` (n,): what a reading counts: its own variance grows by as much [1].
         """
         n, d = shape
-        self.own, self.tied = np.zeros((n, d, d)), np.zeros((0, 0))
+        self.own, self.tied, self.weights = np.zeros((n, d, d)), np.zeros((0, 0)), weights
         for source, sd in ((s, size_of(s, sds)) for s in sources):
             if source.each is not None and sd:
                 self.own += sd**2 * source.each @ np.swapaxes(source.each, 1, 2)
@@ -160,9 +166,12 @@ class Covariance:
                 rows = source.shared.reshape(n * d, -1)
                 self.tied = self.tied if self.tied.size else np.zeros((n * d, n * d))
                 self.tied += sd**2 * rows @ rows.T
-        # What every reading has for itself keeps an inverse, also where there is no noise.
-        least = 1e-13 * np.trace(self.own, axis1=1, axis2=2)[:, None, None]
-        self.own = (self.own + least * np.eye(d)) / weights[:, None, None]
+        # What every reading has for itself keeps an inverse, also where there is no noise, and
+        # where what readings share is so much larger that rounding would hide it.
+        least = LEAST * np.trace(self.own, axis1=1, axis2=2)
+        if self.tied.size:
+            least = np.maximum(least, LEAST * np.diag(self.tied).reshape(n, d).sum(axis=1))
+        self.own = (self.own + least[:, None, None] * np.eye(d)) / weights[:, None, None]
 
     @cached_property
     def whole(self) -> FloatArray:
@@ -294,12 +303,14 @@ def fit(
     if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
         problem = stated(model, begin, prior)
         return _fit_of(model, problem, gauss_newton.solve(problem, loss=loss), begin)
-    weights = _outliers(model, estimate, few) if robust else np.ones(len(estimate.weights))
+    weights = np.ones(len(estimate.weights))
+    if robust:
+        weights = _outliers(model, begin, estimate, few)
     found, dof, settled = begin, begin, not begin and not robust
     for _ in range(0 if settled else 4):
         found, dof = repeatability(model, estimate.state, weights)
         estimate = _solved(model, found, estimate, weights)
-        kept, weights = weights, _outliers(model, estimate, few) if robust else weights
+        kept, weights = weights, _outliers(model, found, estimate, few) if robust else weights
         if np.array_equal(kept, weights):
             break
         estimate = _solved(model, found, estimate, weights)
@@ -353,15 +364,46 @@ def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
     return weights
 
 
-def _outliers(model: Model, estimate: Estimate, few: float) -> FloatArray:
+def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: float) -> FloatArray:
     """Return weights that leave out what is far off, unless so much is that it is no outlier."""
-    norms = gauss_newton.block_norms(estimate.residuals, estimate.blocks, estimate.weights)
-    out = norms > gauss_newton.ROBUST_LIMIT
-    for rows in model.kinds.values():
-        mine = rows.any(axis=1)
-        if out[mine].sum() > few * mine.sum():
-            out[mine] = False
-    return np.where(out, gauss_newton.LEFT_OUT, 1.0)
+    at = model.linearise(estimate.state)
+    n, d = at.residuals.shape
+    weights, scatters = np.ones(n), np.zeros(n, bool)
+    while True:
+        covariance = Covariance(at.sources, sds, (n, d), weights)
+        far = norms(at, covariance) * ((weights > 0.5) & ~scatters)
+        out = far > gauss_newton.ROBUST_LIMIT
+        if covariance.tied.size:  # a reading that is wrong makes those look wrong that it shares
+            out &= far == far.max()
+        if not out.any():
+            return weights
+        weights[out] = gauss_newton.LEFT_OUT
+        for rows in model.kinds.values():
+            mine = rows.any(axis=1)
+            if np.sum(weights[mine] < 0.5) > few * mine.sum():
+                weights[mine], scatters[mine] = 1.0, True
+
+
+def norms(at: Linearisation, covariance: Covariance) -> FloatArray:
+    """Return how far each reading is from what the others say, as its sd, rms of its components.
+
+    ``(C^-1)_kk^-1 (C^-1 r)_k`` is what the others leave of the residual of reading k, and its
+    covariance is ``(C^-1)_kk^-1``. Where readings share errors that are larger than their noise,
+    L^-1 r blames the second one for what is wrong with the first.
+
+    Returns (n,): with the weight of each reading undone [1].
+    """
+    n, d = at.residuals.shape
+    if not covariance.tied.size:
+        left, cov = at.residuals, covariance.own
+    else:
+        inverse = np.linalg.inv(covariance.whole)
+        of = inverse.reshape(n, d, n, d)[np.arange(n), :, np.arange(n)]
+        cov = np.linalg.inv(of)
+        left = np.einsum("nij,nj->ni", cov, (inverse @ at.residuals.ravel()).reshape(n, d))
+    cov = cov - (1 - covariance.weights)[:, None, None] * covariance.own
+    square = np.einsum("ni,ni->n", left, np.linalg.solve(cov, left[:, :, None])[:, :, 0])
+    return np.asarray(np.sqrt(square / d))
 
 
 def repeatability(
@@ -375,23 +417,44 @@ def repeatability(
     `state`: near the solution; `weights` (n,): what a reading counts [1]. Returns source -> size,
     0 where it does not gain its price, and source -> degrees of freedom that it was found from.
     """
+    found, dof, _ = _sizes(model, state, weights)
+    return found, dof
+
+
+def likeliest(models: Sequence[AModel], state: Any, weights: FloatArray) -> AModel:
+    """Choose the most likely of models that differ in what a source of unknown size does.
+
+    By the restricted likelihood of each, with the sizes that make it largest, every source at its
+    price.
+
+    `state`: near the solution; `weights` (n,): what a reading counts [1].
+    """
+    return min(models, key=lambda model: _sizes(model, state, weights)[2])
+
+
+def _sizes(
+    model: Model, state: Any, weights: FloatArray
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Return sizes, their degrees of freedom, and how unlikely the contrasts are with them."""
     at = model.linearise(state)
     free = {s.name: s.price for s in at.sources if s.sd is None}
     z, V = _contrasts(at, free, weights)
     none = dict.fromkeys(free, 0.0)
     if not len(z) or not free:
-        return none, none
+        return none, none, 0.0
     kept = dict(free)
     while True:  # one that does not gain its price gives what it explained back to the others
         var = _most_likely(z, {name: V[name] for name in kept})
-        gains = {n: _unlikely(z, V, var | {n: 0.0}) - _unlikely(z, V, var) for n in kept}
+        now = _unlikely(z, V, var)
+        gains = {n: _unlikely(z, V, var | {n: 0.0}) - now for n in kept}
         worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
         if worst is None or gains[worst] >= kept[worst]:
             break
         del kept[worst]
     S = _inverse(z, V, var)
     dof = {n: float(np.sum((S @ V[n] * var[n]) * (S @ V[n] * var[n]).T)) for n in var}
-    return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
+    found = none | {n: float(np.sqrt(v)) for n, v in var.items()}
+    return found, none | dof, now + sum(kept.values())
 
 
 def _contrasts(
@@ -399,17 +462,22 @@ def _contrasts(
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return what no unknown explains, white by what is known, and its covariance by each source.
 
-    Where nothing is known of the noise it is a millionth of what is to be found.
+    Where nothing is known of the noise it is a thousandth of the residuals, which are to be told
+    from what readings share.
     """
     n, d, _ = at.jacobian.shape
-    little = dict.fromkeys(free, 1e-6 if _silent(at, free).any() else 0.0)
+    silent, little = _silent(at, free) & (weights > 0.5), dict.fromkeys(free, 0.0)
+    for s in at.sources:
+        if s.name in free and s.each is not None and s.each[silent].any():
+            ratio = np.linalg.norm(at.residuals[silent]) / np.linalg.norm(s.each[silent])
+            little[s.name] = max(little[s.name], 1e-3 * float(ratio), 1e-9)
     known = Covariance(at.sources, little, (n, d), weights)
     J, r = known.whiten(at.jacobian), known.whiten(at.residuals[:, :, None])[:, 0]
     if at.known is not None:
         J, r = np.concatenate([J, at.known[1]]), np.append(r, at.known[0])
     size = np.linalg.norm(J, axis=0)
-    U, s, _ = np.linalg.svd(J[:, size > 0] / size[size > 0], full_matrices=True)
-    left = U[:, int(np.sum(s > 1e-10 * s.max(initial=0.0))) :].T
+    U, axes, _ = np.linalg.svd(J[:, size > 0] / size[size > 0], full_matrices=True)
+    left = U[:, int(np.sum(axes > 1e-10 * axes.max(initial=0.0))) :].T
     V = {}
     for name in free:
         parts = []
@@ -424,15 +492,26 @@ def _contrasts(
     return left @ r, V
 
 
+def _root(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
+    """Return the Cholesky factor of the covariance of the contrasts, shape (k, k) [1]."""
+    total = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
+    least = LEAST * np.trace(total)  # without any noise what is found is all there is
+    return np.asarray(np.linalg.cholesky(total + least * np.eye(len(z))))
+
+
 def _inverse(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
-    return np.asarray(np.linalg.inv(np.eye(len(z)) + sum(v * V[n] for n, v in var.items())))
+    from scipy.linalg.lapack import dpotri
+
+    lower = np.tril(dpotri(_root(z, V, var), lower=1)[0])
+    return np.asarray(lower + np.tril(lower, -1).T)
 
 
 def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> float:
     """Twice the negative restricted log-likelihood, but for a constant."""
-    S = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
-    root = np.linalg.cholesky(S)
-    white = np.linalg.solve(root, z)
+    from scipy.linalg import solve_triangular
+
+    root = _root(z, V, var)
+    white = solve_triangular(root, z, lower=True, check_finite=False)
     return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
 
 
@@ -448,7 +527,8 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
     for _ in range(100):
         S = _inverse(z, V, var)
         SV = {n: S @ v for n, v in V.items()}
-        score = np.array([z @ SV[n] @ S @ z - np.trace(SV[n]) for n in V])
+        Sz = S @ z
+        score = np.array([Sz @ V[n] @ Sz - np.trace(SV[n]) for n in V])
         info = np.array([[np.sum(SV[a] * SV[b].T) for b in V] for a in V])
         # What is at its bound, and would go below, stays there.
         held = np.array([var[n] <= 0 for n in V], bool) & (score < 0)
@@ -514,6 +594,19 @@ def budget(at: Fit) -> dict[str, FloatArray]:
 def bases(at: Fit) -> dict[str, list[str]]:
     """Return type and basis of every source that has one, for result.json."""
     return {s.name: [s.type, s.basis] for s in at.at.sources if s.basis}
+
+
+def causes(at: Fit, name: str) -> FloatArray:
+    """Return the most likely values of the causes that readings share by a source, shape (k,) [SI].
+
+    ``sd^2 B' C^-1 r``, as the source says what they are per; none where it has no such causes.
+    """
+    r = at.covariance.whiten(at.at.residuals[:, :, None])[:, 0]
+    out = [
+        size_of(s, at.sds) ** 2 * (at.covariance.whiten(s.shared).T @ r)
+        for s in at.at.sources if s.name == name and s.shared is not None
+    ]  # fmt: skip
+    return np.concatenate([*out, np.zeros(0)])
 
 
 def noise_alone(at: Fit) -> Problem:
