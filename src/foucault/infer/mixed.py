@@ -571,7 +571,7 @@ def components(model: Model, estimate: Estimate) -> dict[str, Component]:
 
 
 def budget(at: Fit) -> dict[str, FloatArray]:
-    """Return the variance of every coefficient by source; what is left came from the prior [GUM].
+    """Return the variance of every coefficient by source; what is left came from a prior [GUM].
 
     Returns source -> variances, shape (p,) [SI]; what is nothing is left out.
     """
@@ -587,7 +587,8 @@ def budget(at: Fit) -> dict[str, FloatArray]:
             part += sd**2 * np.sum(np.einsum("pnd,ndk->pk", gain, source.shared) ** 2, axis=1)
         out[source.name] = out.get(source.name, 0.0) + part
     total = np.diag(at.estimate.state_cov)[: len(gain)]
-    out["prior"] = np.maximum(total - sum(out.values()), 0.0)
+    if at.at.known is not None or np.isfinite(at.estimate.coefficients.prior_sd).any():
+        out["prior"] = np.maximum(total - sum(out.values()), 0.0)
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
 
 
