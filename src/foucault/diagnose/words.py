@@ -25,8 +25,8 @@ class Words(NamedTuple):
 WORDS = {
     "redundancy": Words(
         "{n} {readings} leave {value:.3g} numbers more than the unknowns need.",
-        "{n} {readings} leave {value:.3g} numbers more than the unknowns need: at least {low} are "
-        "needed to notice a bad one. {cure}",
+        "{n} {readings} leave {value:.3g} numbers more than the unknowns need: at least {low:g} "
+        "are needed to notice a bad one. {cure}",
     ),
     "noise": Words(
         "The residuals of {what} are {ratio:.2f} times what the noise says ({dof} redundant).",
@@ -58,6 +58,17 @@ WORDS = {
         above="{what} that the fit did not see are predicted to {ratio:.2f} times their predicted "
         "uncertainty{size}: the model lacks something, or some of them do not belong to the "
         "others.",
+    ),
+    "scale factor terms": Words(
+        "The scale factors change by {value:.3g} ppm over the rates measured.",
+        above="The scale factors change by {value:.3g} ppm over the rates measured: that is "
+        "saturation or a wrong rate of the table, not a gyro.",
+    ),
+    "bias drift": Words(
+        "The gyro bias moved by {moved}, {value:.2g} times the noise of a step; it is part of the "
+        "uncertainties.",
+        above="The gyro bias moved by {moved}, {value:.2g} times the noise of a step: let the "
+        "gyros warm up, or hold the steps shorter. It is part of the uncertainties.",
     ),
 }  # fmt: skip
 """Key of a check -> its sentences."""

@@ -68,7 +68,7 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("rate_table.outlier", "warning",
      "A step that does not fit the others",
      "Step {step} ({rate} deg/s, {placement}) is {norm} standard deviations from what the others "
-     "say and was weighted down.",
+     "say and was left out.",
      "Repeat it, or look for a disturbance in it."),
     ("rate_table.scatter", "warning",
      "Steps that scatter more than the noise",

@@ -100,7 +100,7 @@ class Settings(_Rates):
     )
     loss: Literal["robust", "squares"] = Field(
         default="robust",
-        description="robust: a step beyond 3 sd is weighted down; squares: all count in full.",
+        description="robust: a step beyond 3 sd is left out; squares: all count in full.",
     )
     repeatability: bool = Field(
         default=True,
