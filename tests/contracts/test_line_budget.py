@@ -11,21 +11,21 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_097,
-    "campaign": 5_360,
+    "campaign": 5_337,
     "cli": 4_923,
-    "diagnose": 20_570,
+    "diagnose": 20_600,
     "estimate": 9_140,
-    "export": 2_474,
-    "infer": 700,
+    "export": 2_475,
+    "infer": 725,
     "kernels": 4_288,
-    "logs": 6_266,
+    "logs": 6_267,
     "models": 5_085,
     "navigate": 1_560,
     "plans": 6_115,
-    "procedures": 15_080,
-    "report": 9_910,
+    "procedures": 14_010,
+    "report": 9_903,
     "simulate": 3_626,
-    "symptoms": 4_408,
+    "symptoms": 87,
 }
 
 SLACK = 100

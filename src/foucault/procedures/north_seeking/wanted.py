@@ -2,69 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.coefficients import Coefficient, Layout
 from foucault.diagnose.north.plan import Conditions
 from foucault.errors import error
-from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
 from foucault.plans.north.bound import Known
 from foucault.plans.north.moves import Rig, schedule
 from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
+from foucault.procedures.fields import Strict
 from foucault.procedures.north_seeking.foresight import silent
 from foucault.procedures.north_seeking.settings import Ramp, Session, Settings
+from foucault.procedures.record import Beforehand
 from foucault.units import AngleSd, Seconds
 
 SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),))
 """What a plan is made for."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What may be changed of the stops of the base in a set-up, and what is wanted."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    weights: dict[str, float] = Field(
-        default={}, description='How much each counts; here there is "heading" alone.'
-    )
-    time: Seconds | None = Field(
-        default=None, gt=0, examples=["300 s"],
-        description="Time of a set-up, moves included; left out, that of the stops in [simulate].",
-    )  # fmt: skip
-    stops: int = Field(default=24, ge=2, description="Most stops of a set-up.")
-    opposite: bool = Field(
-        default=True,
-        description="Every stop has its opposite, so that what repeats with the index angle "
-        "cancels.",
-    )
-    drift: Ramp | None = Field(
-        default=None, ge=0, examples=["0.1 deg/h/h"],
-        description="Linear drift of the gyro to expect, whose effect counts where the solution "
-        "does not estimate it; left out, gyro_drift of [simulate].",
-    )  # fmt: skip
-    rough_sd: AngleSd | None = Field(
-        default=None, gt=0, examples=["2 deg"],
-        description="Sd of a rough heading that will be known: then index angles count from it, "
-        "and the stops can look east and west.",
-    )  # fmt: skip
+    weights: dict[str, float] = Field(default={})
+    """How much each counts; here there is "heading" alone."""
+    time: Seconds | None = Field(default=None, gt=0, examples=["300 s"])
+    """Time of a set-up, moves included; left out, that of the stops in [simulate]."""
+    stops: int = Field(default=24, ge=2)
+    """Most stops of a set-up."""
+    opposite: bool = True
+    """Every stop has its opposite, so that what repeats with the index angle cancels."""
+    drift: Ramp | None = Field(default=None, ge=0, examples=["0.1 deg/h/h"])
+    """Linear drift of the gyro to expect, whose effect counts where the solution does not estimate
+    it; left out, gyro_drift of [simulate]."""
+    rough_sd: AngleSd | None = Field(default=None, gt=0, examples=["2 deg"])
+    """Sd of a rough heading that will be known: then index angles count from it, and the stops can
+    look east and west."""
 
 
-def space(
-    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]],
-) -> NorthSpace:  # fmt: skip
+def space(b: Beforehand[Settings, Session]) -> NorthSpace:
     """Return the orders of stops among which the best is searched.
 
-    `settings`: how north is sought, and what the base can do; `session`: the stops to beat, and
-    the time of a move; `noise` or None: noise of the instrument, which must be known [SI];
-    `prior`: of the coefficients, the order of the stops does nothing to them [SI].
+    They are those that the base can do; the stops of the session are those to beat. The noise of
+    the instrument must be known.
     """
+    settings, session, site, noise, wanted = b.settings, b.session, b.site, b.noise, b.wanted
     weights = weights_of(SOUGHT, wanted.weights)
     if noise is None or not noise.gyro.white > 0:
         raise error("north_search.noise")

@@ -6,7 +6,6 @@ They differ in what they believe of the table: nothing (`norm_observation`), eve
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,14 +24,14 @@ from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.checks import TableEvidence
 from foucault.diagnose.table.gyro_axes import check_gyro_axes
 from foucault.diagnose.table.input import check_readings, enough_readings
-from foucault.diagnose.time_base import times_the_table, with_clock
+from foucault.diagnose.time_base import times_the_table
 from foucault.errors import Finding, error, finding
 from foucault.estimate.table import likelihood as table_likelihood
 from foucault.estimate.table.fit import Options, TableFit, fit
 from foucault.logs.axes import spared
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.references import with_references
@@ -41,19 +40,12 @@ from foucault.models.table_state import State
 from foucault.models.turntable import up_k
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
-from foucault.procedures import Progress, silent, solvable
 from foucault.procedures.on_table.session import TableSettings
-from foucault.result import Result, Verdict, provenance
-from foucault.tables import AXES, Log
+from foucault.procedures.record import Given
+from foucault.result import Result, Verdict
+from foucault.tables import Log
 
 Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
-
-
-STREAMS = True
-"""The procedures on a table take a log on disk too."""
-
-STRETCHES = True
-"""They need nothing of what is between two rests or spins: files may be recorded one by one."""
 
 
 @dataclass(frozen=True)
@@ -65,74 +57,29 @@ class Task:
     trust: Trust | None  # what is believed of the table; None for nothing
     # another way to the coefficients than the likelihood, which then only judges them
     variant: Variant | None = None
-    repeatability: bool = True  # estimate scatter that the noise does not explain
 
 
-def names_of(settings: TableSettings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    `gyro`: whether there are gyros, and spins for them.
-    """
-    names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
-    if settings.accel_quadratic:
-        names += [f"accel.quadratic.{a}" for a in AXES]
-    if settings.g_sensitivity and gyro:
-        names += [n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")]
-    return tuple(n for n in LAYOUT.names if n in names)
-
-
-def calibrate(
-    log: Log | OnDisk,
-    task: Task,
-    *,
-    site: Site,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
+def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
     """Calibrate an IMU from a log taken on a table.
 
-    Parameters
-    ----------
-    log : Log or OnDisk
-        Samples, or means over positions; one on disk is never held as a whole [SI].
-    task : Task
-        Which procedure, with its settings.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
+    `log`: samples, or means over positions; one on disk is never held as a whole [SI].
     """
-    started = clock.monotonic()
-    if not task.settings.earth_rate:
-        site = replace(site, latitude=None)
-    progress(0.05, "finding rests and spins")
-    with solvable():
-        readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
-    progress(0.4, "calibrating")
-    with solvable():
-        result = from_readings(readings, task, site=site, prior=prior)
-    seconds = clock.monotonic() - started
-    progress(1.0, "done")
-    whole = replace(
+    given.progress(0.05, "finding rests and spins")
+
+    def averaging(done: float) -> None:
+        given.progress(0.4 * done, "averaging")
+
+    readings = read_positions(log, task, given.noise, averaging)
+    given.progress(0.4, "calibrating")
+    result = from_readings(readings, task, site=given.site, prior=given.prior)
+    return replace(
         result,
         findings=_without_gaps((*_noticed(log, readings), *result.findings)),
-        instrument=dict(instrument or {}),
-        validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
-        provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
+        validity=table_report.validity(readings, log if isinstance(log, Log) else None, given.site),
     )
-    turned, summed = _clocked(log)
-    return with_clock(whole, log.clock, turned=turned, summed=summed)
 
 
-def _clocked(log: Log | OnDisk) -> tuple[bool, bool]:
+def clocked(log: Log | OnDisk) -> tuple[bool, bool]:
     """Tell whether spin rates are timed by the clock of the log, and whether it is increments."""
     if isinstance(log, Log):
         return times_the_table(log), log.sampled == "increment"
@@ -235,7 +182,7 @@ def options_of(
     `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
     of coefficients or groups of coefficients [SI].
     """
-    names = names_of(task.settings, readings.gyro is not None)
+    names = task.settings.estimated(gyro=readings.gyro is not None)
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))
     free = task.trust is None
@@ -250,8 +197,8 @@ def options_of(
         offset=spins and rests > 0 and at_rest and not readings.declared,
         prior=CoefficientVector.prior(LAYOUT.subset(names), prior) if prior else None,
         rate_sd=task.settings.rate_sd,
-        robust=task.settings.loss == "robust",
-        repeatability=task.repeatability,
+        robust=task.settings.robust,
+        repeatability=task.settings.repeatability,
         gyro_at_rest=at_rest,
     )
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import HARDLY, hardly
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.systematic import checks as judge
@@ -21,12 +22,12 @@ from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.search import table_needs
 from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.plans.systematic.steps import turns_of
+from foucault.procedures.record import Beforehand
 from foucault.procedures.systematic.bound import Foreseen, Prior, without_prior
 from foucault.procedures.systematic.left_out import foreseen_of
 from foucault.procedures.systematic.plan import (
     HERE,
     Stated,
-    Wanted,
     noise_of,
     settled,
     wanted_limits,
@@ -40,20 +41,11 @@ LONGER = 300.0
 """How much longer a session is made to see what that would buy [s]."""
 
 
-def foresee(
-    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None, prior: Prior,
-    typical: ImuNoise | None = None, wanted: Wanted | None = None,
-) -> Foresight:  # fmt: skip
-    """Return what the planned session will show.
-
-    `settings`: what was chosen: the sequence, and the limits of the table; `noise` or None: noise
-    as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
-    coefficients [SI]; `typical` or None: noise to reckon with where none is declared [SI];
-    `wanted` or None: time and accuracy that are wanted, where they are said.
-    """
-    settings, sequence = settled(settings), planned(settings, session)
-    prior = as_parameters(prior, settings)
-    stated = Stated(settings, session.rate, site, noise_of(noise, typical), prior)
+def foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what the planned session will show."""
+    settings, session, site = settled(b.settings), b.session, b.site
+    sequence, prior = planned(settings, session), as_parameters(b.prior, settings)
+    stated = Stated(settings, session.rate, site, noise_of(b.noise, b.typical), prior)
     found = stated.foreseen(sequence, HERE)
     states = found.states
     alone, blind = without_prior(states), _blind(states)
@@ -66,13 +58,13 @@ def foresee(
         rank=len(states) - len(blind),
         fastest=max((a.rate for a in sequence.actions if isinstance(a, Rotate)), default=0.0),
         rate_limit=settings.rate_limit,
-        hardly=tuple(judge.hardly(states)),
+        hardly=tuple(hardly(states)),
         unseen=tuple(blind),
         remaining=tuple(r.words for r in alone.remaining(states.prior_sd)),
         correlated=alone.with_prior(states.prior_sd).correlated(),
         limits=(
             *table_needs(sequence, settings.rate_limit, settings.angle_step),
-            *wanted_limits(wanted, states, sequence.duration),
+            *wanted_limits(b.wanted, states, sequence.duration),
         ),
         more=_more(sequence, found, stated),
         findings=(*found.problem.findings, *_told(found, settings, prior)),
@@ -84,8 +76,8 @@ def _blind(states: CoefficientVector) -> list[str]:
     assert states.cov is not None
     unit = states.prior_sd
     values, vectors = np.linalg.eigh(states.cov / np.outer(unit, unit))
-    hardly = vectors[:, values > judge.HARDLY**2].T
-    return [terms(largest_shares(states.layout, v), dots=True) for v in hardly]
+    blind = vectors[:, values > HARDLY**2].T
+    return [terms(largest_shares(states.layout, v), dots=True) for v in blind]
 
 
 def _told(found: Foreseen, settings: Settings, prior: Prior) -> list[Finding]:
@@ -160,7 +152,7 @@ def shown(
     """
     kept = {} if kept is None else kept
     plain = _quick_states(sequence, Settings(), site, noise, kept)
-    seen = int(np.count_nonzero(plain.sd <= judge.HARDLY * plain.prior_sd))
+    seen = int(np.count_nonzero(plain.sd <= HARDLY * plain.prior_sd))
     models = {}
     for name in MODELS:
         given = Settings.model_validate({"deflection": name})
