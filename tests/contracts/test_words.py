@@ -21,8 +21,6 @@ GOLDEN = Path(__file__).parent.parent / "golden"
 
 BY_HAND = {
     "diagnose/faces/checks.py",
-    "diagnose/hand_rotated/checks.py",
-    "diagnose/hand_rotated/earth.py",
     "diagnose/north/calibration_checks.py",
     "diagnose/north/fix_checks.py",
     "diagnose/rate_table/checks.py",

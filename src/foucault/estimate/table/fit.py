@@ -18,9 +18,9 @@ from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits, student
-from foucault.estimate.hand_rotated.likelihood import Component
 from foucault.estimate.snooping import Snooping, snoop
 from foucault.estimate.table.likelihood import Observed, build
+from foucault.infer.mixed import Component
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles

@@ -26,8 +26,7 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Layout
-from foucault.diagnose.fit_checks import NOISE_BASIS, UNEXPLAINED_BASIS
-from foucault.infer.mixed import Linearisation, Source
+from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, ImuModel, Slopes
 from foucault.models.rate_steps import Steps
