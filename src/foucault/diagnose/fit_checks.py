@@ -85,7 +85,7 @@ def checks(e: Judged) -> list[Check]:
 
 def redundancy(e: Judged) -> Check:
     """Judge whether enough is left over to notice a wrong reading."""
-    dof = sum(c.redundancy for c in e.fit.after.values())
+    dof = round(sum(c.redundancy for c in e.fit.after.values()), 6)  # often exactly `ENOUGH`
     n = int(np.sum(e.fit.estimate.weights > 0.5))
     given = {"n": n, "readings": e.readings, "cure": e.cure}
     return check("redundancy", "redundancy", dof, ENOUGH, None, given)

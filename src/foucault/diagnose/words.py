@@ -287,7 +287,7 @@ WORDS = {
     # -- every mixed model ---------------------------------------------------------------------
     "redundancy": Words(
         "{n} {readings} leave {value:.3g} numbers more than the unknowns need.",
-        "...: at least {low} are needed to notice a bad one. {cure}",
+        "...: at least {low:g} are needed to notice a bad one. {cure}",
     ),
     "noise": Words(
         "The residuals of {what} are {ratio:.2f} times what the noise says ({dof} redundant).",
@@ -382,6 +382,17 @@ WORDS = {
         "The placements are off by {size} arcmin (sd), more than the {high:.2g} arcmin that "
         "`placement_sd` says, or a rest is wrong; it is part of the uncertainties. Leave "
         "`placement_sd` out to have it estimated."
+    ),
+    # -- rate table ----------------------------------------------------------------------------
+    "scale factor terms": Words(
+        "The scale factors change by {value:.3g} ppm over the rates measured.",
+        above="...: that is saturation or a wrong rate of the table, not a gyro.",
+    ),
+    "bias drift": Words(
+        "The gyro bias moved by {moved}, {value:.2g} times the noise of a step; it is part of the "
+        "uncertainties.",
+        above="The gyro bias moved by {moved}, {value:.2g} times the noise of a step: let the "
+        "gyros warm up, or hold the steps shorter. It is part of the uncertainties.",
     ),
 }  # fmt: skip
 """Key of a check -> its sentences."""
