@@ -68,7 +68,8 @@ def test_a_calibration_has_the_uncertainties_that_were_foretold(seed, monkeypatc
 
     Outer and inner angle at the end take up azimuth by the tilt there, which drawn errors change.
     """
-    monkeypatch.setattr(platform_tumble, "draw_errors", lambda _grade, k: draw_printed(k))
+    printed = replace(platform_tumble.PROCEDURE, draw_errors=lambda _grade, k: draw_printed(k))
+    monkeypatch.setattr(platform_tumble, "PROCEDURE", printed)
     made, session = tumble("", seed=seed)
     came = calibrate(made, session.simulation.log, trial=True).coefficients
     found = foreseen()

@@ -17,6 +17,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import hardly
 from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.tumble import checks as tumble_checks
 from foucault.diagnose.tumble import input as tumble_input
@@ -137,12 +138,9 @@ def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
     e = Evidence(p.tumble, p.prior, p.fit, found, settings.angles, slow)
     shown = tumble_report.observability_json(e)
     told = [f for f in tumble_checks.findings(e) if f.code in FORETOLD]
-    share = found.sd / found.prior_sd
-    hardly = tuple(
-        n for n, s in zip(found.names, share, strict=True) if s > tumble_checks.HARDLY
-    )  # fmt: skip
-    if hardly:
-        told.insert(0, finding("preflight.unseen", count=len(hardly), names=", ".join(hardly)))
+    names = hardly(found)
+    if names:
+        told.insert(0, finding("preflight.unseen", count=len(names), names=", ".join(names)))
     plan, legs = p.simulation.plan, _legs(shown)
     return Foresight(
         coefficients=found,
@@ -157,7 +155,7 @@ def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
         legs=legs,
         limits=needs(plan, settings.limits),
         more=extras,
-        hardly=hardly,
+        hardly=tuple(names),
         unseen=tuple(shown["unseen"]),
         remaining=tuple(shown["remaining"]),
         weakest=tuple(shown["weakest"]),
