@@ -16,8 +16,10 @@ from pydantic import BaseModel, ConfigDict
 
 
 def _described(schema: dict[str, Any], model: type[BaseModel]) -> None:
-    for name, field in schema.get("properties", {}).items():
-        field["description"] = description_of(model, name)
+    for name, field in model.model_fields.items():
+        description = description_of(model, name)
+        if description:
+            schema["properties"][field.alias or name]["description"] = description
 
 
 class Strict(BaseModel):
