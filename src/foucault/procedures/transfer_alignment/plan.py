@@ -17,11 +17,11 @@ from foucault.plans.transfer.moves import Flyable
 from foucault.plans.transfer.profiles import TransferProfile
 from foucault.plans.transfer.search import POSITION, TransferSpace
 from foucault.plans.weights import weights_of
-from foucault.procedures.fields import Strict
 from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.foresight import Shown, shown
 from foucault.procedures.transfer_alignment.session import Session, moved
 from foucault.procedures.transfer_alignment.settings import Settings
+from foucault.strict import Strict
 from foucault.units import Quantity
 
 EVALUATIONS = 200

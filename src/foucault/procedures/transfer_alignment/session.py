@@ -22,7 +22,7 @@ from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise, grade
 from foucault.plans.manoeuvre_table import ManoeuvreTable
 from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
-from foucault.procedures.fields import SampleRate, Strict
+from foucault.procedures.fields import SampleRate
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.simulate.transfer.link import Link, MasterNoise
@@ -33,6 +33,7 @@ from foucault.simulate.transfer.session import (
     turn_on_grade,
 )
 from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
+from foucault.strict import Strict
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, Seconds
 
