@@ -18,9 +18,9 @@ from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.transfer.checks import HARDLY
 from foucault.diagnose.transfer.findings import WANTED
 from foucault.errors import Finding, finding
-from foucault.estimate.linear_filter import LinearRun, given, kalman
-from foucault.estimate.transfer.outage import after_outage
-from foucault.estimate.transfer.system import Free, free_run
+from foucault.estimate.transfer.hand_over import after_outage
+from foucault.infer import filtered
+from foucault.infer.linear_filter import conditional
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
@@ -123,11 +123,11 @@ def _speed_after(plan: TransferProfile, flown: tuple[Segment, ...]) -> float:
     return float(speeds[-1] if speeds else plan.start.speed)
 
 
-def free_of(
+def problem_on(
     plan: TransferProfile, settings: Settings, session: Session, site: Site,
     noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]], *, rate: float,
-) -> tuple[TransferProblem, Free]:  # fmt: skip
-    """Return a slave without errors beside a master without noise on a motion.
+) -> TransferProblem:  # fmt: skip
+    """Return what a slave without errors beside a master without noise shows of a motion.
 
     `noise` or None: noise of the slave [SI]; `prior`: mean and standard deviation of coefficients
     or groups of coefficients [SI]; `rate`: samples of the slave in a second [Hz].
@@ -140,9 +140,7 @@ def free_of(
     about = settings.model_copy(update={"delay_method": "state"})
     zero = {name: (0.0, sd) for name, (_, sd) in prior.items()}
     p = problem_of(made.log, site, about, noise or NOISE, zero, match=False)
-    p = p.with_delay(made.delay)
-    free = free_run(p.slave, p.master, settings.mount, settings.matched, p.prior, p.prior, p.sd)
-    return p, free
+    return p.with_delay(made.delay)
 
 
 def shown(
@@ -156,30 +154,23 @@ def shown(
     or groups of coefficients [SI]; `rate`: samples of the slave in a second [Hz]; `gravity`:
     whether what is not known of local gravity counts, no motion makes it less.
     """
-    p, free = free_of(plan, settings, session, site, noise, prior, rate=rate)
-    run = kalman(free.system)
-    names = settings.reported
-    cov, at = run.cov, [free.layout.index(name) for name in names]
-    aside = [i for i, name in enumerate(free.layout.names) if name.startswith(LEFT_OUT)]
-    seen = np.sqrt(np.maximum(np.diag(given(cov, aside))[at], 0.0))
-    of_gravity = _of_gravity(p, run)[at] if gravity else np.zeros(len(at))
-    own = cov[np.ix_(at, at)] + np.outer(of_gravity, of_gravity)
-    vector = replace(p.vector.chosen(names), values=np.zeros(len(at)), cov=own)
-    ahead = np.array([after_outage(free, settings.sensors, settings.outage, turn=turn)
+    p = problem_on(plan, settings, session, site, noise, prior, rate=rate)
+    fit, names = filtered.foreseen(p.model), p.model.names[p.model.first :]
+    at = [names.index(name) for name in settings.reported]
+    aside = [i for i, name in enumerate(names) if name.startswith(LEFT_OUT)]
+    seen = np.sqrt(np.maximum(np.diag(conditional(fit.cov, aside))[at], 0.0))
+    cov = fit.cov[np.ix_(at, at)]
+    if gravity:
+        of_gravity = filtered.response(fit, p.model.heavier(p.site.gravity_sd))[at]
+        cov = cov + np.outer(of_gravity, of_gravity)
+    vector = replace(p.prior.chosen(settings.reported), values=np.zeros(len(at)), cov=cov)
+    ahead = np.array([after_outage(fit.system, settings.sensors, settings.outage, turn=turn)
                       for turn in AHEAD])  # fmt: skip
     # Where it is is what the master says: of the position at the hand-over nothing is counted.
     # Nor is gravity: what it is taken for wrongly, the bias makes good as long as it is.
     ahead[:, :, 6:9] = 0.0
-    squares = np.einsum("tij,jk,tik->t", ahead, cov, ahead)
+    squares = np.einsum("tij,jk,tik->t", ahead, fit.run.cov, ahead)
     return Shown(plan.name, plan.hand_over, vector, seen, float(np.sqrt(squares.mean())))
-
-
-def _of_gravity(p: TransferProblem, run: LinearRun) -> FloatArray:
-    """Return what one standard deviation of local gravity makes of the states, shape (n,)."""
-    heavier = replace(p.slave, gravity_offset=p.slave.gravity_offset + p.site.gravity_sd)
-    s = p.settings
-    other = free_run(heavier, p.master, s.mount, s.matched, p.prior, p.prior, p.sd)
-    return np.asarray(kalman(other.system).states[-1] - run.states[-1])
 
 
 def _judged(now: Shown, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:

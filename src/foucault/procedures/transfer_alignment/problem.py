@@ -15,7 +15,8 @@ from foucault.diagnose.transfer.forces import forces
 from foucault.diagnose.transfer.turns import turning
 from foucault.errors import Finding, error, finding
 from foucault.estimate.delay.fit import Delay, delay_of
-from foucault.estimate.transfer.measured import Known, Slave
+from foucault.estimate.transfer.model import TransferModel
+from foucault.estimate.transfer.slave import Linearisation, Slave
 from foucault.models.earth import Site, earth_rate_n, gravity, transport_rate
 from foucault.models.geodesy import displaced
 from foucault.models.layouts import BESIDE
@@ -55,41 +56,35 @@ PLACE_SD = 1.0
 class TransferProblem:
     """What is solved."""
 
-    slave: Slave  # the slave's log, and what is estimated of it
-    master: Messages  # what the master said, by the slave's clock as far as that is known
-    table: MasterTable  # the same with positions
+    # slave and master, by the slave's clock as far as that is known, mount, and what was known
+    # beforehand: one copy of the master's state at the start
+    model: TransferModel
+    table: MasterTable  # what the master said, with positions
     settings: Settings
     site: Site  # where it begins, for gravity
-    prior: Known  # what was known beforehand: one copy of the master's state at the start
-    sd: FloatArray  # (n,) how well, for every state of the filter [SI]
     # what was known of the coefficients and of what is found besides [SI]
-    vector: CoefficientVector
+    prior: CoefficientVector
     hand_over: float  # when the slave goes on alone [s]
     # what rate matching has found, where the delay starts from it or is checked by it
     delay: Delay | None
     findings: tuple[Finding, ...]
-
-    def loose(self, seconds: float) -> FloatArray:
-        """Return `sd` if the start is known so much too early or too late, shape (n,) [SI].
-
-        `seconds`: standard deviation of the delay [s].
-        """
-        first, x = self.slave.first, self.slave.increments
-        C_ns = self.prior.state.C_nb
-        f_n = C_ns @ x.dvel_b[first] / x.dt[first] - [0.0, 0.0, 9.80665]
-        rates = np.concatenate([C_ns @ x.dtheta_b[first] / x.dt[first], f_n])
-        out = self.sd.copy()
-        out[:6] = np.hypot(out[:6], seconds * rates)
-        return out
 
     def with_delay(self, delay: float) -> TransferProblem:
         """Return the problem with another delay known beforehand.
 
         `delay`: the delay [s].
         """
-        first, state = _start(self.slave.increments, self.table, self.master, delay, self.settings)
-        slave, prior = replace(self.slave, first=first), replace(self.prior, delay=delay)
-        return replace(self, slave=slave, prior=replace(prior, state=state))
+        slave, master = self.model.slave, self.model.master
+        first, state = _start(slave.increments, self.table, master, delay, self.settings)
+        start = replace(self.model.start, delay=delay, state=state)
+        model = replace(self.model, slave=replace(slave, first=first), start=start)
+        return replace(self, model=model)
+
+    def with_settings(self, settings: Settings) -> TransferProblem:
+        """Return the problem with another mount, or other messages to be matched."""
+        sd = _sd(settings, self.prior, self.model.slave.noise)
+        model = replace(self.model, mount=settings.mount, matching=settings.matched, sd=sd)
+        return replace(self, model=model, settings=settings)
 
 
 def problem_of(
@@ -136,16 +131,16 @@ def problem_of(
                 start = matched.delay + (matched.drift * later if drifting else 0.0)
     elif matched is not None and matched.seen:
         told += _differs(settings, matched)
-    vector = _known(settings, given)
-    p = len(settings.sensors)
+    prior = _known(settings, given)
     slave = Slave(increments, settings.sensors, noise or NOISE, 0, _anomaly(site, table))
     first, state = _start(increments, table, said, start, settings)
-    at = [vector.layout.index(f"installation.{a}") for a in "xyz"]
-    known = Known(state, vector.values[:p], vector.values[at], start)
-    return TransferProblem(
-        replace(slave, first=first), said, table, settings, site, known,
-        _sd(settings, vector, slave.noise), vector, hand_over, matched, (*told, *drifting),
-    )  # fmt: skip
+    known = Linearisation(state, prior.values[: len(settings.sensors)],
+                          prior["installation"].values, start)  # fmt: skip
+    sd = _sd(settings, prior, slave.noise)
+    model = TransferModel(replace(slave, first=first), said, settings.mount, settings.matched,
+                          known, sd)  # fmt: skip
+    findings = (*told, *drifting)
+    return TransferProblem(model, table, settings, site, prior, hand_over, matched, findings)
 
 
 def _differs(settings: Settings, found: Delay) -> list[Finding]:

@@ -1,0 +1,1 @@
+"""Estimators: a model is stated, a fit follows."""
