@@ -234,9 +234,10 @@ def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
         Column("in"),
     ]
     rows = []
+    stated = result.diagnostics.get("sources") or {}
     for source, values in share.items():
-        kind, basis = _BASIS.get(source, ("", ""))
-        if source.endswith(" noise"):
+        kind, basis = stated.get(source) or _BASIS.get(source, ("", ""))
+        if source not in stated and source.endswith(" noise"):
             known = _MEASURED if noise.startswith("measured") else _DECLARED
             known = _LEFT if noise.endswith("the residuals") else known
             kind, basis = _UNKNOWN if noise.startswith("unknown") else known

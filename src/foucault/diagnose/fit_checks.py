@@ -1,0 +1,266 @@
+"""The checks of a mixed model, the same for every procedure that states one.
+
+A procedure says what its kinds of reading are called, where its noise is from, and which scatter
+is no longer a calibration; it adds checks of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from foucault.arrays import FloatArray, IntArray
+from foucault.diagnose.checks import drift_check, judge_prior, plausible_scales, status_check
+from foucault.diagnose.words import check
+from foucault.estimate.chi_square import FALSE_ALARM, TOLD
+from foucault.estimate.drift import Drift, by_time, find_drift
+from foucault.infer import mixed
+from foucault.infer.mixed import Fit, HeldOut
+from foucault.result import Check, Level
+from foucault.units import plain
+
+TOO_MUCH = 5.0
+"""Residuals this many times the noise are no scatter: a term is missing [1]."""
+
+TOLD_APART = 8.0
+"""With fewer degrees of freedom one wrong reading looks like scatter of all [1]."""
+
+ENOUGH = 6.0
+"""Fewer numbers beyond those that the unknowns need hardly show a bad reading [1]."""
+
+TESTED = 3.0
+"""Half a session with fewer degrees of freedom is not compared with the other [1]."""
+
+
+NOISE_BASIS = {
+    "declared": ("B", "noise as declared in the campaign"),
+    "measured": ("A", "scatter of the samples within the readings"),
+    "unknown": ("A", "scatter of the residuals"),
+}
+"""Where a noise is from -> type and basis of its sources."""
+
+UNEXPLAINED_BASIS = ("A", "scatter of the residuals beyond the noise")
+"""Type and basis of what is found from the residuals."""
+
+
+class Limit(NamedTuple):
+    """From what size on a scatter is no longer a calibration."""
+
+    what: str  # what scatters, as a sentence begins
+    largest: float  # [SI]
+    factor: float  # size in `unit` per SI unit
+    unit: str
+    cause: str  # what else it is
+    fails: Level = Level.DOUBTFUL
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A fit, and what its procedure says of it."""
+
+    fit: Fit
+    kinds: Mapping[str, str]  # kind of reading -> what people call it
+    noise: Literal["declared", "measured", "unknown"]
+    time: FloatArray | None = None  # (n,) middle of each reading; None: not known [s]
+    # kind of reading -> sources whose size is found from it
+    found_in: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    limits: Mapping[str, Limit] = field(default_factory=dict)  # source -> what is too much
+    readings: str = "readings"
+    cure: str = "Add readings."
+    more: str = "repeat the readings"
+    silent: bool = False  # a log without any noise says nothing of what is too much
+    cause: Mapping[str, str] = field(default_factory=dict)  # kind -> why it does not fit
+    held_out: HeldOut | None = None
+    held_out_size: str = ""  # how large its errors are, in words that follow a comma
+
+
+def checks(e: Judged) -> list[Check]:
+    """Return the tests that every procedure makes; a failed one carries its reason."""
+    estimate = e.fit.estimate
+    out = [status_check(estimate.status, estimate.weakest), redundancy(e), *judge_prior(estimate)]
+    out += plausible_scales(estimate.coefficients)
+    out += drift_check(clearest_drift(e), estimate.coefficients.layout)
+    out += [explained(e, kind) for kind in e.kinds if kind in e.fit.before]
+    out += [_scatter(e, name) for name in e.limits if e.fit.found.get(name)]
+    out += _even(e)
+    return out + _held_out(e)
+
+
+def redundancy(e: Judged) -> Check:
+    """Judge whether enough is left over to notice a wrong reading."""
+    dof = sum(c.redundancy for c in e.fit.after.values())
+    n = int(np.sum(e.fit.estimate.weights > 0.5))
+    given = {"n": n, "readings": e.readings, "cure": e.cure}
+    return check("redundancy", "redundancy", dof, ENOUGH, None, given)
+
+
+def explained(e: Judged, kind: str) -> Check:
+    """Compare the residuals of one kind of reading with the noise, and say what follows.
+
+    Declared noise that is contradicted fails, either way. Noise that was measured within readings
+    is a lower limit of what differs between them: moderate scatter beyond it is accounted for, and
+    what was measured too large only makes the uncertainties careful. Noise that nobody knows is
+    told by enough redundant readings.
+    """
+    mine = e.found_in.get(kind, ())
+    added = any(e.fit.found.get(name) for name in mine if name in _unexplained(e))
+    others = any(e.fit.found.get(name) for name in _unexplained(e))
+    # Scatter of one kind shows in the others too until it is known.
+    c = e.fit.after[kind] if others and not added else e.fit.before[kind]
+    what, name = e.kinds[kind], f"noise of {e.kinds[kind]}"
+    told = {"what": what, "dof": plain(c.redundancy, 2)}
+    if e.noise == "unknown":
+        dof = sum(e.fit.dof.get(source, 0.0) for source in mine)
+        told |= {"dof": plain(dof, 2), "more": e.more}
+        return check("noise unknown", name, dof, TOLD, None, told)
+    if c.redundancy < 0.5:
+        return check("noise untested", name, float("nan"), None, None, told)
+    ratio = float(np.sqrt(c.ratio))
+    given = told | {"ratio": ratio, "then": _then(e, kind, ratio, added, c.redundancy)}
+    if e.noise == "declared":
+        return check("noise", name, c.chi_square, c.low, c.high, given)
+    known = added and c.redundancy >= TOLD_APART
+    high = max(c.high, TOO_MUCH**2 * c.redundancy) if known else c.high
+    careful = c.chi_square < c.low or c.chi_square <= high or (added and e.silent)
+    return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful)
+
+
+def _unexplained(e: Judged) -> set[str]:
+    return {s.name for s in e.fit.at.sources if s.unexplained}
+
+
+def _then(e: Judged, kind: str, ratio: float, added: bool, dof: float) -> str:
+    """Say what residuals that are too large mean."""
+    cause = e.cause.get(kind, "")
+    if not added:
+        return f", and the uncertainties do not know it{': ' if cause else ''}{cause}."
+    if e.noise == "declared":
+        cause = cause or "the declared noise is too small"
+        return f": {cause}. The uncertainties include the scatter."
+    if dof < TOLD_APART:
+        return (
+            "; so few readings are redundant that one wrong reading would look like this too. "
+            "The scatter is part of the uncertainties; measure more to tell."
+        )
+    if ratio > TOO_MUCH and not e.silent:
+        return (
+            f", more than {TOO_MUCH:g} times: something is wrong that is no scatter, such as lost "
+            "samples, a wrong sample rate, or a term that is not estimated. The scatter is part of "
+            "the uncertainties, but such errors do not average out."
+        )
+    return "; the scatter was estimated and is part of the uncertainties."
+
+
+def _scatter(e: Judged, name: str) -> Check:
+    limit, sd = e.limits[name], e.fit.found[name]
+    given = {
+        "what": limit.what, "cause": limit.cause,
+        "size": f"{plain(sd * limit.factor, 2)} {limit.unit}",
+        "limit": f"{plain(limit.largest * limit.factor, 2)} {limit.unit}",
+    }  # fmt: skip
+    title = f"scatter of {limit.what.removeprefix('The ')} [{limit.unit}]"
+    most = limit.largest * limit.factor
+    return check("repeatability", title, sd * limit.factor, None, most, given, fails=limit.fails)
+
+
+def _even(e: Judged) -> list[Check]:
+    """Compare the residuals of the first and the second half of each kind of reading."""
+    from scipy.special import fdtri
+
+    if e.time is None:
+        return []
+    estimate, out = e.fit.estimate, []
+    used = estimate.blocks >= 0
+    square, free = estimate.residuals[used] ** 2, 1 - estimate.leverage[used]
+    blocks = estimate.blocks[used]
+    kept = estimate.weights[blocks] > 0.5
+    kinds = {kind: rows for kind, rows in e.fit.model.kinds.items() if kind in e.kinds}
+    for kind, rows in kinds.items():
+        mine = np.flatnonzero(rows.any(axis=1))
+        order = mine[np.argsort(e.time[mine], kind="stable")]
+        halves = [np.isin(blocks, half) & rows.ravel() & kept for half in np.array_split(order, 2)]
+        dof = [float(np.sum(free[half])) for half in halves]
+        if min(dof) < TESTED:
+            continue
+        ratio = float(
+            np.sum(square[halves[0]]) / dof[0] / max(np.sum(square[halves[1]]) / dof[1], 1e-300)
+        )
+        alpha = FALSE_ALARM / len(kinds) / 2
+        low, high = 1 / fdtri(dof[1], dof[0], 1 - alpha), fdtri(dof[0], dof[1], 1 - alpha)
+        given = {
+            "what": e.kinds[kind], "worse": "first" if ratio > 1 else "second",
+            "times": np.sqrt(max(ratio, 1 / max(ratio, 1e-300))),
+        }  # fmt: skip
+        name = f"evenness of {e.kinds[kind]}"
+        out.append(check("evenness", name, ratio, float(low), float(high), given))
+    return out
+
+
+def _held_out(e: Judged) -> list[Check]:
+    """One-sided: a prediction that is better than promised is no fault of the result."""
+    found = e.held_out
+    if found is None or found.count == 0:
+        return []
+    given = {
+        "what": e.readings.capitalize(), "size": e.held_out_size,
+        "ratio": float(np.sqrt(found.score / found.count)),
+    }  # fmt: skip
+    return [check("held out", f"held-out {e.readings}", found.score, None, found.high, given)]
+
+
+def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:
+    """Return the readings of a kind in so many parts, what was left out left out.
+
+    `count`: number of parts [1].
+    """
+    mine = np.flatnonzero(fit.model.kinds[kind].any(axis=1))
+    mine = mine[fit.estimate.weights[mine] > 0.5]
+    parts = [mine[np.arange(len(mine)) % count == k] for k in range(count)]
+    return [part for part in parts if len(part)]
+
+
+def clearest_drift(e: Judged) -> Drift | None:
+    """Return the drift of a coefficient that the residuals show most clearly."""
+    if e.time is None:
+        return None
+    fit = e.fit
+    n, d, _ = fit.at.jacobian.shape
+    names, number = fit.model.layout.names, np.zeros(n, int)
+    for k, rows in enumerate(fit.model.kinds.values()):
+        number[rows.any(axis=1)] = k
+    moving = fit.at.jacobian[:, :, : len(names)] * by_time(e.time)[:, None, None]
+    columns = np.zeros((len(fit.white.residuals), len(names)))
+    columns[: n * d] = fit.covariance.whiten(moving)
+    return find_drift(fit.white, names, e.time, kinds=number, candidates=columns)
+
+
+def chi_square_json(parts: Mapping[str, mixed.Component]) -> dict[str, list[float]]:
+    """Return sums of squares, their limits and degrees of freedom, for result.json."""
+    return {
+        kind: [c.chi_square, c.low, c.high, c.redundancy]
+        for kind, c in parts.items()
+        if c.redundancy >= 0.5
+    }
+
+
+def sizes_json(fit: Fit) -> dict[str, float]:
+    """Return the sizes of the sources that were found, for result.json [SI]."""
+    return {name: float(sd) for name, sd in fit.found.items()}
+
+
+def budget_json(fit: Fit, more: Mapping[str, tuple[FloatArray, str, str]]) -> dict[str, object]:
+    """Return budget and what its rows rest on, for result.json.
+
+    `more`: source -> variance, type and basis of what is added to the covariance afterwards, such
+    as local gravity [SI^2].
+    """
+    parts = mixed.budget(fit)
+    rest = {"prior": ["B", "prior as given in the campaign"]} | mixed.bases(fit)
+    for name, (variance, kind, basis) in more.items():
+        parts[name] = parts.get(name, 0.0) + variance
+        rest[name] = [kind, basis]
+    shown = {name: v.tolist() for name, v in parts.items() if v.any()}
+    return {"budget": shown, "sources": {name: rest[name] for name in shown if name in rest}}

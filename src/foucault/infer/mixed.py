@@ -1,0 +1,609 @@
+"""One estimator for every calibration from means and turns: a mixed model, linearised.
+
+A session says ``y = h(x) + sum_s sd_s B_s u_s`` with independent u_s of unit variance. x are the
+coefficients and what is a nuisance (mounting, attitudes). Each *source* of error has a name, what
+one standard deviation of each of its causes does to every reading (B_s), and a size sd_s that is
+known or is found from the residuals. Noise, placement, an unknown heading, the jitter of a table,
+repeatability: all are sources, and from the list of them everything follows that a procedure says::
+
+    fit             Gauss-Newton on the white residuals L^-1 (y - h), L L' = sum_s sd_s^2 B_s B_s'
+    repeatability   restricted maximum likelihood of the sizes that nobody declared [1]
+    budget          P_s = sd_s^2 A B_s B_s' A' with the gain A = P J' (L L')^-1
+    bound           the covariance with the sources that are noise of the sensors alone
+    components      sum of squares of each kind of reading, against its redundancy
+    held_out        readings predicted from the others, without solving again [2]
+    foreseen        the covariance of a session that was only planned
+    drawn           errors of the readings for one trial of a Monte Carlo study
+
+A variance that is found from v degrees of freedom counts as ``v / (v - 2)`` times as large: errors
+over it have Student's distribution, whose variance that is.
+
+References
+----------
+.. [1] H. D. Patterson, R. Thompson, "Recovery of inter-block information when block sizes are
+   unequal", Biometrika 58(3), 1971; D. A. Harville, JASA 72, 1977.
+.. [2] W. Baarda, "A testing procedure for use in geodetic networks", 1968.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any, Protocol
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.errors import Status
+from foucault.estimate import gauss_newton
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits, student
+from foucault.result import Estimate, Linearised, Problem
+
+SIGNIFICANT = 5.4
+"""Twice the log-likelihood that a source gains by chance in 1 % of all sessions at most: its size
+cannot be negative, so that half of them find none at all [1]."""
+
+FEW = 0.25
+"""Outliers up to this share of a kind are single mishaps; more of them are repeatability [1]."""
+
+SETTLED = 1e-3
+"""A variance that changes by less than this share has settled [1]."""
+
+SEEN = 0.01
+"""A direction of a reading of which less than this share is redundant is not predicted [1]."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A named cause of error: what one standard deviation of it does to every reading."""
+
+    name: str  # as in the budget; sources of one name are one row of it and have one size
+    # (n, d, c) c causes that every reading has for itself, or None [SI]
+    each: FloatArray | None = None
+    shared: FloatArray | None = None  # (n, d, k) k causes that readings share, or None [SI]
+    sd: float | None = 1.0  # size of the cause, None: to be found [what `each`, `shared` are per]
+    noise: bool = False  # noise of the sensors: the bound has nothing else
+    # twice the log-likelihood it has to gain to be there, where it is to be found [1]
+    price: float = SIGNIFICANT
+    # whether it is no cause that anybody names: where it is found, the noise is contradicted
+    unexplained: bool = False
+    type: str = "B"  # evaluated from the scatter of these data, A, or from other knowledge, B
+    basis: str = ""  # what it was evaluated from, for people
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """A model linearised at a state, before whitening."""
+
+    residuals: FloatArray  # (n, d) readings minus prediction [SI]
+    # (n, d, m) derivative of the prediction: coefficients, then nuisance parameters [SI]
+    jacobian: FloatArray
+    sources: tuple[Source, ...]  # at this state
+    # (k,) and (k, m): white rows of what is known of nuisance parameters beforehand [1]
+    known: tuple[FloatArray, FloatArray] | None = None
+
+
+class Model(Protocol):
+    """What a procedure states, and all that it states."""
+
+    @property
+    def layout(self) -> Layout:
+        """The coefficients, the first columns of every Jacobian."""
+        ...
+
+    @property
+    def start(self) -> Any:
+        """State to start from."""
+        ...
+
+    @property
+    def kinds(self) -> Mapping[str, BoolArray]:
+        """Kind of reading -> which components of which readings, shape (n, d) each."""
+        ...
+
+    def linearise(self, state: Any) -> Linearisation:
+        """Compare the readings with the model at `state`."""
+        ...
+
+    def retract(self, state: Any, step: FloatArray) -> Any:
+        """Apply `step` (m,) to a state [SI]."""
+        ...
+
+    def values(self, state: Any) -> FloatArray:
+        """Return the coefficients of a state, shape (p,) [SI]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Component:
+    """How one kind of reading fits."""
+
+    chi_square: float  # sum of squares of the white residuals [1]
+    redundancy: float  # degrees of freedom of this kind of reading [1]
+    # low, high: two-sided limits of the sum of squares at 1 % for all kinds together [1]
+    low: float
+    high: float
+
+    @property
+    def ratio(self) -> float:
+        """Sum of squares over redundancy [1]."""
+        return self.chi_square / max(self.redundancy, 1e-9)
+
+    @property
+    def inside(self) -> bool:
+        """Whether the noise explains the residuals, neither more nor less."""
+        return self.low <= self.chi_square <= self.high
+
+
+class Covariance:
+    """The covariance of all readings by sources of given sizes."""
+
+    def __init__(
+        self,
+        sources: Iterable[Source],
+        sds: Mapping[str, float],
+        shape: tuple[int, int],
+        weights: FloatArray,
+    ) -> None:
+        """Add up the sources.
+
+        `sds`: source -> size, where it is not the one the source states [SI]; `shape`: (n, d) [1];
+        `weights` (n,): what a reading counts: its own variance grows by as much [1].
+        """
+        n, d = shape
+        self.own, self.tied = np.zeros((n, d, d)), np.zeros((0, 0))
+        for source, sd in ((s, size_of(s, sds)) for s in sources):
+            if source.each is not None and sd:
+                self.own += sd**2 * source.each @ np.swapaxes(source.each, 1, 2)
+            if source.shared is not None and sd and source.shared.size:
+                rows = source.shared.reshape(n * d, -1)
+                self.tied = self.tied if self.tied.size else np.zeros((n * d, n * d))
+                self.tied += sd**2 * rows @ rows.T
+        # What every reading has for itself keeps an inverse, also where there is no noise.
+        least = 1e-13 * np.trace(self.own, axis1=1, axis2=2)[:, None, None]
+        self.own = (self.own + least * np.eye(d)) / weights[:, None, None]
+
+    @cached_property
+    def whole(self) -> FloatArray:
+        """The covariance of all components, shape (n d, n d) [SI]."""
+        n, d, _ = self.own.shape
+        out = self.tied.copy() if self.tied.size else np.zeros((n * d, n * d))
+        at = d * np.arange(n)[:, None, None] + np.arange(d)[:, None]
+        out[at, np.swapaxes(at, 1, 2)] += self.own
+        return out
+
+    @cached_property
+    def _root(self) -> FloatArray:
+        return np.asarray(np.linalg.cholesky(self.whole if self.tied.size else self.own))
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        """Return L^-1 times `rows` (n, d, k) [SI], as shape (n d, k)."""
+        from scipy.linalg import solve_triangular
+
+        n, d, k = rows.shape
+        if not self.tied.size:
+            return np.asarray(np.linalg.solve(self._root, rows)).reshape(n * d, k)
+        flat = rows.reshape(n * d, k)
+        return np.asarray(solve_triangular(self._root, flat, lower=True, check_finite=False))
+
+
+def size_of(source: Source, sds: Mapping[str, float]) -> float:
+    """Return the size of a source: as in `sds` [SI], else as stated, 0 where it is to be found."""
+    return sds.get(source.name, source.sd or 0.0)
+
+
+def stated(
+    model: Model,
+    sds: Mapping[str, float] | None = None,
+    prior: CoefficientVector | None = None,
+    *,
+    noise_alone: bool = False,
+) -> Problem:
+    """State a model with sources of given sizes as a least-squares problem.
+
+    `sds`: source -> size [SI]; `prior` or None: what is known of the coefficients [SI];
+    `noise_alone`: leave all sources out that are not noise of the sensors.
+    """
+    sds = sds or {}
+    last: list[tuple[Any, Linearisation]] = []  # weights change more often than the state
+
+    def linearise(state: Any, weights: FloatArray) -> Linearised:
+        if not last or last[0][0] is not state:
+            last[:] = [(state, model.linearise(state))]
+        at = last[0][1]
+        n, d = at.residuals.shape
+        some = [s for s in at.sources if s.noise or not noise_alone]
+        both = np.concatenate([at.jacobian, at.residuals[:, :, None]], axis=2)
+        white = Covariance(some, sds, (n, d), weights).whiten(both)
+        J, r, blocks = white[:, :-1], white[:, -1], np.repeat(np.arange(n), d)
+        if at.known is not None:
+            r, J = np.append(r, at.known[0]), np.concatenate([J, at.known[1]])
+            blocks = np.append(blocks, np.full(len(at.known[0]), -1))
+        return Linearised(r, J, blocks)
+
+    size = len(next(iter(model.kinds.values())))
+    return Problem(model.layout, model.start, linearise, model.retract, model.values, size, prior)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model solved: everything that checks, budget and report need."""
+
+    model: Model
+    problem: Problem  # that was solved, with its prior
+    estimate: Estimate
+    at: Linearisation  # the model at the solution
+    white: Linearised  # the same made white, with the rows of the prior
+    # sds, found: source -> size that was used, and the most likely one, of those to be found [SI]
+    sds: Mapping[str, float]
+    found: Mapping[str, float] = field(default_factory=dict)
+    dof: Mapping[str, float] = field(default_factory=dict)  # degrees of freedom of these [1]
+    # before, after: fit of each kind without what is unexplained, and with it
+    before: Mapping[str, Component] = field(default_factory=dict)
+    after: Mapping[str, Component] = field(default_factory=dict)
+
+    @property
+    def state(self) -> Any:
+        """The full state at the solution."""
+        return self.estimate.state
+
+    @property
+    def outliers(self) -> IntArray:
+        """The readings that were left out."""
+        return np.flatnonzero(self.estimate.weights < 0.5)
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Covariance of the readings as it was used."""
+        return Covariance(self.at.sources, self.sds, self.at.residuals.shape, self.estimate.weights)
+
+    @cached_property
+    def gain(self) -> FloatArray:
+        """What one unit of each component does to the coefficients, shape (p, n d)."""
+        from scipy.linalg import cho_solve
+
+        n, d, m = self.at.jacobian.shape
+        P = self.estimate.state_cov[: len(self.model.layout)]
+        J = self.at.jacobian.reshape(n * d, m)
+        if not self.covariance.tied.size:
+            solved = np.linalg.solve(self.covariance.own, self.at.jacobian).reshape(n * d, m)
+            return np.asarray(P @ solved.T)
+        return np.asarray(P @ cho_solve((self.covariance._root, True), J).T)
+
+
+def fit(
+    model: Model,
+    prior: CoefficientVector | None = None,
+    *,
+    robust: bool = False,
+    few: float = FEW,
+) -> Fit:
+    """Solve; find the sizes of sources that nobody declared; leave out readings that are far off.
+
+    A prior comes last, when sizes and outliers are settled: they would take up what contradicts
+    it, and the more wrong a prior, the more surely it would be believed.
+
+    `prior` or None: what is known of the coefficients [SI]; `robust`: leave out readings beyond
+    `gauss_newton.ROBUST_LIMIT`, unless a larger share than `few` of their kind are: that is
+    repeatability [1].
+    """
+    loss = gauss_newton.huber if robust else gauss_newton.least_squares
+    begin = _first_sizes(model)
+    estimate = gauss_newton.solve(stated(model, begin), loss=loss)
+    if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
+        problem = stated(model, begin, prior)
+        return _fit_of(model, problem, gauss_newton.solve(problem, loss=loss), begin)
+    weights = _outliers(model, estimate, few) if robust else np.ones(len(estimate.weights))
+    found, dof, settled = begin, begin, not begin and not robust
+    for _ in range(0 if settled else 4):
+        found, dof = repeatability(model, estimate.state, weights)
+        estimate = _solved(model, found, estimate, weights)
+        kept, weights = weights, _outliers(model, estimate, few) if robust else weights
+        if np.array_equal(kept, weights):
+            break
+        estimate = _solved(model, found, estimate, weights)
+    after = components(model, estimate)
+    alone = {s.name: 0.0 for s in model.linearise(estimate.state).sources if s.unexplained}
+    before = after
+    if any(found.get(name) for name in alone) and not any(begin.values()):
+        before = components(model, _solved(model, found | alone, estimate, weights))
+    sds = {name: sd * student(dof[name]) for name, sd in found.items()}
+    estimate = _solved(model, sds, estimate, weights) if any(sds.values()) else estimate
+    problem = stated(model, sds, prior)
+    if prior is not None and np.isfinite(prior.prior_sd).any():
+        estimate = gauss_newton.add_prior(problem, estimate)
+    whole = _fit_of(model, problem, estimate, sds)
+    return replace(whole, found=found, dof=dof, before=before, after=after)
+
+
+def _first_sizes(model: Model) -> dict[str, float]:
+    """Return what sources of unknown size begin with: nothing, but where nothing else is known."""
+    at = model.linearise(model.start)
+    names = {s.name for s in at.sources if s.sd is None}
+    unknown = _silent(at, names).any()
+    return dict.fromkeys(sorted(names), 1.0 if unknown else 0.0)
+
+
+def _silent(at: Linearisation, free: Iterable[str]) -> BoolArray:
+    """Tell which readings have no error of a known size for themselves, shape (n,)."""
+    n, d, _ = at.jacobian.shape
+    known = Covariance([s for s in at.sources if s.name not in free], {}, (n, d), np.ones(n))
+    return np.asarray(np.trace(known.own, axis1=1, axis2=2) <= 0)
+
+
+def _fit_of(model: Model, problem: Problem, estimate: Estimate, sds: Mapping[str, float]) -> Fit:
+    white = problem.linearise(estimate.state, estimate.weights)
+    white = gauss_newton.with_prior(problem, estimate.state, white)
+    now = components(model, estimate)
+    at = model.linearise(estimate.state)
+    return Fit(model, problem, estimate, at, white, sds, before=now, after=now)
+
+
+def _solved(
+    model: Model, sds: Mapping[str, float], near: Estimate, weights: FloatArray
+) -> Estimate:
+    problem = replace(stated(model, sds), start=near.state)
+    held = partial(_held, weights)
+    return gauss_newton.solve(problem, loss=held, weights=weights)
+
+
+def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
+    """A loss whose weights are settled."""
+    return weights
+
+
+def _outliers(model: Model, estimate: Estimate, few: float) -> FloatArray:
+    """Return weights that leave out what is far off, unless so much is that it is no outlier."""
+    norms = gauss_newton.block_norms(estimate.residuals, estimate.blocks, estimate.weights)
+    out = norms > gauss_newton.ROBUST_LIMIT
+    for rows in model.kinds.values():
+        mine = rows.any(axis=1)
+        if out[mine].sum() > few * mine.sum():
+            out[mine] = False
+    return np.where(out, gauss_newton.LEFT_OUT, 1.0)
+
+
+def repeatability(
+    model: Model, state: Any, weights: FloatArray
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Find the sizes of sources that nobody declared by restricted maximum likelihood.
+
+    Of the readings only the contrasts count that no unknown explains; what they say of the sizes
+    does not hang on the estimate.
+
+    `state`: near the solution; `weights` (n,): what a reading counts [1]. Returns source -> size,
+    0 where it does not gain its price, and source -> degrees of freedom that it was found from.
+    """
+    at = model.linearise(state)
+    free = {s.name: s.price for s in at.sources if s.sd is None}
+    z, V = _contrasts(at, free, weights)
+    none = dict.fromkeys(free, 0.0)
+    if not len(z) or not free:
+        return none, none
+    kept = dict(free)
+    while True:  # one that does not gain its price gives what it explained back to the others
+        var = _most_likely(z, {name: V[name] for name in kept})
+        gains = {n: _unlikely(z, V, var | {n: 0.0}) - _unlikely(z, V, var) for n in kept}
+        worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
+        if worst is None or gains[worst] >= kept[worst]:
+            break
+        del kept[worst]
+    S = _inverse(z, V, var)
+    dof = {n: float(np.sum((S @ V[n] * var[n]) * (S @ V[n] * var[n]).T)) for n in var}
+    return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
+
+
+def _contrasts(
+    at: Linearisation, free: Mapping[str, float], weights: FloatArray
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return what no unknown explains, white by what is known, and its covariance by each source.
+
+    Where nothing is known of the noise it is a millionth of what is to be found.
+    """
+    n, d, _ = at.jacobian.shape
+    little = dict.fromkeys(free, 1e-6 if _silent(at, free).any() else 0.0)
+    known = Covariance(at.sources, little, (n, d), weights)
+    J, r = known.whiten(at.jacobian), known.whiten(at.residuals[:, :, None])[:, 0]
+    if at.known is not None:
+        J, r = np.concatenate([J, at.known[1]]), np.append(r, at.known[0])
+    size = np.linalg.norm(J, axis=0)
+    U, s, _ = np.linalg.svd(J[:, size > 0] / size[size > 0], full_matrices=True)
+    left = U[:, int(np.sum(s > 1e-10 * s.max(initial=0.0))) :].T
+    V = {}
+    for name in free:
+        parts = []
+        for source in (s for s in at.sources if s.name == name):
+            if source.each is not None:
+                one = np.einsum("iac,ij->iajc", source.each, np.eye(n)).reshape(n, d, -1)
+                parts.append(known.whiten(one[:, :, one.any(axis=(0, 1))]))
+            if source.shared is not None:
+                parts.append(known.whiten(source.shared))
+        rows = left[:, : n * d] @ np.concatenate(parts, axis=1)
+        V[name] = rows @ rows.T
+    return left @ r, V
+
+
+def _inverse(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
+    return np.asarray(np.linalg.inv(np.eye(len(z)) + sum(v * V[n] for n, v in var.items())))
+
+
+def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> float:
+    """Twice the negative restricted log-likelihood, but for a constant."""
+    S = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
+    root = np.linalg.cholesky(S)
+    white = np.linalg.solve(root, z)
+    return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
+
+
+def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]:
+    """Return the variances that are most likely: z' S V S z = tr(S V) for each, or none at all.
+
+    Fisher scoring, held above zero; each step is halved until the likelihood does not fall.
+    """
+    unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
+    size = max(1.0, float(z @ z) / len(z))
+    var = {n: size * u for n, u in unit.items()}
+    now = _unlikely(z, V, var)
+    for _ in range(100):
+        S = _inverse(z, V, var)
+        SV = {n: S @ v for n, v in V.items()}
+        score = np.array([z @ SV[n] @ S @ z - np.trace(SV[n]) for n in V])
+        info = np.array([[np.sum(SV[a] * SV[b].T) for b in V] for a in V])
+        # What is at its bound, and would go below, stays there.
+        held = np.array([var[n] <= 0 for n in V], bool) & (score < 0)
+        step = np.zeros(len(V))
+        if not held.all():
+            go = np.ix_(~held, ~held)
+            step[~held] = np.linalg.lstsq(info[go], score[~held], rcond=None)[0]
+        share = 1.0
+        for _ in range(12):
+            new = {n: max(v + share * s, 0.0) for (n, v), s in zip(var.items(), step, strict=True)}
+            there = _unlikely(z, V, new)
+            if there <= now + 1e-9:
+                break
+            share /= 2
+        moved = max((abs(new[n] - var[n]) / (var[n] + 1e-6 * unit[n]) for n in V), default=0.0)
+        var, now = new, there
+        if moved < SETTLED:
+            break
+    return {n: v if v > 1e-6 * unit[n] else 0.0 for n, v in var.items()}
+
+
+# -- what follows from a fit, for every procedure alike --------------------------------------
+
+
+def components(model: Model, estimate: Estimate) -> dict[str, Component]:
+    """Judge every kind of reading, all at one false-alarm rate; what was left out does not count.
+
+    `estimate`: a solution of `stated`.
+    """
+    used = estimate.blocks >= 0
+    residuals, free = estimate.residuals[used], 1 - estimate.leverage[used]
+    kept = estimate.weights[estimate.blocks[used]] > 0.5
+    rows = {k: mine.ravel() & kept for k, mine in model.kinds.items() if mine.any()}
+    out = {}
+    for kind, mine in rows.items():
+        redundancy = float(np.sum(free[mine]))
+        low, high = chi_square_limits(max(redundancy, 1e-3), tests=len(rows))
+        out[kind] = Component(float(np.sum(residuals[mine] ** 2)), redundancy, low, high)
+    return out
+
+
+def budget(at: Fit) -> dict[str, FloatArray]:
+    """Return the variance of every coefficient by source; what is left came from the prior [GUM].
+
+    Returns source -> variances, shape (p,) [SI]; what is nothing is left out.
+    """
+    n, d = at.at.residuals.shape
+    gain = at.gain.reshape(len(at.gain), n, d)
+    out: dict[str, FloatArray] = {}
+    for source in at.at.sources:
+        sd = size_of(source, at.sds)
+        part = np.zeros(len(gain))
+        if source.each is not None:
+            part += sd**2 * np.sum(np.einsum("pnd,ndc->pnc", gain, source.each) ** 2, axis=(1, 2))
+        if source.shared is not None:
+            part += sd**2 * np.sum(np.einsum("pnd,ndk->pk", gain, source.shared) ** 2, axis=1)
+        out[source.name] = out.get(source.name, 0.0) + part
+    total = np.diag(at.estimate.state_cov)[: len(gain)]
+    out["prior"] = np.maximum(total - sum(out.values()), 0.0)
+    return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
+
+
+def bases(at: Fit) -> dict[str, list[str]]:
+    """Return type and basis of every source that has one, for result.json."""
+    return {s.name: [s.type, s.basis] for s in at.at.sources if s.basis}
+
+
+def noise_alone(at: Fit) -> Problem:
+    """Return the problem whose information is the Cramer-Rao bound: sensor noise, no prior."""
+    return stated(at.model, at.sds, noise_alone=True)
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Readings predicted from the others."""
+
+    # error, sd: (n, d) read minus predicted, and the standard deviation of that; NaN where a
+    # reading was not left out [SI]
+    error: FloatArray
+    sd: FloatArray
+    score: float  # sum of squares of the errors, white within each part [1]
+    count: int  # how many of them the others determine [1]
+    # dof, scale: the score has mean and variance of `scale` times chi-square with `dof` degrees of
+    # freedom, because parts share what predicts them [1]
+    dof: float
+    scale: float
+
+    @property
+    def high(self) -> float:
+        """What chance allows of `score`; less than expected is no fault [1]."""
+        return self.scale * chi_square_limits(max(self.dof, 1e-3), 2 * FALSE_ALARM)[1]
+
+
+def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
+    """Predict readings from all others, part by part, as if they had not been seen.
+
+    With ``W = C^-1 - C^-1 J P J' C^-1``, C the covariance of the readings, what the others leave of
+    the readings F is ``e = W_FF^-1 (W r)_F`` and has the covariance ``W_FF^-1`` [2]. Directions
+    that the others do not determine do not count.
+
+    `parts`: numbers of the readings that are left out together, each reading once [1].
+    """
+    n, d = at.at.residuals.shape
+    rows = [(d * part[:, None] + np.arange(d)).ravel() for part in parts]
+    every = np.concatenate(rows)
+    eye = np.zeros((n * d, len(every)))
+    eye[every, np.arange(len(every))] = 1.0
+    E = at.covariance.whiten(eye.reshape(n, d, -1))
+    values, vectors = np.linalg.eigh(at.estimate.state_cov)
+    B = E.T @ at.white.jacobian[: n * d] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    W = E.T @ E - B @ B.T
+    v = E.T @ at.white.residuals[: n * d]
+    error, sd = np.full((2, n * d), np.nan)
+    white, first = [], 0
+    for mine in rows:
+        own = slice(first, first + len(mine))
+        first += len(mine)
+        unit = np.sqrt(np.sum(E[:, own] ** 2, axis=0))
+        size, axes = np.linalg.eigh(W[own, own] / np.outer(unit, unit))
+        seen = size > SEEN
+        half = axes[:, seen] / np.sqrt(size[seen]) / unit[:, None]
+        error[mine] = half @ (half.T @ v[own])
+        sd[mine] = np.sqrt(np.sum(half**2, axis=1))
+        wide = np.zeros((len(every), int(seen.sum())))
+        wide[own] = half
+        white.append(wide)
+    A = np.concatenate(white, axis=1)
+    z, M = A.T @ v, A.T @ W @ A
+    square = float(np.sum(M**2))
+    count = len(z)
+    return HeldOut(
+        error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
+        count**2 / max(square, 1e-300), square / max(count, 1),
+    )  # fmt: skip
+
+
+def drawn(at: Linearisation, rng: np.random.Generator) -> FloatArray:
+    """Draw the errors of all readings for one Monte Carlo trial, shape (n, d) [SI]."""
+    out = np.zeros_like(at.residuals)
+    for source in at.sources:
+        for root, causes in ((source.each, len(out)), (source.shared, 1)):
+            if root is not None:
+                u = rng.standard_normal((causes, root.shape[2]))
+                out += (source.sd or 0.0) * np.einsum(
+                    "ndc,nc->nd", root, np.broadcast_to(u, (len(out), u.shape[1]))
+                )
+    return out
+
+
+def foreseen(model: Model, prior: CoefficientVector | None = None) -> Linearised:
+    """Return a planned session linearised at its start: covariance and bound follow from it.
+
+    `prior` or None: what is known of the coefficients [SI].
+    """
+    problem = stated(model, {}, prior)
+    at = problem.linearise(model.start, np.ones(problem.n_blocks))
+    return gauss_newton.with_prior(problem, model.start, at)

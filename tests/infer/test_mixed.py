@@ -1,0 +1,163 @@
+"""The mixed model: against closed forms, brute force, and its own statistics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from foucault.arrays import BoolArray, FloatArray
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.diagnose.information import information
+from foucault.infer import mixed
+from foucault.infer.mixed import Linearisation, Source
+from foucault.models.imu import LAYOUT
+
+NAMES = ("accel.bias.x", "accel.scale.x")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A toy: one axis read at known inputs, in placements that are each off by a little."""
+
+    inputs: FloatArray  # (n,) [m/s^2]
+    y: FloatArray  # (n,) [m/s^2]
+    group: FloatArray  # (n,) number of the placement
+    noise: float  # sd of a reading [m/s^2]
+    placement: float | None = None  # sd of a placement; None: to be found [m/s^2]
+
+    @property
+    def layout(self) -> Layout:
+        return LAYOUT.subset(NAMES)
+
+    @property
+    def start(self) -> FloatArray:
+        return np.zeros(2)
+
+    @property
+    def kinds(self) -> dict[str, BoolArray]:
+        return {"readings": np.ones((len(self.y), 1), bool)}
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        J = np.column_stack([np.ones_like(self.inputs), self.inputs])[:, None, :]
+        miss = self.y - self.inputs - J[:, 0] @ state
+        placed = (self.group[:, None] == np.unique(self.group))[:, None, :].astype(float)
+        return Linearisation(miss[:, None], J, (
+            Source("noise", each=np.ones((len(self.y), 1, 1)), sd=self.noise, noise=True),
+            Source("placement", shared=placed, sd=self.placement, price=0.0),
+        ))  # fmt: skip
+
+    def retract(self, state: FloatArray, step: FloatArray) -> FloatArray:
+        return state + step
+
+    def values(self, state: FloatArray) -> FloatArray:
+        return state
+
+
+def drawn(rng: np.random.Generator, placements: int = 12, each: int = 4, sd: float = 2e-3) -> Line:
+    group = np.repeat(np.arange(placements), each).astype(float)
+    inputs = 9.8 * np.cos(group * 2.4) + 0.1 * rng.standard_normal(len(group))
+    noise = 1e-3 * rng.standard_normal(len(group))
+    off = sd * rng.standard_normal(placements)[group.astype(int)]
+    return Line(inputs, 1.002 * inputs + 0.01 + off + noise, group, 1e-3)
+
+
+def test_repeatability_of_a_balanced_session_is_that_of_the_analysis_of_variance() -> None:
+    rng = np.random.default_rng(1)
+    group = np.repeat(np.arange(10.0), 5)
+    y = 0.3 + 2e-3 * rng.standard_normal(10)[group.astype(int)] + 1e-3 * rng.standard_normal(50)
+    model = replace(drawn(rng), inputs=np.zeros(50), y=y, group=group, noise=1e-3)
+    found, dof = mixed.repeatability(model, np.zeros(2), np.ones(50))
+    means = y.reshape(10, 5).mean(axis=1)
+    assert found["placement"] ** 2 == pytest.approx(means.var(ddof=1) - 1e-6 / 5, rel=1e-3)
+    assert 0 < dof["placement"] < 9
+
+
+def test_budget_adds_up_and_the_bound_is_the_noise_alone() -> None:
+    at = mixed.fit(drawn(np.random.default_rng(2)))
+    parts = mixed.budget(at)
+    assert set(parts) == {"noise", "placement"}
+    np.testing.assert_allclose(sum(parts.values()), np.diag(at.estimate.state_cov), rtol=1e-9)
+    problem = mixed.noise_alone(at)
+    bound = information(problem.linearise(at.state, np.ones(48)), problem.layout).sd
+    assert (bound < at.estimate.coefficients.sd).all()
+    J = np.column_stack([np.ones(48), at.model.inputs])
+    np.testing.assert_allclose(bound, 1e-3 * np.sqrt(np.diag(np.linalg.inv(J.T @ J))), rtol=1e-9)
+
+
+@pytest.mark.parametrize("prior", [None, (0.0099, 1e-4)])
+def test_held_out_readings_are_predicted_as_if_they_had_not_been_seen(prior) -> None:
+    model = replace(drawn(np.random.default_rng(3)), placement=2e-3)
+    known = prior and CoefficientVector.prior(model.layout, {"accel.bias.x": prior})
+    at = mixed.fit(model, known)
+    out = np.array([3, 4, 17])
+    found = mixed.held_out(at, [out])
+    J = np.column_stack([np.ones(48), model.inputs])
+    C = 1e-6 * np.eye(48) + 4e-6 * (model.group[:, None] == model.group)
+    kept = np.setdiff1d(np.arange(48), out)
+    inverse, y = np.linalg.inv(C[np.ix_(kept, kept)]), model.y - model.inputs
+    N = J[kept].T @ inverse @ J[kept]
+    b = J[kept].T @ inverse @ y[kept]
+    if prior:
+        N[0, 0] += prior[1] ** -2
+        b[0] += prior[0] / prior[1] ** 2
+    x = np.linalg.solve(N, b)
+    gain = C[np.ix_(out, kept)] @ inverse  # what readings of one placement share
+    left = y[out] - J[out] @ x - gain @ (y[kept] - J[kept] @ x)
+    B = J[out] - gain @ J[kept]
+    cov = C[np.ix_(out, out)] - gain @ C[np.ix_(kept, out)] + B @ np.linalg.inv(N) @ B.T
+    np.testing.assert_allclose(found.error[out, 0], left, rtol=1e-6)
+    np.testing.assert_allclose(found.sd[out, 0], np.sqrt(np.diag(cov)), rtol=1e-6)
+    assert found.score == pytest.approx(left @ np.linalg.solve(cov, left), rel=1e-6)
+    assert (found.count, found.dof, found.scale) == pytest.approx((3, 3.0, 1.0))
+
+
+def test_what_is_left_out_says_nothing_of_what_it_shares() -> None:
+    model = replace(drawn(np.random.default_rng(4)), placement=2e-3)
+    whole = mixed.fit(
+        replace(model, y=model.y + np.where(np.arange(48) == 7, 0.1, 0.0)), robust=True
+    )
+    assert whole.outliers.tolist() == [7]
+    kept = np.arange(48) != 7
+    part = mixed.fit(replace(model, inputs=model.inputs[kept], y=model.y[kept],
+                             group=model.group[kept]))  # fmt: skip
+    np.testing.assert_allclose(whole.state, part.state, rtol=1e-5)
+
+
+def test_held_out_parts_scatter_as_foreseen() -> None:
+    rng, trials = np.random.default_rng(7), 400
+    parts = [np.flatnonzero(np.arange(48) % 5 == k) for k in range(5)]
+    found = [mixed.held_out(mixed.fit(replace(drawn(rng), placement=2e-3)), parts)
+             for _ in range(trials)]  # fmt: skip
+    total = sum(one.score / one.scale for one in found)
+    low, high = chi2.ppf([0.005, 0.995], sum(one.dof for one in found))
+    assert low < total < high
+    assert sum(one.score > one.high for one in found) <= 11  # 1 %: more once in 1000
+
+
+def test_errors_are_as_large_as_the_covariance_says() -> None:
+    rng, total, trials = np.random.default_rng(5), 0.0, 400
+    for _ in range(trials):
+        at = mixed.fit(drawn(rng))
+        error = at.state - [0.01, 0.002]
+        total += error @ np.linalg.solve(at.estimate.coefficients.cov, error)
+    low, high = chi2.ppf([0.005, 0.995], 2 * trials)
+    assert low < total < high
+
+
+def test_a_source_that_is_not_there_is_seldom_found() -> None:
+    rng, trials = np.random.default_rng(6), 300
+    there = sum(
+        mixed.repeatability(Priced(**vars(drawn(rng, sd=0.0))), np.zeros(2), np.ones(48))[0][
+            "placement"
+        ] > 0 for _ in range(trials)
+    )  # fmt: skip
+    assert there <= 9  # 1 %: more than 9 of 300 once in 1000
+
+
+class Priced(Line):
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        return replace(at, sources=(at.sources[0], replace(at.sources[1], price=mixed.SIGNIFICANT)))
