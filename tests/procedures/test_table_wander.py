@@ -18,6 +18,7 @@ from foucault.models.table_geometry import Free
 from foucault.models.table_state import State, Unknowns, moved, predict
 from foucault.procedures import multi_position, norm_observation, turntable
 from foucault.procedures.on_table import plan as table_plan
+from foucault.procedures.record import Beforehand
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 
@@ -107,8 +108,8 @@ def test_preflight_foretells_the_long_term_bias():
     result, _ = calibrated(norm_observation, 1)
     foreseen = table_plan.foresee(
         norm_observation.task_of(norm_observation.Settings()),
-        session=norm_observation.Session(rate=10.0), site=SITE, noise=NOISE, prior={},
-    )  # fmt: skip
+        Beforehand(norm_observation.Settings(), norm_observation.Session(rate=10.0), SITE, NOISE),
+    )
     ratio = result.coefficients.sd / foreseen.coefficients.sd
     assert ratio.max() < 1.2
     assert ratio.min() > 0.8
