@@ -8,6 +8,7 @@ import pytest
 from foucault.estimate.transfer.hand_over import after_outage
 from foucault.models.earth import Site
 from foucault.navigate.state import states_of
+from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment import Session, Settings
 from foucault.procedures.transfer_alignment.foresight import problem_on
 from foucault.procedures.transfer_alignment.session import moved
@@ -19,7 +20,7 @@ SECONDS = 60.0
 def flown():
     plan = moved(Session(profile="straight", with_outage=False).motion, Site.at(0.8, 0.0))
     quiet = Session(message_rate=2.0)
-    model = problem_on(plan, Settings(), quiet, Site.at(0.8, 0.0), None, {}, rate=10.0).model
+    model = problem_on(plan, Beforehand(Settings(), quiet, Site.at(0.8, 0.0)), rate=10.0).model
     return model, model.about(model.start)
 
 

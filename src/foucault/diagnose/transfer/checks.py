@@ -5,7 +5,7 @@ How innovations are judged is `infer.filtered.components`.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -48,13 +48,8 @@ class Evidence:
 
     @cached_property
     def states(self) -> CoefficientVector:
-        """What was found of `prior`, with covariance: a bending that comes and goes is not [SI]."""
-        return self.states_of(self.fit)
-
-    def states_of(self, fit: TransferFit) -> CoefficientVector:
-        """Return the same of another run of the filter."""
-        found = self.model.estimate(fit).chosen(self.prior.names)
-        return replace(found, prior_sd=self.prior.prior_sd)
+        """What was found of `prior`, with covariance [SI]."""
+        return self.model.estimate(self.fit, self.prior)
 
 
 def spreads(e: Evidence) -> dict[str, Component]:
@@ -143,27 +138,31 @@ def _white(e: Evidence) -> Check:
     return Check("whiteness", worst, None, limit, fine, words)
 
 
-def hardly(e: Evidence) -> list[str]:
+def hardly(e: Evidence) -> tuple[str, ...]:
     """Return the coefficients that the motion shows hardly anything of.
 
     What the motion shows, and what is only counted with hides again, is `hidden`.
     """
-    return _unknown(e, motion=True)
+    return unknown(e.states, e.aside, motion=True)
 
 
 def hidden(e: Evidence) -> list[str]:
     """Return the coefficients that the motion shows, were it not for what is counted with."""
     unseen = hardly(e)
-    return [n for n in _unknown(e, motion=False) if n not in unseen]
+    return [n for n in unknown(e.states, e.aside, motion=False) if n not in unseen]
 
 
-def _unknown(e: Evidence, *, motion: bool) -> list[str]:
-    c, names = e.states, e.states.names
+def unknown(c: CoefficientVector, aside: tuple[str, ...], *, motion: bool) -> tuple[str, ...]:
+    """Return the coefficients that are hardly better known than before.
+
+    `c`: with covariance and prior [SI]; `aside`: groups that are only counted with; `motion`: as
+    if these were known.
+    """
     assert c.cov is not None
-    aside = [i for i, n in enumerate(names) if n.startswith(e.aside)]
-    variance = np.diag(conditional(c.cov, aside) if motion else c.cov)
-    return [n for n, s, p in zip(names, np.sqrt(np.maximum(variance, 0.0)), c.prior_sd, strict=True)
-            if s > HARDLY * p and not n.startswith(e.aside)]  # fmt: skip
+    others = [i for i, n in enumerate(c.names) if n.startswith(aside)]
+    sd = np.sqrt(np.maximum(np.diag(conditional(c.cov, others) if motion else c.cov), 0.0))
+    return tuple(n for n, s, p in zip(c.names, sd, c.prior_sd, strict=True)
+                 if s > HARDLY * p and not n.startswith(aside))  # fmt: skip
 
 
 def _seen(e: Evidence) -> Check:

@@ -58,7 +58,9 @@ def findings(
     priors = narrow(e)
     causes = [*of_priors(e, priors), *of_lever(e)] or of_outliers(e)
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
-    told += [*_unseen(e, [group for group, _ in priors]), *_hidden(e)]
+    # What was said to be known too well is not hidden by the motion.
+    known = [group for group, _ in priors]
+    told += [*unseen([n for n in hardly(e) if n.rpartition(".")[0] not in known]), *_hidden(e)]
     dependent, allowed = whiteness(e.fit.run)
     if not causes and dependent > allowed:
         causes = of_flexure(e)
@@ -110,9 +112,8 @@ def _straight(e: Evidence) -> list[Finding]:
     return [finding("transfer.straight", turn=f"{np.degrees(turn):.1f}", speed=f"{speed:.1f}")]
 
 
-def _unseen(e: Evidence, known: Sequence[str]) -> list[Finding]:
-    # What was said to be known too well is not hidden by the motion.
-    names = [n for n in hardly(e) if n.rpartition(".")[0] not in known]
+def unseen(names: Sequence[str]) -> list[Finding]:
+    """Name the coefficients that a motion does not show, and what would show them."""
     if not names:
         return []
     groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in names)]

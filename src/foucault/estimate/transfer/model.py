@@ -108,12 +108,13 @@ class TransferModel:
         """Names of the states."""
         return self.layout.names
 
-    def estimate(self, found: TransferFit) -> CoefficientVector:
-        """Return coefficients, installation, and what else was a state, at the last message [SI].
+    def estimate(self, found: TransferFit, prior: CoefficientVector) -> CoefficientVector:
+        """Return what was found of `prior` at the last message, with covariance [SI].
 
-        `found`: the model solved.
+        `found`: the model solved. A bending that comes and goes is not part of it.
         """
-        return CoefficientVector(Layout(self.layout.coefficients[9:]), found.values, found.cov)
+        every = CoefficientVector(Layout(self.layout.coefficients[9:]), found.values, found.cov)
+        return replace(every.chosen(prior.names), prior_sd=prior.prior_sd)
 
     def values(self, point: Linearisation) -> FloatArray:
         """Return what a point adds to the states after the ninth, shape (n - 9,) [SI]."""

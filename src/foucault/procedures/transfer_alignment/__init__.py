@@ -147,7 +147,7 @@ def _diagnostics(log: SlaveLog, s: Solution) -> dict[str, Any]:
         "gravity": s.problem.site.gravity,
         "matching": settings.matching,
         "filter": _filter(s),
-        "bound": s.states_of(s.kalman).chosen(settings.reported).sd.tolist(),
+        "bound": model.estimate(s.kalman, s.prior).chosen(settings.reported).sd.tolist(),
         "noise": {"accel": model.slave.noise.accel.white, "gyro": model.slave.noise.gyro.white},
         "delay": _delay(s),
         "hand_over": {"place": "master" if log.messages.has_place else "site"}
