@@ -13,7 +13,7 @@ from foucault.estimate.transfer.hand_over import hand_over
 from foucault.estimate.transfer.likeliest import likeliest_delay
 from foucault.estimate.transfer.model import TransferModel
 from foucault.estimate.transfer.reset import Reset
-from foucault.infer.filtered import fit
+from foucault.infer.filtered import budget, fit, sources
 from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
 from foucault.infer.linear_filter import kalman
 from foucault.models.geodesy import displaced, east_north_up, ecef
@@ -188,6 +188,16 @@ def test_the_delay_is_found_either_way():
     assert found.sd == pytest.approx(sds[0], rel=0.15)
     outside = likeliest_delay(model, (0.1, 0.2))
     assert outside.at_edge
+
+
+def test_the_budget_of_a_flight_adds_up():
+    case, _ = drawn(3, delay_state=True, assumed=DELAY)
+    found = fit(TransferModel(*case))
+    parts = budget(found, sources(found))
+    assert parts.keys() == {"prior", "process", "velocity", "attitude"}
+    np.testing.assert_allclose(sum(parts.values()), np.diag(found.cov), rtol=1e-9)
+    alone = {name: v / np.diag(found.cov) for name, v in parts.items()}
+    assert alone["prior"].max() < 0.9 and alone["attitude"][-1] > 0.5  # the delay
 
 
 def test_a_delay_ignored_is_a_false_bias():

@@ -182,10 +182,10 @@ def sources(at: Fit[P, S]) -> dict[str, LinearSystem]:
 
 
 def budget(at: Fit[P, S], parts: Mapping[str, LinearSystem]) -> dict[str, FloatArray]:
-    """Return what each source of error makes of the covariance of the values; they add up to it.
+    """Return the variance of every value by source of error; they add up.
 
-    `parts`: the system with the noise of one source alone, see `sources`. Returns source -> (n -
-    first, n - first) its part [SI]::
+    `parts`: the system with the noise of one source alone, see `sources`. Returns source ->
+    variances (n - first,) [SI]::
 
         P_s- = Phi (P_s + N_s) Phi' + N_s,    P_s = (I - K H) P_s- (I - K H)' + K R_s K'
     """
@@ -201,7 +201,7 @@ def budget(at: Fit[P, S], parts: Mapping[str, LinearSystem]) -> dict[str, FloatA
         for part, P_s in zip(parts.values(), cov, strict=True):
             N = np.diag(part.half[k])
             P_s[:] = A @ (Phi @ (P_s + N) @ Phi.T + N) @ A.T + K * part.R[k][taken] @ K.T
-    return {name: P_s[first:, first:] for name, P_s in zip(parts, cov, strict=True)}
+    return {name: np.diag(P_s)[first:] for name, P_s in zip(parts, cov, strict=True)}
 
 
 # -- are the innovations what they should be? ------------------------------------------------------

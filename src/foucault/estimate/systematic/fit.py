@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.estimate.ins_filter import FilterRun, Updates, run
-from foucault.models.earth import Site, gravity
+from foucault.models.earth import Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
@@ -121,12 +121,6 @@ class SystematicModel:
     noise: ImuNoise  # white noise of the sensors [SI]
     at_rest: AtRest = AtRest()  # what is known at rest
 
-    @property
-    def gravity_offset(self) -> float:
-        """Measured local minus normal gravity [m/s^2]."""
-        assert self.site.latitude is not None
-        return self.site.gravity - float(gravity(self.site.latitude, self.site.height))
-
     def filtered(
         self, starts: Sequence[Start], values: FloatArray, sd: FloatArray, *, keep: bool = False
     ) -> FilterRun:
@@ -149,7 +143,7 @@ class SystematicModel:
             state = State.at_rest(start.C_nb, self.site.latitude, 0.0, self.site.height)
             runs.append(run(
                 self.increments, state, self.sensors.during(number), measured, P, self.noise,
-                first=start.first, estimate=values, gravity_offset=self.gravity_offset, keep=keep,
+                first=start.first, estimate=values, gravity_offset=self.site.anomaly, keep=keep,
             ))  # fmt: skip
             # Of one recording for the next, what stays.
             values = np.where(gone, 0.0, runs[-1].coefficients[-1])

@@ -53,6 +53,6 @@ def second_step(
     two = run(
         increments, first.trajectory.state(-1), model.sensors,
         at_rest.updates(increments, model.rests, model.site, last), P, model.noise, first=last,
-        estimate=values, gravity_offset=model.gravity_offset, keep=True,
+        estimate=values, gravity_offset=model.site.anomaly, keep=True,
     )  # fmt: skip
     return two, values

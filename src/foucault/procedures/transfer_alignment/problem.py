@@ -17,7 +17,7 @@ from foucault.errors import Finding, error, finding
 from foucault.estimate.delay.fit import Delay, delay_of
 from foucault.estimate.transfer.model import TransferModel
 from foucault.estimate.transfer.slave import Linearisation, Slave
-from foucault.models.earth import Site, earth_rate_n, gravity, transport_rate
+from foucault.models.earth import Site, earth_rate_n, transport_rate
 from foucault.models.geodesy import displaced
 from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
@@ -208,11 +208,11 @@ def _known(settings: Settings, given: Mapping[str, tuple[float, float]]) -> Coef
 
 def _anomaly(site: Site, table: MasterTable) -> float:
     """Return by how much gravity differs from the normal one [m/s^2]."""
-    if site.latitude is not None:
-        return site.gravity - gravity(site.latitude, site.height)
-    assert table.latitude is not None
-    assert table.height is not None
-    return site.gravity - gravity(float(table.latitude[0]), float(table.height[0]))
+    if site.latitude is None:
+        assert table.latitude is not None
+        assert table.height is not None
+        site = replace(site, latitude=float(table.latitude[0]), height=float(table.height[0]))
+    return site.anomaly
 
 
 def _sd(settings: Settings, vector: CoefficientVector, noise: ImuNoise) -> FloatArray:
