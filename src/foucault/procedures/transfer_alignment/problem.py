@@ -98,8 +98,8 @@ def problem_of(
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
 
-    `log`: readings of the slave beside what its master said [SI]; `site`: gravity, and the
-    latitude where the master does not say it; `noise`: noise of the slave [SI], None takes that
+    `log`: readings of the slave beside what its master said [SI]; `site`: where it begins, see
+    `input.there`; `noise`: noise of the slave [SI], None takes that
     of a tactical instrument; `given`: mean and standard deviation of coefficients or groups of
     coefficients [SI]; `match`: whether what both turned is compared, a simulated session without
     errors need not be.
@@ -132,7 +132,7 @@ def problem_of(
     elif matched is not None and matched.seen:
         told += _differs(settings, matched)
     prior = _known(settings, given)
-    slave = Slave(increments, settings.sensors, noise or NOISE, 0, _anomaly(site, table))
+    slave = Slave(increments, settings.sensors, noise or NOISE, 0, site.anomaly)
     first, state = _start(increments, table, said, start, settings)
     known = Linearisation(state, prior.values[: len(settings.sensors)],
                           prior["installation"].values, start)  # fmt: skip
@@ -204,15 +204,6 @@ def _known(settings: Settings, given: Mapping[str, tuple[float, float]]) -> Coef
         middle = settings.longest_delay / 2
         usual["master.delay"] = middle, settings.longest_delay / np.sqrt(12.0)
     return CoefficientVector.prior(layout, {**usual, **given})
-
-
-def _anomaly(site: Site, table: MasterTable) -> float:
-    """Return by how much gravity differs from the normal one [m/s^2]."""
-    if site.latitude is None:
-        assert table.latitude is not None
-        assert table.height is not None
-        site = replace(site, latitude=float(table.latitude[0]), height=float(table.height[0]))
-    return site.anomaly
 
 
 def _sd(settings: Settings, vector: CoefficientVector, noise: ImuNoise) -> FloatArray:

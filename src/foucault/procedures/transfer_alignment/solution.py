@@ -36,11 +36,12 @@ class Solution(Evidence):
     problem: TransferProblem  # what was solved, the delay that it started from included
     # the fit of a Kalman filter: its covariance is the posterior Cramer-Rao bound
     kalman: TransferFit
-    # least gamma of the H-infinity filter; infinite for a Kalman filter [1]
+    # gamma, least: bound of the H-infinity filter, and the least there is; infinite for a Kalman
+    # filter [1]
+    gamma: float
     least: float
     backward: LinearSmoothed | None  # the Kalman run as seen from its end, where wanted
     findings: list[Finding]  # what the user should know of how the passes ended
-    gamma: float  # bound of the H-infinity filter; infinite for a Kalman filter [1]
 
 
 def solved(p: TransferProblem, *, history: bool) -> Solution:
@@ -55,8 +56,9 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
     status, told = _settled(p, fit)
     chosen, gamma, least = _bounded(p, fit)
     return Solution(
-        p.model, chosen, p.prior, status, p.delay, settings.longest_delay, likeliest, LEFT_OUT,
-        p, fit, least, backward, told, gamma,
+        model=p.model, fit=chosen, prior=p.prior, status=status, delay=p.delay,
+        longest=settings.longest_delay, likeliest=likeliest, aside=LEFT_OUT, problem=p, kalman=fit,
+        gamma=gamma, least=least, backward=backward, findings=told,
     )  # fmt: skip
 
 
