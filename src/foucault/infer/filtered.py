@@ -29,7 +29,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman, smoothed
@@ -152,32 +152,30 @@ def response(at: Fit[P, S], other: LinearModel[P, S]) -> FloatArray:
     return replace(at, system=system, run=kalman(system)).values - at.values
 
 
-def held_out(at: Fit[P, S], rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+def held_out(at: Fit[P, S], rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Predict epochs that the filter does not see from those before and after.
 
     `rows` (m,): which they are, true or false [1]. Returns measured less predicted, (k, q), and
     its standard deviation, infinite where nothing was measured [SI].
     """
-    hidden = np.asarray(rows, bool)
-    system = replace(at.system, R=np.where(hidden[:, None], np.inf, at.system.R))
+    system = replace(at.system, R=np.where(rows[:, None], np.inf, at.system.R))
     seen = smoothed(system, kalman(system, keep=True))
-    H = system.H[hidden]
-    off = system.z[hidden] - np.einsum("kqn,kn->kq", H, seen.states[hidden])
-    variance = np.einsum("kqn,knm,kqm->kq", H, seen.cov[hidden], H) + at.system.R[hidden]
+    H = system.H[rows]
+    off = system.z[rows] - np.einsum("kqn,kn->kq", H, seen.states[rows])
+    variance = np.einsum("kqn,knm,kqm->kq", H, seen.cov[rows], H) + at.system.R[rows]
     return off, np.sqrt(variance)
 
 
 def sources(at: Fit[P, S]) -> dict[str, LinearSystem]:
     """Return the system with the noise of what was known, of the states, of each kind alone."""
     s = at.system
-    none = replace(s, half=0.0 * s.half, R=0.0 * s.z, P0=0.0 * s.P0)
+    none = replace(s, half=0.0 * s.half, R=np.zeros_like(s.R), P0=0.0 * s.P0)
     out: dict[str, LinearSystem] = {
         "prior": replace(none, P0=s.P0), "process": replace(none, half=s.half),
     }  # fmt: skip
     for kind, columns in at.model.kinds.items():
-        R = np.zeros_like(s.R)
-        R[:, columns] = s.R[:, columns]
-        out[kind] = replace(none, R=R)
+        out[kind] = replace(none, R=np.zeros_like(s.R))
+        out[kind].R[:, columns] = s.R[:, columns]
     return out
 
 

@@ -32,9 +32,8 @@ from math import ceil
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.estimate.transfer.reset import Reset
@@ -74,7 +73,7 @@ class FreeInertial(LinearSystem):
     time: FloatArray  # (m,) when the messages hold [s]
     rows: IntArray  # (m,) rows of the increments next to that [1]
     # (k,) which messages are used: those that hold after the start, one for each row
-    used: npt.NDArray[np.bool_]
+    used: BoolArray
     history: FloatArray  # (m, 12) states of `kernels.strapdown` at the rows [SI]
     w_ib_b: FloatArray  # (m, 3) rate of the slave then, its bias taken out [rad/s]
 
@@ -169,7 +168,7 @@ class TransferModel:
         time = self.slave.increments.time
         return np.diff(time[rows], prepend=time[self.slave.first])
 
-    def _rows(self, delay: float) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+    def _rows(self, delay: float) -> tuple[IntArray, BoolArray]:
         """Return the rows next to when messages hold, each once, and which messages those are."""
         slave, time, valid = self.slave, self.slave.increments.time, self.master.time - delay
         after = np.searchsorted(time, valid)

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer import delay as delay_checks
 from foucault.diagnose.transfer.forces import forces
@@ -167,7 +166,7 @@ def _matched(
                     bracket=bracket)  # fmt: skip
 
 
-def _wild(found: Delay) -> npt.NDArray[np.bool_]:
+def _wild(found: Delay) -> BoolArray:
     """Return the messages whose attitude no neighbour leads to, shape (k,)."""
     before, after = np.append(found.wild[0], found.wild), np.append(found.wild, found.wild[-1])
     return np.asarray(before & after)
