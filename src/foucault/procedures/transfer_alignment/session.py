@@ -15,7 +15,7 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.logs import master as masters
-from foucault.models.earth import Site, gravity
+from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
@@ -216,8 +216,7 @@ def simulated(
     `noise`: noise of the slave [SI]; `seed`: seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
-    offset = site.gravity - gravity(site.latitude or 0.0, site.height)  # `moved` wants a latitude
-    return simulate_motion(motion, session, settings, model, noise, seed, offset)
+    return simulate_motion(motion, session, settings, model, noise, seed, site.anomaly)
 
 
 def simulate_motion(
