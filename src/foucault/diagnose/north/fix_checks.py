@@ -131,7 +131,8 @@ def _noise(
 ) -> Check | None:
     if dof < 1 or (sensor == 1 and not j.noise.accel.white):
         return None
-    given = {"what": what, "ratio": np.sqrt(value / dof), "dof": dof, "then": then}
+    ratio = np.sqrt(value / dof)
+    given = {"what": what, "ratio": ratio, "dof": dof, "then": then, "overstated": "the noise is"}
     return check("noise", name, value, None, chi_square_limits(dof, tests=TESTS)[1], given)
 
 
