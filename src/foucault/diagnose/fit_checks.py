@@ -35,17 +35,6 @@ TESTED = 3.0
 """Half a session with fewer degrees of freedom is not compared with the other [1]."""
 
 
-NOISE_BASIS = {
-    "declared": ("B", "noise as declared in the campaign"),
-    "measured": ("A", "scatter of the samples within the readings"),
-    "unknown": ("A", "scatter of the residuals"),
-}
-"""Where a noise is from -> type and basis of its sources."""
-
-UNEXPLAINED_BASIS = ("A", "scatter of the residuals beyond the noise")
-"""Type and basis of what is found from the residuals."""
-
-
 class Limit(NamedTuple):
     """From what size on a scatter is no longer a calibration."""
 
@@ -228,13 +217,20 @@ def clearest_drift(e: Judged) -> Drift | None:
         return None
     fit = e.fit
     n, d, _ = fit.at.jacobian.shape
-    names, number = fit.model.layout.names, np.zeros(n, int)
-    for k, rows in enumerate(fit.model.kinds.values()):
-        number[rows.any(axis=1)] = k
+    names = fit.model.layout.names
     moving = fit.at.jacobian[:, :, : len(names)] * by_time(e.time)[:, None, None]
     columns = np.zeros((len(fit.white.residuals), len(names)))
     columns[: n * d] = fit.covariance.whiten(moving)
-    return find_drift(fit.white, names, e.time, kinds=number, candidates=columns)
+    return find_drift(fit.white, names, e.time, kinds=scattering(e), candidates=columns)
+
+
+def scattering(e: Judged) -> IntArray:
+    """Return a number for each reading, the same for those that have one scatter, shape (n,)."""
+    out = np.zeros(len(e.fit.at.residuals), int)
+    numbers: dict[tuple[str, ...], int] = {}
+    for kind, rows in e.fit.model.kinds.items():
+        out[rows.any(axis=1)] = numbers.setdefault(e.found_in.get(kind, (kind,)), len(numbers))
+    return out
 
 
 def chi_square_json(parts: Mapping[str, mixed.Component]) -> dict[str, list[float]]:

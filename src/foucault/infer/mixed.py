@@ -51,8 +51,22 @@ FEW = 0.25
 SETTLED = 1e-3
 """A variance that changes by less than this share has settled [1]."""
 
+NEARLY = 2.0
+"""A mean square of residuals that is not far from that of the noise [1]."""
+
 SEEN = 0.01
 """A direction of a reading of which less than this share is redundant is not predicted [1]."""
+
+
+NOISE_BASIS = {
+    "declared": ("B", "noise as declared in the campaign"),
+    "measured": ("A", "scatter of the samples within the readings"),
+    "unknown": ("A", "scatter of the residuals"),
+}
+"""Where a noise is from -> type and basis of its sources."""
+
+UNEXPLAINED_BASIS = ("A", "scatter of the residuals beyond the noise")
+"""Type and basis of what is found from the residuals."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +97,8 @@ class Linearisation:
     sources: tuple[Source, ...]  # at this state
     # (k,) and (k, m): white rows of what is known of nuisance parameters beforehand [1]
     known: tuple[FloatArray, FloatArray] | None = None
+    # (k,) the source that each of these rows is in the budget; () for the prior
+    known_from: tuple[str, ...] = ()
 
 
 class Model(Protocol):
@@ -273,12 +289,32 @@ class Fit:
         return np.asarray(P @ cho_solve((self.covariance._root, True), J).T)
 
 
+def solve(
+    model: Model,
+    sds: Mapping[str, float] | None = None,
+    weights: FloatArray | None = None,
+    near: Any = None,
+) -> Fit:
+    """Solve with sources of given sizes, and with readings that are left out beforehand.
+
+    `sds`: source -> size, those to be found are nothing where it is not given [SI]; `weights`
+    (n,): what a reading counts, None for 1 [1]; `near`: state to start from, None for the model's.
+    """
+    sds = {} if sds is None else sds
+    problem = stated(model, sds)
+    problem = problem if near is None else replace(problem, start=near)
+    weights = np.ones(problem.n_blocks) if weights is None else weights
+    estimate = gauss_newton.solve(problem, loss=partial(_held, weights), weights=weights)
+    return _fit_of(model, problem, estimate, sds)
+
+
 def fit(
     model: Model,
     prior: CoefficientVector | None = None,
     *,
     robust: bool = False,
     few: float = FEW,
+    near: Fit | None = None,
 ) -> Fit:
     """Solve; find the sizes of sources that nobody declared; leave out readings that are far off.
 
@@ -287,18 +323,20 @@ def fit(
 
     `prior` or None: what is known of the coefficients [SI]; `robust`: leave out readings beyond
     `gauss_newton.ROBUST_LIMIT`, unless a larger share than `few` of their kind are: that is
-    repeatability [1].
+    repeatability [1]; `near` or None: a solution whose outliers are settled, and which is near.
     """
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
     begin = _first_sizes(model)
-    estimate = gauss_newton.solve(stated(model, begin), loss=loss)
+    estimate = near.estimate if near else gauss_newton.solve(stated(model, begin), loss=loss)
     if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
         problem = stated(model, begin, prior)
         return _fit_of(model, problem, gauss_newton.solve(problem, loss=loss), begin)
-    weights = _outliers(model, estimate, few) if robust else np.ones(len(estimate.weights))
+    weights = _outliers(model, estimate, few) if robust else estimate.weights
     found, dof, settled = begin, begin, not begin and not robust
     for _ in range(0 if settled else 4):
         found, dof = repeatability(model, estimate.state, weights)
+        if near and not any(found.values()) and not any(near.sds.values()):
+            return with_prior(replace(near, found=found, dof=dof), prior)
         estimate = _solved(model, found, estimate, weights)
         kept, weights = weights, _outliers(model, estimate, few) if robust else weights
         if np.array_equal(kept, weights):
@@ -311,11 +349,20 @@ def fit(
         before = components(model, _solved(model, found | alone, estimate, weights))
     sds = {name: sd * student(dof[name]) for name, sd in found.items()}
     estimate = _solved(model, sds, estimate, weights) if any(sds.values()) else estimate
-    problem = stated(model, sds, prior)
-    if prior is not None and np.isfinite(prior.prior_sd).any():
+    whole = _fit_of(model, stated(model, sds), estimate, sds)
+    whole = replace(whole, found=found, dof=dof, before=before, after=after)
+    return with_prior(whole, prior)
+
+
+def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
+    """Add what is known of the coefficients to a solution whose sizes and outliers are settled."""
+    if prior is None:
+        return at
+    problem, estimate = stated(at.model, at.sds, prior), at.estimate
+    if np.isfinite(prior.prior_sd).any():
         estimate = gauss_newton.add_prior(problem, estimate)
-    whole = _fit_of(model, problem, estimate, sds)
-    return replace(whole, found=found, dof=dof, before=before, after=after)
+    now = _fit_of(at.model, problem, estimate, at.sds)
+    return replace(now, found=at.found, dof=at.dof, before=at.before, after=at.after)
 
 
 def _first_sizes(model: Model) -> dict[str, float]:
@@ -383,8 +430,11 @@ def repeatability(
     if not len(z) or not free:
         return none, none
     kept = dict(free)
+    # Where the known noise explains the residuals as a whole nothing is the better start.
+    size = float(z @ z) / len(z)
+    var = {n: size * len(z) / max(float(np.trace(V[n])), 1e-300) for n in kept if size > NEARLY}
     while True:  # one that does not gain its price gives what it explained back to the others
-        var = _most_likely(z, {name: V[name] for name in kept})
+        var = _most_likely(z, {name: V[name] for name in kept}, var)
         gains = {n: _unlikely(z, V, var | {n: 0.0}) - _unlikely(z, V, var) for n in kept}
         worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
         if worst is None or gains[worst] >= kept[worst]:
@@ -437,14 +487,16 @@ def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, floa
     return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
 
 
-def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]:
+def _most_likely(
+    z: FloatArray, V: Mapping[str, FloatArray], start: Mapping[str, float]
+) -> dict[str, float]:
     """Return the variances that are most likely: z' S V S z = tr(S V) for each, or none at all.
 
-    Fisher scoring, held above zero; each step is halved until the likelihood does not fall.
+    Fisher scoring from `start`, held above zero; each step is halved until the likelihood does not
+    fall.
     """
     unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
-    size = max(1.0, float(z @ z) / len(z))
-    var = {n: size * u for n, u in unit.items()}
+    var = {n: start.get(n, 0.0) for n in V}
     now = _unlikely(z, V, var)
     for _ in range(100):
         S = _inverse(z, V, var)
@@ -506,7 +558,11 @@ def budget(at: Fit) -> dict[str, FloatArray]:
             part += sd**2 * np.sum(np.einsum("pnd,ndc->pnc", gain, source.each) ** 2, axis=(1, 2))
         if source.shared is not None:
             part += sd**2 * np.sum(np.einsum("pnd,ndk->pk", gain, source.shared) ** 2, axis=1)
-        out[source.name] = out.get(source.name, 0.0) + part
+        out[source.name] = out.get(source.name, np.zeros(len(gain))) + part
+    if at.at.known is not None:
+        parts = (at.estimate.state_cov[: len(gain)] @ at.at.known[1].T) ** 2
+        for name, known in zip(at.at.known_from, parts.T, strict=False):
+            out[name] = out.get(name, np.zeros(len(gain))) + known
     total = np.diag(at.estimate.state_cov)[: len(gain)]
     out["prior"] = np.maximum(total - sum(out.values()), 0.0)
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
