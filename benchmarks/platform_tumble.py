@@ -16,7 +16,8 @@ from foucault.models.earth import Site
 from foucault.plans.tumble import torquing
 from foucault.procedures.platform_tumble.problem import prior_of, tumble_of
 from foucault.procedures.platform_tumble import settings as tumble
-from foucault.procedures.platform_tumble.settings import Settings, draw_printed, simulate
+from foucault.procedures.platform_tumble import simulate
+from foucault.procedures.platform_tumble.settings import Settings, draw_printed
 site = Site(9.80665, np.radians(40.0))
 settings = Settings(arms=(("5 cm", "0 m", "0 m"), ("0 m", "5 cm", "0 m"), ("0 m", "0 m", "5 cm")))
 def make(seed):

@@ -11,7 +11,8 @@ import json, time
 import numpy as np
 from foucault.models.earth import Site
 from foucault.procedures.transfer_alignment.problem import problem_of
-from foucault.procedures.transfer_alignment.session import Session, draw_errors, simulate
+from foucault.procedures.transfer_alignment import simulate
+from foucault.procedures.transfer_alignment.session import Session, draw_errors
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 site, settings = Site.at(np.radians(32.0), 1000.0), Settings(delay="100 ms")
 session = simulate(Session(with_outage=False), model=draw_errors("tactical", 1), noise=NOISE,

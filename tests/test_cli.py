@@ -23,6 +23,7 @@ from foucault import campaign, procedures
 from foucault.cli import app, screen
 from foucault.logs import read
 from foucault.logs.description import LogDescription
+from foucault.procedures.record import Procedure
 from foucault.result import Level
 from foucault.run_folder import load_result
 from foucault.symptoms import SYMPTOMS
@@ -62,12 +63,12 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Any], None]]:
     """Let the procedure give this result, or raise this, without estimating anything."""
 
     def give(what: Any) -> None:
-        def calibrate(log: Any, **_: Any) -> Any:
+        def calibrate(procedure: Any, log: Any, **_: Any) -> Any:
             if isinstance(what, BaseException):
                 raise what
             return what
 
-        monkeypatch.setattr(procedures.load("hand_rotated"), "calibrate", calibrate)
+        monkeypatch.setattr(Procedure, "calibrate", calibrate)
 
     yield give
 

@@ -24,8 +24,9 @@ from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.procedures.systematic import choice as systematic_choice
+from foucault.procedures.systematic import simulate
 from foucault.procedures.systematic.problem import problem_of
-from foucault.procedures.systematic.settings import PRIOR, Session, Settings, draw_errors, simulate
+from foucault.procedures.systematic.settings import PRIOR, Session, Settings, draw_errors
 
 ROOT = Path(__file__).parents[1]
 NULLS, FEW, RUNS, DRAWS = 500, 30, 100, 400

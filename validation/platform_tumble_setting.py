@@ -25,6 +25,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log
 from foucault.plans.tumble.torquing import TorquingPlan
+from foucault.procedures.platform_tumble import simulate as simulated
 from foucault.procedures.platform_tumble.settings import (
     NOISE,
     PRIOR,
@@ -32,7 +33,6 @@ from foucault.procedures.platform_tumble.settings import (
     Settings,
     draw_printed,
 )
-from foucault.procedures.platform_tumble.settings import simulate as simulated
 from foucault.simulate.tumble import Acquisition, TumbleSimulation, simulate_tumble
 
 G = 9.80665

@@ -22,6 +22,7 @@ from foucault.plans.systematic.spin_poses import NAMES, poses, quality
 from foucault.plans.table.efficiency import efficiency
 from foucault.plans.table.search import Wanted
 from foucault.procedures import norm_observation, turntable
+from foucault.procedures.record import Beforehand
 
 SITE = Site(9.81, np.radians(45.0))
 RESTARTS, EVALUATIONS = 4, 1500
@@ -47,11 +48,11 @@ def search(case: tuple) -> tuple:
     """Search as `foucault optimise` does: a round from random plans, the best once more."""
     name, plan, settings, wanted = case
     module = {"norm_observation": norm_observation, "turntable": turntable}[name]
-    space = module.space(
-        module.Settings(plan=plan, **settings), Wanted(**wanted),
+    space = module.PROCEDURE.space(Beforehand(
+        module.Settings(plan=plan, **settings), wanted=Wanted(**wanted),
         session=module.Session(rest_time=60.0, turns=4), site=SITE,
         noise=grade("tactical").noise, prior={},
-    )  # fmt: skip
+    ))  # fmt: skip
     found = [descend(space, np.random.default_rng(k), EVALUATIONS) for k in range(RESTARTS)]
     best = min(found, key=lambda d: d.cost)
     again = descend(space, np.random.default_rng(99), EVALUATIONS, best.plan, 0.01)

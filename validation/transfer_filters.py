@@ -27,8 +27,9 @@ from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.strapdown import navigate
+from foucault.procedures.transfer_alignment import simulate
 from foucault.procedures.transfer_alignment.problem import problem_of
-from foucault.procedures.transfer_alignment.session import Session, simulate
+from foucault.procedures.transfer_alignment.session import Session
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 
 RUNS, DELAYS = 400, 60  # 200 runs would find a covariance 10 % too small in six of seven only

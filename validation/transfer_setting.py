@@ -30,12 +30,12 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State, state_of
 from foucault.navigate.strapdown import navigate
+from foucault.procedures.transfer_alignment import simulate
 from foucault.procedures.transfer_alignment.problem import place_of, problem_of
 from foucault.procedures.transfer_alignment.session import (
     Session,
     TransferSession,
     draw_errors,
-    simulate,
 )
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 from foucault.procedures.transfer_alignment.solution import Solution, solved

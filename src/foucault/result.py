@@ -23,7 +23,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of, of_sensors
 from foucault.models.size_effect import SizeEffect
 from foucault.models.temperature import TemperatureModel
-from foucault.symptoms import DOUBTS
+from foucault.symptoms import doubtful
 from foucault.tables import Log
 
 TableData = Mapping[str, npt.NDArray[Any]]
@@ -152,10 +152,10 @@ class Verdict:
         Parameters
         ----------
         findings : tuple of Finding
-            What was noticed; those of `symptoms.DOUBTS` count that are more than notes.
+            What was noticed; those with a doubt in `symptoms` count that are more than notes.
         """
         told = [
-            f"{f.message} {f.cure}" for f in findings if f.code in DOUBTS and f.severity != "note"
+            f"{f.message} {f.cure}" for f in findings if doubtful(f.code) and f.severity != "note"
         ]
         more = tuple(words for words in told if words not in self.reasons)
         level = Level.DOUBTFUL if more and self.level is Level.PASS else self.level

@@ -41,9 +41,7 @@ def two_sessions(name, folder):
     described = replace(described, site=replace(described.site, gravity_sd=0.0))
     first = campaign.simulate(described, seed=3)
     # The errors the first drew are given to the second, which draws other noise.
-    module = procedures.load(name)
-    draw = getattr(module, "draw_errors", campaign.running.draw_errors)
-    drawn = draw(described.simulate.grade, 3).coefficients()
+    drawn = procedures.load(name).draw_errors(described.simulate.grade, 3).coefficients()
     units = [c.unit for c in drawn.layout.coefficients]
     errors = {n: f"{v!r} {u}".strip() for n, v, u in zip(drawn.names, drawn.values.tolist(), units,
                                                         strict=True)}  # fmt: skip
@@ -393,7 +391,7 @@ def bent(folder, seed, sequence, errors):
 
 @pytest.mark.thorough
 def test_a_result_with_deflection_is_a_prior(tmp_path):
-    drawn = campaign.running.draw_errors("navigation", 3).coefficients()
+    drawn = procedures.load("hand_rotated").draw_errors("navigation", 3).coefficients()
     estimated = ("bias", "scale", "misalignment")
     errors = {
         c.name: f"{v if c.name.split('.')[1] in estimated else 0.0!r} {c.unit}".strip()

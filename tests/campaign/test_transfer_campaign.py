@@ -13,7 +13,6 @@ from foucault.campaign.navigation import Said
 from foucault.errors import FoucaultError
 from foucault.export import request
 from foucault.models.layouts import kind_of
-from foucault.procedures import transfer_alignment
 from foucault.procedures.navigation.settings import Settings as Navigation
 from foucault.report import html
 from foucault.result import Level
@@ -92,7 +91,7 @@ def test_the_outage_is_navigated_with_what_was_found(session, run):
 def test_a_study(tmp_path):
     c = described(rate='"50 Hz"', message_rate='"2 Hz"')
     found = study.run(c, 4, tmp_path, workers=1)
-    assert found.names == transfer_alignment.names_of(c.settings)
+    assert found.names == c.settings.reported
     assert found.status == {"converged": 4}
     again = study.run(c, 4, tmp_path / "again", workers=2)
     assert [row["ratio"] for row in again.rows()] == [row["ratio"] for row in found.rows()]

@@ -23,6 +23,7 @@ from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble import NOISE
 from foucault.procedures.platform_tumble.foresight import planned
 from foucault.procedures.platform_tumble.settings import draw_printed
+from foucault.procedures.record import Beforehand
 from foucault.result import Level
 from make_cluster import DEG_H, UG
 from make_tumble import SLOW, calibrate, campaign_of, tumble
@@ -101,7 +102,7 @@ def test_with_the_errors_that_were_thought_usual_all_45_come_true(
     """Uncertain gravity, latitude and slow noise too: every term of a result is foretold."""
     made = campaign_of(procedure, simulate)
     said = parts(made) | {"noise": noise}
-    found = platform_tumble.foresee(**said)
+    found = platform_tumble.PROCEDURE.foresee(Beforehand(**said))
     log = platform_tumble.simulate(
         made.session.model_copy(update={"attitude_sd": 0.0}),
         settings=made.settings.model_copy(update={"latitude_sd": 0.0, "delay_sd": 0.0}),
@@ -120,13 +121,18 @@ def test_noise_and_prior_decide(no_more):
     noise = made.noise
     louder = ImuNoise(*(replace(n, white=2 * n.white) for n in (noise.accel, noise.gyro)))
     said = parts(made) | {"site": replace(made.site, gravity_sd=0.0)}
-    one, two = (platform_tumble.foresee(**(said | {"noise": n})) for n in (noise, louder))
+    one, two = (
+        platform_tumble.PROCEDURE.foresee(Beforehand(**(said | {"noise": n})))
+        for n in (noise, louder)
+    )
     free = one.share < 0.01
     assert free.sum() > 25
     np.testing.assert_allclose(two.sd[free], 2 * one.sd[free], rtol=0.02)
     assert (two.sd[CONSTANT] > one.sd[CONSTANT]).all()
     k = CONSTANTS.index("accel.bias.x")
-    held = platform_tumble.foresee(**(said | {"prior": {"accel.bias.x": (30 * UG, 0.01 * UG)}}))
+    held = platform_tumble.PROCEDURE.foresee(
+        Beforehand(**(said | {"prior": {"accel.bias.x": (30 * UG, 0.01 * UG)}}))
+    )
     assert held.sd[k] < 0.01 * UG < 0.05 * UG < one.sd[k]
     assert held.prior_sd[k] == pytest.approx(0.01 * UG)
     assert held.coefficients.values[k] == pytest.approx(30 * UG)
@@ -176,7 +182,7 @@ def test_an_end_where_the_angles_are_no_measure_is_foretold():
 
 def test_noise_that_is_not_declared_is_assumed_and_told():
     said = parts(campaign_of(""))
-    found = platform_tumble.foresee(**(said | {"noise": None}))
+    found = platform_tumble.PROCEDURE.foresee(Beforehand(**(said | {"noise": None})))
     codes = [f.code for f in found.findings]
     assert {"preflight.noise", "tumble.noise"} <= set(codes)
     assert "0.447 ug/sqrt(Hz) was taken" in found.findings[codes.index("preflight.noise")].message

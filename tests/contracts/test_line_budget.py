@@ -11,21 +11,21 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_097,
-    "campaign": 5_360,
+    "campaign": 5_322,
     "cli": 4_923,
     "diagnose": 20_945,
     "estimate": 9_693,
     "export": 2_474,
-    "infer": 620,
+    "infer": 650,
     "kernels": 4_288,
     "logs": 6_266,
     "models": 5_076,
     "navigate": 1_560,
     "plans": 6_115,
-    "procedures": 14_611,
+    "procedures": 14_049,
     "report": 9_910,
     "simulate": 3_626,
-    "symptoms": 4_408,
+    "symptoms": 90,
 }
 
 SLACK = 100

@@ -19,9 +19,9 @@ from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans.tumble.torquing import PUBLISHED as PUBLISHED_PLAN
 from foucault.plans.tumble.torquing import nominal
-from foucault.procedures.platform_tumble import PRIOR
+from foucault.procedures.platform_tumble.settings import PRIOR
 from foucault.result import Level
-from foucault.symptoms.platform_tumble import ROWS
+from foucault.symptoms import SYMPTOMS
 from make_cluster import G
 from make_tumble import FAST, PUBLISHED, SLOW, calibrate, campaign_of, tumble
 
@@ -84,7 +84,7 @@ def test_every_row_of_the_table_is_asserted_here():
     source = Path(__file__).read_text(encoding="utf-8")
     for name in ("test_platform_tumble.py", "test_tumble_spoiled.py"):
         source += (Path(__file__).parents[1] / "procedures" / name).read_text(encoding="utf-8")
-    assert [row[0] for row in ROWS if source.count(f'"{row[0]}"') < 1] == []
+    assert [c for c in SYMPTOMS if c.startswith("tumble.") and f'"{c}"' not in source] == []
 
 
 # -- what is missing -------------------------------------------------------------------------------

@@ -114,6 +114,27 @@ def test_held_out_readings_are_predicted_as_if_they_had_not_been_seen(prior) -> 
     assert (found.count, found.dof, found.scale) == pytest.approx((3, 3.0, 1.0))
 
 
+def test_parts_that_are_held_out_are_each_judged_by_themselves() -> None:
+    model = replace(drawn(np.random.default_rng(8)), placement=2e-3)
+    at = mixed.fit(replace(model, y=model.y + np.where(model.group == 3, 0.02, 0.0)))
+    parts = [np.flatnonzero(model.group == k) for k in range(12)]
+    found = mixed.held_out(at, parts)
+    assert found.scores.argmax() == 3 and found.score == pytest.approx(found.scores.sum())
+    assert found.counts.tolist() == [4] * 12
+    alone = mixed.held_out(at, parts[5:6])
+    assert (alone.score, alone.count) == pytest.approx((found.scores[5], 4))
+
+
+def test_causes_that_readings_share_are_found_as_unknowns_with_a_prior_are() -> None:
+    model = replace(drawn(np.random.default_rng(9)), placement=2e-3)
+    found = mixed.causes(mixed.fit(model), "placement")
+    A = np.column_stack([np.ones(48), model.inputs, model.group[:, None] == np.arange(12)])
+    rows = np.vstack([A / 1e-3, np.eye(14)[2:] / 2e-3])
+    want = np.linalg.lstsq(rows, np.append((model.y - model.inputs) / 1e-3, np.zeros(12)))[0]
+    np.testing.assert_allclose(found, want[2:], atol=1e-9)
+    assert mixed.causes(mixed.fit(model), "noise").size == 0
+
+
 def test_what_is_left_out_says_nothing_of_what_it_shares() -> None:
     model = replace(drawn(np.random.default_rng(4)), placement=2e-3)
     whole = mixed.fit(

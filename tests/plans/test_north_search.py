@@ -29,6 +29,7 @@ from foucault.plans.north.moves import Rig, Schedule, schedule
 from foucault.plans.north.search import NorthSpace
 from foucault.plans.optimise import Descent, compare, descend
 from foucault.procedures import north_seeking
+from foucault.procedures.record import Beforehand
 from foucault.simulate.north import (
     NorthPlan,
     Placement,
@@ -243,10 +244,10 @@ accelerometers = "case"
 
 def campaign_space(more="", **wanted):
     campaign = reading.parse(CAMPAIGN.replace("MORE", more))
-    return north_seeking.space(
-        campaign.settings, north_seeking.Wanted.model_validate(wanted), session=campaign.session,
-        site=campaign.site, noise=campaign.noise, prior=campaign.prior,
-    )  # fmt: skip
+    return north_seeking.space(Beforehand(
+        campaign.settings, campaign.session, campaign.site, campaign.noise, campaign.prior,
+        wanted=north_seeking.Wanted.model_validate(wanted),
+    ))  # fmt: skip
 
 
 def written(changes) -> str:
@@ -309,20 +310,20 @@ def test_what_is_wanted_is_checked():
         campaign_space("unknown_latitude = true\n", rough_sd="2 deg")
     campaign = reading.parse(CAMPAIGN.replace("MORE", ""))
     with pytest.raises(FoucaultError, match="does not say how noisy the gyro is, and the best"):
-        north_seeking.space(
-            campaign.settings, north_seeking.Wanted(), session=campaign.session,
+        north_seeking.space(Beforehand(
+            campaign.settings, wanted=north_seeking.Wanted(), session=campaign.session,
             site=campaign.site, noise=None, prior={},
-        )  # fmt: skip
+        ))  # fmt: skip
 
 
 def test_a_search_that_is_not_told_the_noise_of_the_accelerometers_says_so():
     campaign = reading.parse(CAMPAIGN.replace("MORE", ""))
     gyro_only = replace(campaign.noise, accel=TriadNoise())
     for noise, codes in ((campaign.noise, []), (gyro_only, ["preflight.accel_noise"])):
-        made = north_seeking.space(
-            campaign.settings, north_seeking.Wanted(), session=campaign.session,
+        made = north_seeking.space(Beforehand(
+            campaign.settings, wanted=north_seeking.Wanted(), session=campaign.session,
             site=campaign.site, noise=noise, prior={},
-        )  # fmt: skip
+        ))  # fmt: skip
         assert [f.code for f in made.findings] == codes
 
 

@@ -21,6 +21,7 @@ from foucault.procedures import multi_position, norm_observation, turntable
 from foucault.procedures.norm_observation import Session, Settings
 from foucault.procedures.on_table.bound import TOGETHER
 from foucault.procedures.on_table.session import plan_of
+from foucault.procedures.record import Beforehand
 
 SITE = Site(9.81, np.radians(45.0), gravity_sd=0.0)
 NOISE = grade("tactical").noise
@@ -47,10 +48,10 @@ def one_table(monkeypatch):
 def space_of(plan="icosahedron 12", module=norm_observation, wanted=None, **settings):
     asked = f"{plan} {module.__name__} {wanted} {settings}"
     if asked not in MADE:
-        MADE[asked] = module.space(
-            module.Settings(plan=plan, **settings), Wanted(**(wanted or {})),
+        MADE[asked] = module.PROCEDURE.space(Beforehand(
+            module.Settings(plan=plan, **settings), wanted=Wanted(**(wanted or {})),
             session=module.Session(rest_time=60.0, turns=4), site=SITE, noise=NOISE, prior={},
-        )  # fmt: skip
+        ))  # fmt: skip
     return MADE[asked]
 
 

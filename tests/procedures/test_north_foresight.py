@@ -15,6 +15,7 @@ from foucault.models.noise import TriadNoise
 from foucault.procedures import north_seeking
 from foucault.procedures.north_seeking import Session, Settings
 from foucault.procedures.north_seeking.fix import find_north
+from foucault.procedures.record import Beforehand
 from make_dwells import FIELD
 
 SITE = Site.at(0.8)
@@ -40,8 +41,8 @@ SESSIONS = {
 
 
 def foreseen(session, settings, prior=None, noise=FIELD):
-    return north_seeking.foresee(settings, session=session, site=SITE, noise=noise,
-                                 prior=prior or {})  # fmt: skip
+    return north_seeking.foresee(Beforehand(settings, session=session, site=SITE, noise=noise,
+                                 prior=prior or {}))  # fmt: skip
 
 
 @cache

@@ -15,6 +15,7 @@ from foucault.models.noise import ImuNoise, grade
 from foucault.procedures import multi_position, norm_observation, turntable
 from foucault.procedures.on_table import plan
 from foucault.procedures.on_table.session import TableSettings
+from foucault.procedures.record import Beforehand
 from foucault.simulate.hand_rotated import draw_errors
 
 SITE = Site(9.81, np.radians(45.0), gravity_sd=2e-4)
@@ -28,10 +29,10 @@ SHORT = {"rest_time": 20.0, "turns": 2}
 def foreseen(module, noise=NOISE, prior=None, session=(), extras=False, **settings):
     """Foresee a session; what more would buy takes most of the time, and is left out."""
     with nullcontext() if extras else patch.object(plan, "_more", return_value=()):
-        return module.foresee(
+        return module.PROCEDURE.foresee(Beforehand(
             module.Settings(**settings), session=module.Session(**SHORT, **dict(session)),
             site=SITE, noise=noise, prior=prior or {}, typical=NOISE,
-        )  # fmt: skip
+        ))  # fmt: skip
 
 
 def came(module, seed, noise=NOISE, prior=None, session=(), simulated=NOISE, **settings):
@@ -116,8 +117,12 @@ def test_a_prior_holds_what_the_session_does_not_show():
 
 def test_accelerometers_alone_where_the_latitude_is_not_known():
     said = {"session": norm_observation.Session(**SHORT), "noise": NOISE, "prior": {}}
-    found = norm_observation.foresee(
-        norm_observation.Settings(plan="dodecahedron 20"), site=replace(SITE, latitude=None), **said
+    found = norm_observation.PROCEDURE.foresee(
+        Beforehand(
+            norm_observation.Settings(plan="dodecahedron 20"),
+            site=replace(SITE, latitude=None),
+            **said,
+        )
     )
     assert len(found.names) == 9 and found.duration < 20 * 30
 
@@ -128,10 +133,10 @@ def test_more_is_worth_what_it_turns_out_to_be():
     position, longer = found.more
     assert "one more position" in position.what and longer.what == "rests of 35 s"
     assert longer.time == pytest.approx(300.0)
-    other = norm_observation.foresee(
+    other = norm_observation.PROCEDURE.foresee(Beforehand(
         norm_observation.Settings(plan="dodecahedron 20"),
         session=norm_observation.Session(rest_time=35.0, turns=2), site=SITE, noise=NOISE, prior={},
-    )  # fmt: skip
+    ))  # fmt: skip
     assert longer.ratio == pytest.approx(np.exp(np.log(other.sd / found.sd).mean()))
     assert longer.ratio < position.ratio < 1
     # Any one more of twenty is worth about a fortieth; the best place a little more.

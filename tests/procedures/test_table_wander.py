@@ -17,6 +17,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.readings import Readings, slow_part
 from foucault.procedures import multi_position, norm_observation, on_table, turntable
 from foucault.procedures.on_table import plan as table_plan
+from foucault.procedures.record import Beforehand
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 
@@ -106,8 +107,8 @@ def test_preflight_foretells_the_long_term_bias():
     result, _ = calibrated(norm_observation, 1)
     foreseen = table_plan.foresee(
         norm_observation.task_of(norm_observation.Settings()),
-        session=norm_observation.Session(rate=10.0), site=SITE, noise=NOISE, prior={},
-    )  # fmt: skip
+        Beforehand(norm_observation.Settings(), norm_observation.Session(rate=10.0), SITE, NOISE),
+    )
     ratio = result.coefficients.sd / foreseen.coefficients.sd
     assert ratio.max() < 1.2
     assert ratio.min() > 0.8

@@ -16,6 +16,7 @@ from foucault.models.earth import Site
 from foucault.models.rotation import log as rotation_vector
 from foucault.plans.manoeuvres import Straight
 from foucault.procedures import transfer_alignment
+from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.foresight import manoeuvres, moved, shown
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
@@ -68,7 +69,7 @@ def test_one_flight_is_told_whole(flight, found):
     _, score = missed(found, session)
     low, high = chi_square_limits(13)
     assert low < score < high
-    assert found.coefficients.names == transfer_alignment.names_of(Settings())
+    assert found.coefficients.names == Settings().reported
     assert found.coefficients.names[9:] == (
         "installation.x", "installation.y", "installation.z", "master.delay",
     )  # fmt: skip
@@ -110,7 +111,7 @@ def test_a_preflight_knows_gravity_as_the_calibration_does(flight, found):
     for sd in (0.0, unknown):
         site = replace(c.site, gravity_sd=sd)
         foreseen = transfer_alignment.foresee(
-            c.settings, session=c.session, site=site, noise=c.noise
+            Beforehand(c.settings, session=c.session, site=site, noise=c.noise)
         )
         told[sd] = foreseen.coefficients["accel.bias.z"].sd
         # To fly on does not tell what gravity is.
@@ -418,7 +419,7 @@ def test_settings_that_contradict_one_another():
 def test_what_is_foreseen_is_what_comes(flight, found):
     c, _ = flight
     seen = transfer_alignment.foresee(
-        c.settings, session=c.session, site=c.site, noise=c.noise, prior=c.prior
+        Beforehand(c.settings, session=c.session, site=c.site, noise=c.noise, prior=c.prior)
     )
     np.testing.assert_allclose(seen.sd, found.coefficients.sd, rtol=0.05)
     assert seen.complete
@@ -429,7 +430,9 @@ def test_what_is_foreseen_is_what_comes(flight, found):
 @pytest.mark.thorough
 def test_a_manoeuvre_more_before_the_hand_over_tells_something():
     c = described(hand_over='"100 s"')
-    told = transfer_alignment.foresee(c.settings, session=c.session, site=c.site, noise=c.noise)
+    told = transfer_alignment.foresee(
+        Beforehand(c.settings, session=c.session, site=c.site, noise=c.noise)
+    )
     for extra in told.more:
         assert min(ratio for _, ratio in extra.best) < 0.95
 

@@ -9,6 +9,7 @@ import pytest
 
 from foucault.models.imu import ImuModel
 from foucault.procedures import transfer_alignment
+from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.session import draw_errors
 from foucault.result import Level
 from make_transfer_campaign import codes, described, failed, faultless
@@ -105,11 +106,15 @@ def test_bias_instability_that_is_declared_is_counted_with():
     scores = [flown(c, seed, noise=noise) for seed in range(4)]
     assert 0.4 < np.mean([score for _, score in scores]) < 1.6
     assert all(not failed(r) and not codes(r) for r, _ in scores)
-    told = transfer_alignment.foresee(c.settings, session=c.session, site=c.site, noise=noise)
+    told = transfer_alignment.foresee(
+        Beforehand(c.settings, session=c.session, site=c.site, noise=noise)
+    )
     sd = scores[0][0].coefficients
     for group in ("gyro.bias", "accel.bias"):
         np.testing.assert_allclose(told.coefficients[group].sd, sd[group].sd, rtol=0.15)
-    quiet = transfer_alignment.foresee(c.settings, session=c.session, site=c.site, noise=c.noise)
+    quiet = transfer_alignment.foresee(
+        Beforehand(c.settings, session=c.session, site=c.site, noise=c.noise)
+    )
     assert (told.coefficients["gyro.bias"].sd > 2 * quiet.coefficients["gyro.bias"].sd).all()
 
 
@@ -123,5 +128,7 @@ def test_a_coefficient_that_only_left_out_errors_hide_is_told_and_is_no_doubt():
     )
     assert 'such as "gyro.misalignment" with sd = "0.1 mrad"' in said.cure
     assert not any("accel.bias" in words for words in result.verdict.reasons)
-    foreseen = transfer_alignment.foresee(c.settings, session=c.session, site=c.site, noise=c.noise)
+    foreseen = transfer_alignment.foresee(
+        Beforehand(c.settings, session=c.session, site=c.site, noise=c.noise)
+    )
     assert not any(name.startswith("accel.bias") for name in foreseen.hardly)

@@ -8,13 +8,13 @@ import pytest
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.models.earth import Site
 from foucault.procedures.transfer_alignment import (
-    NOISE,
     Session,
     Settings,
     calibrate,
     draw_errors,
     simulate,
 )
+from foucault.procedures.transfer_alignment.settings import NOISE
 
 SWELL = {"sway": ["0.7 deg", "1.5 deg", "5 deg"], "period": "9 s", "time": "100 s"}
 LEGS = [SWELL, {"turn": "40 deg", "time": "50 s", "flat": True}, SWELL,

@@ -13,6 +13,7 @@ from foucault.campaign import optimisation
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.plans.transfer.moves import Step
+from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment import Session, Settings, Wanted, foresee, space
 
 SITE = Site.at(np.radians(32.0), 1000.0)
@@ -21,7 +22,11 @@ SITE = Site.at(np.radians(32.0), 1000.0)
 def made(wanted=None, **session):
     session = Session(**{"profile": "straight", "message_rate": 2.0, **session})
     perfect = Settings(left_out=False)
-    return space(perfect, wanted or Wanted(), session=session, site=SITE, noise=None, prior={})
+    return space(
+        Beforehand(
+            perfect, wanted=wanted or Wanted(), session=session, site=SITE, noise=None, prior={}
+        )
+    )
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +72,10 @@ def test_own_manoeuvres_are_foretold():
         "profile": "straight", "manoeuvres": [{"straight": "240 s"}], "message_rate": "2 Hz",
     })  # fmt: skip
     assert own.motion.name == "own manoeuvres" and own.motion.outage
-    built = foresee(Settings(), session=Session(profile="straight", message_rate=2.0), site=SITE)
-    told = foresee(Settings(), session=own, site=SITE)
+    built = foresee(
+        Beforehand(Settings(), session=Session(profile="straight", message_rate=2.0), site=SITE)
+    )
+    told = foresee(Beforehand(Settings(), session=own, site=SITE))
     np.testing.assert_array_equal(told.coefficients.cov, built.coefficients.cov)
     faster = own.model_copy(update={"speed": 60.0, "heading": 1.0})
     assert (faster.motion.start.speed, faster.motion.start.heading) == (60.0, 1.0)

@@ -15,9 +15,10 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.plans.transfer.profiles import transfer_profile
+from foucault.procedures.transfer_alignment import simulate
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.problem import problem_of
-from foucault.procedures.transfer_alignment.session import moved, simulate, simulate_motion
+from foucault.procedures.transfer_alignment.session import moved, simulate_motion
 from foucault.result import Level
 from make_transfer_campaign import codes, described, failed, faultless, made, missed, trial
 

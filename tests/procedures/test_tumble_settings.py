@@ -12,6 +12,7 @@ from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, angles_of
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.plans.tumble.torquing import PUBLISHED, RATE
+from foucault.procedures.platform_tumble import simulate
 from foucault.procedures.platform_tumble.settings import (
     NOISE,
     PRIOR,
@@ -19,7 +20,6 @@ from foucault.procedures.platform_tumble.settings import (
     Settings,
     draw_errors,
     draw_printed,
-    simulate,
 )
 from make_cluster import ARCSEC, DEG_H, UG, G, make_cluster
 

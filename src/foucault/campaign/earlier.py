@@ -145,9 +145,10 @@ def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], 
 
 def _estimated(campaign: Campaign) -> tuple[str, ...]:
     """Return the coefficients that a calibration will have, as far as its procedure can tell."""
-    module = procedures.load(campaign.procedure)
-    names = getattr(module, "every_name", None) or getattr(module, "names_of", None)
-    return () if names is None else tuple(names(campaign.settings))
+    procedure = procedures.load(campaign.procedure)
+    if procedure.every_name is not None:
+        return procedure.every_name(campaign.settings)
+    return procedure.names(campaign.settings, campaign.session)
 
 
 def foreseen(

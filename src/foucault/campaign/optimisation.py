@@ -103,7 +103,7 @@ def run(
     ends = inf if time_limit is None else clock.monotonic() + time_limit
     space = space_of(campaign)
     if evaluations is None:
-        evaluations = getattr(procedures.load(campaign.procedure), "EVALUATIONS", EVALUATIONS)
+        evaluations = procedures.load(campaign.procedure).evaluations or EVALUATIONS
     kept = _opened(campaign, folder, evaluations, seed, size)
     spread, rows = map or monte_carlo.threads(workers), dict[str, npt.NDArray[Any]]()
     for begin in range(0, restarts, size):
@@ -132,11 +132,11 @@ def space_of(campaign: Campaign) -> Space:
 
     `campaign`: the procedure, the limits of the rig and what is wanted.
     """
-    module = procedures.load(campaign.procedure)
-    if campaign.wanted is None:
+    searched = procedures.load(campaign.procedure).space
+    if searched is None:
         able = ", ".join(improvable())
         raise error("optimise.procedure", procedure=campaign.procedure, able=able)
-    space: Space = module.space(campaign.settings, campaign.wanted, **beforehand(campaign)[0])
+    space: Space = searched(beforehand(campaign)[0])
     space.unseen  # noqa: B018  # refuses what cannot be before any work is done
     return space
 

@@ -25,6 +25,7 @@ from foucault.errors import Finding, finding
 from foucault.escape import csv_cell
 from foucault.files import atomic, keep_others
 from foucault.models.noise import grade
+from foucault.procedures.record import Beforehand
 
 PLAN = ("plan", "rate", "segment", "steps", "positions")
 """Keys of [procedure] that say how it is turned; another plan takes the place of them all."""
@@ -45,8 +46,7 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
             campaign, campaign.earlier,
             lambda prior: foresee(replace(campaign, prior=prior, earlier=None), changes),
         )  # fmt: skip
-    module = procedures.load(campaign.procedure)
-    settings, changes = campaign.settings, dict(changes or {})
+    procedure, changes = procedures.load(campaign.procedure), dict(changes or {})
     if "plan" in changes and "profile" in type(campaign.session).model_fields:
         other = {"profile": changes.pop("plan"), "manoeuvres": ()}
         moved = campaign.session.model_copy(update=other)
@@ -54,36 +54,33 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
     if changes:
         replaced = ("name", *(PLAN if "plan" in changes else ()))
         kept = {k: v for k, v in campaign.tables.procedure.items() if k not in replaced}
-        settings = validate(module.Settings, kept | changes, ("procedure",), ("name",))
-    if not hasattr(module, "foresee"):
-        return _simulated(replace(campaign, settings=settings))
+        settings = validate(procedure.Settings, kept | changes, ("procedure",), ("name",))
+        campaign = replace(campaign, settings=settings)
+    if procedure.foresee is None:
+        return _simulated(campaign)
     known, told = beforehand(campaign)
-    if getattr(module, "FORESEES_WANTED", False):
-        known["wanted"] = campaign.wanted
-    found: Foresight = module.foresee(settings, **known)
-    if getattr(module, "RECORDINGS", False) and getattr(campaign.log, "more", ()):
+    found = procedure.foresee(known)
+    if procedure.more == "recordings" and campaign.log.more:
         told = (*told, finding("systematic.recordings_planned"))
     return replace(found, findings=(*told, *found.findings))
 
 
-def beforehand(campaign: Campaign) -> tuple[dict[str, Any], tuple[Finding, ...]]:
-    """Return what a plan is judged by beside settings, and what was assumed for it."""
-    earlier.refuse(campaign, "a search")
-    known: dict[str, Any] = {
-        "session": campaign.session, "site": campaign.site, "noise": campaign.noise,
-        "prior": campaign.prior,
-    }  # fmt: skip
-    if not getattr(procedures.load(campaign.procedure), "UNDECLARED", False) or campaign.noise:
+def beforehand(campaign: Campaign) -> tuple[Beforehand[Any, Any], tuple[Finding, ...]]:
+    """Return what a plan is judged by, and what was assumed for it."""
+    c = campaign
+    earlier.refuse(c, "a search")
+    known = Beforehand(c.settings, c.session, c.site, c.noise, c.prior, wanted=c.wanted)
+    if not procedures.load(c.procedure).assumes_noise or c.noise:
         return known, ()
-    known["typical"] = grade(campaign.simulate.grade, "simulate.grade").noise
-    return known, (finding("preflight.typical", grade=campaign.simulate.grade),)
+    typical = grade(c.simulate.grade, "simulate.grade").noise
+    return replace(known, typical=typical), (finding("preflight.typical", grade=c.simulate.grade),)
 
 
 def _simulated(campaign: Campaign) -> Foresight:
     """Simulate a session and calibrate it: its covariance is what can be expected."""
-    module, seed = procedures.load(campaign.procedure), campaign.simulate.seed
+    procedure, seed = procedures.load(campaign.procedure), campaign.simulate.seed
     log = simulate(campaign, seed).simulation.log
-    result = module.calibrate(
+    result = procedure.calibrate(
         log, site=campaign.site, settings=campaign.settings, noise=campaign.noise,
         prior=campaign.prior,
     )  # fmt: skip

@@ -26,6 +26,7 @@ from foucault.files import parse_toml, read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, imu, noise
+from foucault.procedures.record import Procedure
 from foucault.units import STANDARD_GRAVITY
 
 NOWHERE = earth.Site(STANDARD_GRAVITY, gravity_source="none", gravity_sd=0.03)
@@ -153,14 +154,14 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     if name is None:
         example = f'name = "{next(iter(procedures.PROCEDURES))}"'
         raise error("campaign.required", key="procedure.name", example=example, more="")
-    module = procedures.load(str(name))
+    procedure = procedures.load(str(name))
     settings = {k: v for k, v in file.procedure.items() if k != "name"}
     common = {k: v for k, v in file.simulate.items() if k in SimulateTable.model_fields}
     session = {k: v for k, v in file.simulate.items() if k not in common}
-    common = dict(getattr(module, "SIMULATE", {})) | common
-    master = _master(str(name), file.master)
-    told = validate(module.Settings, settings, ("procedure",), ("name",))
-    simulated = validate(module.Session, session, ("simulate",), SimulateTable.model_fields)
+    common = {"grade": procedure.grade} | common
+    master = _master(procedure, file.master)
+    told = validate(procedure.Settings, settings, ("procedure",), ("name",))
+    simulated = validate(procedure.Session, session, ("simulate",), SimulateTable.model_fields)
     countable(told, ("procedure",))
     countable(simulated, ("simulate",))
     return Campaign(
@@ -173,42 +174,40 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         procedure=str(name),
         settings=told,
         noise=None if file.noise is None else file.noise.noise(),
-        prior={key: _prior(key, entry, layout_of(str(name))) for key, entry in file.prior.items()},
+        prior={key: _prior(key, entry, procedure.layout) for key, entry in file.prior.items()},
         simulate=validate(SimulateTable, common, ("simulate",)),
         session=simulated,
-        wanted=_wanted(str(name), file.optimise),
+        wanted=_wanted(procedure, file.optimise),
         tables=file,
         earlier=before,
         findings=file.site.findings(),
     )
 
 
-def _master(procedure: str, table: Mapping[str, Any]) -> Any:
+def _master(procedure: Procedure[Any, Any], table: Mapping[str, Any]) -> Any:
     """Read [master]; refused where the procedure has none, wanted where it has."""
-    model = getattr(procedures.load(procedure), "Master", None)
-    if model is None and table:
-        raise error("campaign.no_master", procedure=procedure)
-    if model is not None and not table:
+    if procedure.Master is None and table:
+        raise error("campaign.no_master", procedure=procedure.name)
+    if procedure.Master is not None and not table:
         raise error("campaign.required", key="master", example="a table [master]", more="")
-    return None if model is None else validate(model, table, ("master",))
+    return None if procedure.Master is None else validate(procedure.Master, table, ("master",))
 
 
-def _wanted(procedure: str, table: Mapping[str, Any]) -> Any:
+def _wanted(procedure: Procedure[Any, Any], table: Mapping[str, Any]) -> Any:
     """Read [optimise]; refused where the procedure has no plan to improve."""
-    model = getattr(procedures.load(procedure), "Wanted", None)
-    if model is not None:
+    if procedure.Wanted is not None:
         weights = table.get("weights")
         weighted = {"weights": joined(weights)} if isinstance(weights, Mapping) else {}
-        return validate(model, {**table, **weighted}, ("optimise",))
+        return validate(procedure.Wanted, {**table, **weighted}, ("optimise",))
     if table:
         able = ", ".join(improvable())
-        raise error("optimise.procedure", procedure=procedure, able=able)
+        raise error("optimise.procedure", procedure=procedure.name, able=able)
     return None
 
 
 def improvable() -> tuple[str, ...]:
     """Return the names of the procedures whose plan can be searched for."""
-    return tuple(n for n in procedures.PROCEDURES if hasattr(procedures.load(n), "Wanted"))
+    return tuple(n for n in procedures.PROCEDURES if procedures.load(n).space is not None)
 
 
 def _model(raw: dict[str, Any]) -> type[CampaignFile]:
@@ -216,18 +215,7 @@ def _model(raw: dict[str, Any]) -> type[CampaignFile]:
     procedure = raw.get("procedure")
     name = procedure.get("name") if isinstance(procedure, dict) else None
     known = isinstance(name, str) and name in procedures.PROCEDURES
-    return file_with(_description(str(name)) if known else LogDescription)
-
-
-def _description(name: str) -> type[FileLayout]:
-    described: type[FileLayout] = getattr(procedures.load(name), "Description", LogDescription)
-    return described
-
-
-def layout_of(procedure: str) -> Layout:
-    """Return the coefficients of the model that `procedure` works with."""
-    layout: Layout = getattr(procedures.load(procedure), "LAYOUT", imu.LAYOUT)
-    return layout
+    return file_with(procedures.load(str(name)).Description if known else LogDescription)
 
 
 def coefficient_kind(name: str, layout: Layout = imu.LAYOUT) -> str:
@@ -262,20 +250,20 @@ def schema() -> dict[str, Any]:
     out = CampaignFile.model_json_schema()
     settings, sessions, wanted, masters = [], [], [], []
     for name in procedures.PROCEDURES:
-        module = procedures.load(name)
-        own = _part(out, module.Settings, f"Settings of {name}")
+        procedure = procedures.load(name)
+        own = _part(out, procedure.Settings, f"Settings of {name}")
         own["properties"] = {"name": {"const": name}} | own.get("properties", {})
         own["required"] = ["name", *own.get("required", [])]
         settings.append(own)
-        session = _part(out, module.Session, f"Simulated session of {name}")
+        session = _part(out, procedure.Session, f"Simulated session of {name}")
         common = _part(out, SimulateTable, "")
         session["properties"] = common["properties"] | session.get("properties", {})
         sessions.append(session)
-        if hasattr(module, "Wanted"):
-            wanted.append(_part(out, module.Wanted, f"Plan to search for, of {name}"))
-        if hasattr(module, "Master"):
-            masters.append(_part(out, module.Master, f"Master of {name}"))
-    logs = list(dict.fromkeys(_description(name) for name in procedures.PROCEDURES))
+        if procedure.Wanted is not None:
+            wanted.append(_part(out, procedure.Wanted, f"Plan to search for, of {name}"))
+        if procedure.Master is not None:
+            masters.append(_part(out, procedure.Master, f"Master of {name}"))
+    logs = list(dict.fromkeys(procedures.load(n).Description for n in procedures.PROCEDURES))
     if len(logs) > 1:
         out["properties"]["log"] = {"anyOf": [_part(out, log, _title(log)) for log in logs]}
     out["properties"]["procedure"] = {"oneOf": settings}
@@ -288,7 +276,7 @@ def schema() -> dict[str, Any]:
 
 
 def _title(log: type[FileLayout]) -> str:
-    users = [name for name in procedures.PROCEDURES if _description(name) is log]
+    users = [n for n in procedures.PROCEDURES if procedures.load(n).Description is log]
     return f"Log of {', '.join(users)}"
 
 

@@ -12,10 +12,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from foucault import logs, procedures
+from foucault import procedures
 from foucault.campaign import earlier
 from foucault.campaign.mistakes import parse_at
-from foucault.campaign.reading import Campaign, layout_of, load
+from foucault.campaign.reading import Campaign, load
 from foucault.campaign.tables import SiteTable
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector
@@ -30,7 +30,6 @@ from foucault.models.noise import grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
 from foucault.result import Result
-from foucault.simulate.hand_rotated import draw_errors
 from foucault.tables import IndexedLog, Log
 
 STREAMED = 1 << 28
@@ -43,11 +42,13 @@ SESSION_CAMPAIGN = "campaign.toml"
 
 def read_log(campaign: Campaign, progress: Progress = silent) -> Any:
     """Read the log of a campaign; its findings follow those of the campaign file."""
-    read = getattr(procedures.load(campaign.procedure), "read_log", logs.read)
-    with beside_another() if campaign.master is not None else nullcontext():
-        log = read(campaign.log, campaign.folder, lambda done: progress(done, "reading the log"))
-    if campaign.master is not None:
-        log = procedures.load(campaign.procedure).with_master(log, campaign.master, campaign.folder)
+    procedure = procedures.load(campaign.procedure)
+    with nullcontext() if procedure.with_master is None else beside_another():
+        log = procedure.read(
+            campaign.log, campaign.folder, lambda done: progress(done, "reading the log")
+        )
+    if procedure.with_master is not None:
+        log = procedure.with_master(log, campaign.master, campaign.folder)
     return replace(log, findings=_told(campaign) + log.findings)
 
 
@@ -84,18 +85,18 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     """
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
-    module = procedures.load(campaign.procedure)
-    if not (getattr(module, "STRETCHES", False) or getattr(module, "RECORDINGS", False)):
+    procedure = procedures.load(campaign.procedure)
+    if procedure.more == "none":
         refuse_more(campaign, f"'{campaign.procedure}'")
     log = None
-    if getattr(module, "STREAMS", False):
+    if procedure.streams:
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
         log = on_disk if on_disk.size > STREAMED else None
     given = read_log(campaign, progress) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
-        with _stuck_named(given), procedures.solvable():
-            result: Result = module.calibrate(
+        with _stuck_named(given):
+            result = procedure.calibrate(
                 given,
                 site=campaign.site,
                 settings=campaign.settings,
@@ -116,8 +117,8 @@ def refuse_more(campaign: Campaign, what: str) -> None:
     files = getattr(campaign.log, "more", ())
     if files:
         able, each = (
-            ", ".join(p for p in procedures.PROCEDURES if getattr(procedures.load(p), kind, False))
-            for kind in ("STRETCHES", "RECORDINGS")
+            ", ".join(p for p in procedures.PROCEDURES if procedures.load(p).more == kind)
+            for kind in ("stretches", "recordings")
         )
         raise error("log.more_moving", files=", ".join(files), what=what, allowed=able,
                     recordings=each)  # fmt: skip
@@ -201,15 +202,15 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     seed = campaign.simulate.seed if seed is None else seed
-    module = procedures.load(campaign.procedure)
+    procedure = procedures.load(campaign.procedure)
     typical = grade(campaign.simulate.grade, "simulate.grade").noise
     # Real gravity is not what the calibration will assume, but near it.
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
-    simulation = module.simulate(
+    simulation = procedure.simulate(
         campaign.session,
         settings=campaign.settings,
         model=_instrument(campaign, seed),
-        noise=campaign.noise or getattr(module, "NOISE", typical),
+        noise=campaign.noise or procedure.noise or typical,
         site=replace(campaign.site, gravity=campaign.site.gravity + float(offset)),
         seed=seed,
     )
@@ -218,9 +219,9 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
 
 def _instrument(campaign: Campaign, seed: int) -> ImuModel | ClusterModel:
     """Draw the errors of the instrument, then set those the campaign gives."""
-    draw = getattr(procedures.load(campaign.procedure), "draw_errors", draw_errors)
-    drawn = draw(campaign.simulate.grade, seed).coefficients()
-    given, layout = {}, layout_of(campaign.procedure)
+    procedure = procedures.load(campaign.procedure)
+    drawn = procedure.draw_errors(campaign.simulate.grade, seed).coefficients()
+    given, layout = {}, procedure.layout
     for name, text in campaign.simulate.errors.items():
         kind = layout.coefficients[layout.index(name)].kind
         given[name] = parse_at(f'simulate.errors."{name}"', text, kind)
@@ -247,8 +248,7 @@ def save_session(session: Session, folder: str | Path) -> Path:
     except OSError as problem:
         raise unwritable(folder, problem) from None
     log = session.simulation.log
-    write: Any = getattr(procedures.load(session.campaign.procedure), "write_log", logs.write)
-    write(log, folder / SESSION_LOG)
+    procedures.load(session.campaign.procedure).write(log, folder / SESSION_LOG)
     if hasattr(session.simulation, "write_beside"):
         session.simulation.write_beside(folder)
     with atomic(folder / TRUTH_FILE) as temporary:

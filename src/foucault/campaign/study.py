@@ -36,10 +36,7 @@ PART, LARGE, LARGE_PART = 20, 20_000, 500
 
 def names_of(campaign: Campaign) -> tuple[str, ...]:
     """Return the coefficients that the procedure of a campaign estimates."""
-    module = procedures.load(campaign.procedure)
-    if hasattr(module, "names_in"):  # they depend on what is done in the session
-        return tuple(module.names_in(campaign.settings, campaign.session))
-    return tuple(module.names_of(campaign.settings))
+    return procedures.load(campaign.procedure).names(campaign.settings, campaign.session)
 
 
 @dataclass(frozen=True)
@@ -51,13 +48,11 @@ class Trial:
     def __call__(self, index: int, seeds: np.random.SeedSequence) -> dict[str, Any]:
         """Run trial number `index`, shape () [1]."""
         campaign, seed = self.campaign, int(seeds.generate_state(1)[0])
-        module, names = procedures.load(campaign.procedure), names_of(campaign)
-        # Some procedures do less where nobody looks at it.
-        calibrate = getattr(module, "trial", module.calibrate)
+        procedure, names = procedures.load(campaign.procedure), names_of(campaign)
         session = simulate(campaign, seed)
         row: dict[str, Any] = {"trial": index, "seed": seed}
         try:
-            result = calibrate(
+            result = procedure.trial(
                 session.simulation.log, site=campaign.site, settings=campaign.settings,
                 noise=campaign.noise, prior=campaign.prior,
             )  # fmt: skip

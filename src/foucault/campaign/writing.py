@@ -19,6 +19,7 @@ from foucault.campaign.fields import dotted, kind_of
 from foucault.campaign.reading import Campaign
 from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
 from foucault.escape import commented, toml_text
+from foucault.procedures.record import Procedure
 from foucault.run_folder import RESOLVED
 from foucault.tables import IndexedLog, Log
 
@@ -70,10 +71,10 @@ def log_table(
     None for the template, where what a user's log may lack is commented out; `averaged`: whether
     a simulated log holds means, where it is not given itself.
     """
-    module = procedures.load(procedure)
-    if hasattr(module, "log_table"):
-        return str(module.log_table(log))
-    more: str = getattr(module, "LOG_LINES", "")
+    record = procedures.load(procedure)
+    if record.log_table is not None:
+        return record.log_table(log)
+    more = record.log_lines
     averaged |= log is not None and log.averaged is not None
     if log is None and not averaged:
         lines = more.splitlines()
@@ -120,20 +121,19 @@ def template(procedure: str) -> str:
 
     It loads as it is, and with the log that `foucault simulate` makes it also runs as it is.
     """
-    module = procedures.load(procedure)
-    summary = (module.__doc__ or procedure).strip().splitlines()[0].rstrip(".")
+    record = procedures.load(procedure)
     instrument = {"name": EXAMPLE, "serial": "0001", "operator": "", "note": ""}
-    settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(module.Settings, {})]
+    settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(record.Settings, {})]
     parts = [
-        _HEAD.format(summary=summary),
+        _HEAD.format(summary=record.summary),
         "\n".join(["[instrument]", *_commented(Instrument, _texts(instrument))]) + "\n",
         "\n".join(["[site]", *SITE_NOTE, *_commented(SiteTable, _texts(EXAMPLE_SITE))]) + "\n",
         log_table(procedure),
         "\n".join(settings) + "\n",
-        getattr(module, "NOISE_LINES", _NOISE),
-        getattr(module, "PRIOR_LINES", _PRIOR),
-        "\n".join(["[simulate]", *_simulate_lines(procedure)]) + "\n",
-        *([_wanted_lines(module.Wanted)] if hasattr(module, "Wanted") else []),
+        record.noise_lines or _NOISE,
+        record.prior_lines or _PRIOR,
+        "\n".join(["[simulate]", *_simulate_lines(record)]) + "\n",
+        *([] if record.Wanted is None else [_wanted_lines(record.Wanted)]),
     ]
     return "\n".join(parts)
 
@@ -144,14 +144,14 @@ def _wanted_lines(model: type[BaseModel]) -> str:
     return "\n".join([*head, *lines]) + "\n"
 
 
-def _simulate_lines(procedure: str) -> list[str]:
-    own = _commented(procedures.load(procedure).Session, {})
-    errors = [
+def _simulate_lines(record: Procedure[Any, Any]) -> list[str]:
+    usual = _texts({"grade": record.grade})
+    return [
+        *_commented(SimulateTable, usual, leave_out=("errors",)),
+        *_commented(record.Session, {}),
         "# Coefficients set to a value instead of drawn:",
-        getattr(procedures.load(procedure), "ERRORS_LINE", _ERRORS),
+        record.errors_line or _ERRORS,
     ]
-    usual = _texts(getattr(procedures.load(procedure), "SIMULATE", {}))
-    return [*_commented(SimulateTable, usual, leave_out=("errors",)), *own, *errors]
 
 
 def _commented(

@@ -204,6 +204,15 @@ class Covariance:
         flat = rows.reshape(n * d, k)
         return np.asarray(solve_triangular(self._root, flat, lower=True, check_finite=False))
 
+    def solve(self, rows: FloatArray) -> FloatArray:
+        """Return C^-1 times `rows` (n, d, k) [SI], as shape (n d, k)."""
+        from scipy.linalg import cho_solve
+
+        n, d, k = rows.shape
+        if not self.tied.size:
+            return np.asarray(np.linalg.solve(self.own, rows)).reshape(n * d, k)
+        return np.asarray(cho_solve((self._root, True), rows.reshape(n * d, k)))
+
 
 def size_of(source: Source, sds: Mapping[str, float]) -> float:
     """Return the size of a source: as in `sds` [SI], else as stated, 0 where it is to be found."""
@@ -278,15 +287,8 @@ class Fit:
     @cached_property
     def gain(self) -> FloatArray:
         """What one unit of each component does to the coefficients, shape (p, n d)."""
-        from scipy.linalg import cho_solve
-
-        n, d, m = self.at.jacobian.shape
         P = self.estimate.state_cov[: len(self.model.layout)]
-        J = self.at.jacobian.reshape(n * d, m)
-        if not self.covariance.tied.size:
-            solved = np.linalg.solve(self.covariance.own, self.at.jacobian).reshape(n * d, m)
-            return np.asarray(P @ solved.T)
-        return np.asarray(P @ cho_solve((self.covariance._root, True), J).T)
+        return np.asarray(P @ self.covariance.solve(self.at.jacobian).T)
 
 
 def solve(
@@ -452,6 +454,8 @@ def _contrasts(
 
     Where nothing is known of the noise it is a millionth of what is to be found.
     """
+    from scipy.linalg import qr
+
     n, d, _ = at.jacobian.shape
     little = dict.fromkeys(free, 1e-6 if _silent(at, free).any() else 0.0)
     known = Covariance(at.sources, little, (n, d), weights)
@@ -459,8 +463,9 @@ def _contrasts(
     if at.known is not None:
         J, r = np.concatenate([J, at.known[1]]), np.append(r, at.known[0])
     size = np.linalg.norm(J, axis=0)
-    U, s, _ = np.linalg.svd(J[:, size > 0] / size[size > 0], full_matrices=True)
-    left = U[:, int(np.sum(s > 1e-10 * s.max(initial=0.0))) :].T
+    Q, R, _ = qr(J[:, size > 0] / size[size > 0], pivoting=True, check_finite=False)
+    rank = int(np.sum(np.abs(np.diag(R)) > 1e-10 * np.abs(R).max(initial=0.0)))
+    left = Q[:, rank:].T
     V = {}
     for name in free:
         parts = []
@@ -568,6 +573,21 @@ def budget(at: Fit) -> dict[str, FloatArray]:
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
 
 
+def causes(at: Fit, name: str) -> FloatArray:
+    """Return what the readings say of the causes that they share, ``sd^2 B' C^-1 (y - h)``.
+
+    It is the most likely value of each, shape (k,), drawn towards none as any prior draws.
+
+    `name`: of a source; its sizes count [unit of its sd].
+    """
+    pull = at.covariance.solve(at.at.residuals[:, :, None])[:, 0]
+    shared = [
+        size_of(s, at.sds) ** 2 * s.shared.reshape(len(pull), -1)
+        for s in at.at.sources if s.name == name and s.shared is not None
+    ]  # fmt: skip
+    return np.asarray(pull @ np.concatenate(shared, axis=1)) if shared else np.zeros(0)
+
+
 def bases(at: Fit) -> dict[str, list[str]]:
     """Return type and basis of every source that has one, for result.json."""
     return {s.name: [s.type, s.basis] for s in at.at.sources if s.basis}
@@ -592,6 +612,10 @@ class HeldOut:
     # freedom, because parts share what predicts them [1]
     dof: float
     scale: float
+    # scores, counts: (parts,) the same of every part by itself, which is chi-square: the test of
+    # one wrong part among right ones [2]
+    scores: FloatArray
+    counts: IntArray
 
     @property
     def high(self) -> float:
@@ -619,7 +643,7 @@ def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
     W = E.T @ E - B @ B.T
     v = E.T @ at.white.residuals[: n * d]
     error, sd = np.full((2, n * d), np.nan)
-    white, first = [], 0
+    white, first, counts = [], 0, []
     for mine in rows:
         own = slice(first, first + len(mine))
         first += len(mine)
@@ -632,13 +656,16 @@ def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
         wide = np.zeros((len(every), int(seen.sum())))
         wide[own] = half
         white.append(wide)
+        counts.append(int(seen.sum()))
     A = np.concatenate(white, axis=1)
     z, M = A.T @ v, A.T @ W @ A
     square = float(np.sum(M**2))
     count = len(z)
+    part = np.repeat(np.arange(len(parts)), counts)
     return HeldOut(
         error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
         count**2 / max(square, 1e-300), square / max(count, 1),
+        np.array([z[part == k] @ z[part == k] for k in range(len(parts))]), np.array(counts),
     )  # fmt: skip
 
 

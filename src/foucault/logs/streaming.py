@@ -63,8 +63,9 @@ class OnDisk:
         raw = open_raw(self.folder / name, self.description)
         return complete(self.description, wanted, raw, self.folder / name)[0].time_base
 
+    @property
     def source(self) -> dict[str, Any]:
-        """Return what a result remembers of the log, as `Log.source` does."""
+        """What a result remembers of the log, as `Log.source` does."""
         names = list(self.description.files())
         return {
             "file": " + ".join(Path(name).name for name in names),

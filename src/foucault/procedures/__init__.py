@@ -1,10 +1,11 @@
 """Named methods, one file or folder each: a procedure glues the stages and does nothing else.
 
-The methods of campaign files are those in `PROCEDURES`. Each module has `Settings` and `Session`
-(pydantic models of its part of a campaign), `calibrate` and `simulate`; one that plans a motion may
-have `foresee`, which says beforehand what the motion will show. `on_faces` and `on_table` are no
-methods: they hold what the methods on the faces of a cube and on a table share. `alignment`,
-`delay`, `merged`, `navigation` and `temperature` are behind commands of their own.
+The methods of campaign files are those in `PROCEDURES`. Each module has a `record.Procedure` that
+says what is its own: `Settings` and `Session` (pydantic models of its part of a campaign), how a
+log is solved and a session simulated, what a plan will show. What all do alike is in `record`, and
+a campaign asks nothing else. `on_faces` and `on_table` are no methods: they hold what the methods
+on the faces of a cube and on a table share. `alignment`, `delay`, `merged`, `navigation` and
+`temperature` are behind commands of their own.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from foucault.errors import error, suggestion
+
+if TYPE_CHECKING:
+    from foucault.procedures.record import Procedure
 
 Progress = Callable[[float, str], None]
 """Called with the fraction done and what is being done."""
@@ -57,10 +61,11 @@ def solvable() -> Iterator[None]:
         raise error("solution.singular", why=str(problem)) from problem
 
 
-def load(name: str) -> Any:
-    """Return the module of procedure `name`."""
+def load(name: str) -> Procedure[Any, Any]:
+    """Return procedure `name`; only its own module is imported."""
     if name not in PROCEDURES:
         allowed = ", ".join(PROCEDURES)
         hint = suggestion(name, PROCEDURES)
         raise error("campaign.procedure", name=name, hint=hint, allowed=allowed)
-    return importlib.import_module(PROCEDURES[name])
+    found: Procedure[Any, Any] = importlib.import_module(PROCEDURES[name]).PROCEDURE
+    return found

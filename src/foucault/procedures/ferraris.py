@@ -14,8 +14,6 @@ References
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -32,10 +30,11 @@ from foucault.estimate.faces.likelihood import Scene, State
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.procedures import Progress, on_faces, silent
+from foucault.procedures import on_faces
 from foucault.procedures.on_faces import Solution
 from foucault.procedures.on_faces import settings as face_settings
 from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
+from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
 from foucault.simulate.faces import face_plan
 from foucault.simulate.faces import simulate as simulate_plan
@@ -116,26 +115,15 @@ class Session(FaceSession):
     )
 
 
-def simulate(
-    session: Session,
-    *,
-    settings: Settings | None = None,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
+def _simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> Simulation:
-    """Simulate a session.
-
-    `settings` or None: for the angle of the turns; `noise`: its noise [SI]; `seed`: seed of plan
-    and noise [1].
-    """
     plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
     sds = (session.level_sd, session.angle_sd)
     level, angle = (session.placement_sd if sd is None else sd for sd in sds)
     plan = face_plan(
         rest_time=session.rest_time, move_time=session.move_time, turn_time=session.turn_time,
-        angle=(settings or Settings()).angle, placement_sd=session.placement_sd, level_sd=level,
+        angle=settings.angle, placement_sd=session.placement_sd, level_sd=level,
         angle_sd=angle, seed=int(plan_seed),
     )  # fmt: skip
     return simulate_plan(
@@ -152,69 +140,25 @@ def names_of(settings: Settings) -> tuple[str, ...]:
     return face_settings.names_of(settings, turns=True)
 
 
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate an IMU from six rests and three turns.
-
-    Parameters
-    ----------
-    log : Log
-        Readings with accelerometers and gyros [SI].
-    site : Site
-        Local gravity, and latitude where the Earth's rotation is to be modelled.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it in the rests.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        A face or a turn missing, a turn that is not whole or in the other sense, a rest on no
-        face: see `foucault.symptoms`.
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
-    if settings.solution == "published" and prior:
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    site, settings, noise = given.site, given.settings, given.noise
+    if settings.solution == "published" and given.prior:
         raise error("ferraris.prior")
-    if not settings.earth_rate:
-        site = replace(site, latitude=None)
-    progress(0.1, "finding faces and turns")
+    given.progress(0.1, "finding faces and turns")
     log = without_spikes(log)
     faces = on_faces.found_faces(log, site, settings)
     faces, turns = find_turns(log, faces, settings.angle, settings.sections)
     check_moves(log, faces)
-    progress(0.5, "calibrating")
-    given = (settings.placement_sd, settings.level_sd, settings.angle_sd)
+    given.progress(0.5, "calibrating")
+    declared = (settings.placement_sd, settings.level_sd, settings.angle_sd)
     solution = on_faces.solve(
         log, faces, turns, site, names_of(settings), on_faces.noise_of(log, faces, turns, noise),
-        noise is not None, given, prior or {},
+        noise is not None, declared, given.prior,
     )  # fmt: skip
     extra: dict[str, Any] = {}
     if settings.solution == "published":
         solution, extra = _published(solution)
-    progress(1.0, "done")
-    seconds = clock.monotonic() - started
-    result = on_faces.result_of("ferraris", log, solution, instrument or {}, seconds)
+    result = on_faces.result_of("ferraris", log, solution)
     return replace(result, diagnostics=result.diagnostics | extra)
 
 
@@ -266,3 +210,15 @@ def _slope(values: Any, scene: Scene) -> FloatArray:
         moved = step.reshape(at.shape)
         out.append((values(at + moved) - values(at - moved)) / (2 * step[k]))
     return np.stack(out, axis=1)
+
+
+PROCEDURE = Procedure(
+    name="ferraris",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=_simulated,
+    names=lambda settings, _: names_of(settings),
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

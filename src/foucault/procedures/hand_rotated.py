@@ -18,14 +18,13 @@ References
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
@@ -47,7 +46,6 @@ from foucault.diagnose.rests import (
     rest_table,
 )
 from foucault.diagnose.spikes import without_spikes
-from foucault.diagnose.time_base import with_clock
 from foucault.errors import Finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.hand_rotated import likelihood
@@ -61,10 +59,13 @@ from foucault.models.rests_and_turns import Prediction, predict
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
-from foucault.procedures import Progress, silent
-from foucault.procedures.on_table.poses import calibrate_poses
+from foucault.procedures import Progress
+from foucault.procedures.fields import EarthRate, Strict
+from foucault.procedures.on_table import Task
+from foucault.procedures.on_table.poses import solve_poses
 from foucault.procedures.on_table.session import TableSettings
-from foucault.result import Estimate, Problem, Result, Verdict, provenance
+from foucault.procedures.record import Given, Procedure
+from foucault.result import Estimate, Problem, Result, Verdict
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
 from foucault.tables import AXES, Log
@@ -73,19 +74,14 @@ from foucault.units import Quantity, Seconds
 NEEDED = 9  # accelerometer coefficients without quadratic terms: one equation each
 
 
-class Settings(BaseModel):
+class Settings(EarthRate):
     """What can be chosen; the defaults suit most logs."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     accel_quadratic: bool = Field(
         default=False, description="Estimate the accelerometers' quadratic terms too."
     )
     g_sensitivity: bool = Field(
         default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
-    )
-    earth_rate: bool = Field(
-        default=True, description="Model the Earth's rotation where the latitude is given."
     )
     loss: Literal["robust", "squares"] = Field(
         default="robust",
@@ -108,10 +104,8 @@ class Settings(BaseModel):
     )
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The session that `simulate` makes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     rests: int = Field(default=24, ge=2, description="Number of rests.")
     rest_time: Seconds = Field(default=4.0, gt=0, description="Typical length of a rest.")
@@ -125,20 +119,9 @@ class Session(BaseModel):
     )
 
 
-def simulate(
-    session: Session,
-    *,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
-    settings: BaseModel | None = None,
+def _simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> Simulation:
-    """Simulate a session.
-
-    `noise`: its noise [SI]; `seed`: seed of plan and noise [1]; `settings` or None: of the
-    calibration to follow, a hand-rotated session does not depend on them.
-    """
     plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
     plan = hand_plan(
         session.rests, session.rest_time, session.turn_time, session.first_rest_time,
@@ -150,54 +133,13 @@ def simulate(
     )  # fmt: skip
 
 
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate an IMU from a hand-rotated log.
-
-    Parameters
-    ----------
-    log : Log
-        Readings, or means over poses, which know no turns [SI].
-    site : Site
-        Local gravity, and latitude where the Earth's rotation is to be modelled.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it in the rests.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        Too few rests, rests all in a plane, exchanged axes, wrong units: see `foucault.symptoms`.
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
-    if not settings.earth_rate:
-        site = replace(site, latitude=None)
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    site, settings, progress = given.site, given.settings, given.progress
     if log.averaged is not None:
-        return calibrate_poses(
-            log, "hand_rotated", _for_poses(settings), site=site, noise=noise, prior=prior,
-            instrument=instrument, repeatability=settings.repeatability, progress=progress,
-        )  # fmt: skip
+        task = Task(
+            "hand_rotated", _for_poses(settings), None, repeatability=settings.repeatability
+        )
+        return solve_poses(log, task, given)
     progress(0.05, "finding the rests")
     log = without_spikes(log)
     rests = find_rests(
@@ -211,9 +153,8 @@ def calibrate(
     if site.latitude is None and log.gyro is not None:
         findings.append(no_latitude())
     progress(0.3, "calibrating")
-    result = _likelihood(data, rests, settings, noise, prior or {}, progress)
-    progress(1.0, "done")
-    return complete(result, data, rests, findings, instrument or {}, clock.monotonic() - started)
+    result = _likelihood(data, rests, settings, given.noise, given.prior, progress)
+    return complete(result, data, rests, findings)
 
 
 def _for_poses(settings: Settings) -> TableSettings:
@@ -223,25 +164,17 @@ def _for_poses(settings: Settings) -> TableSettings:
     return TableSettings(**shared)
 
 
-def complete(
-    result: Result,
-    data: SessionData,
-    rests: Rests,
-    findings: list[Finding],
-    instrument: Mapping[str, Any],
-    seconds: float,
-) -> Result:
+def complete(result: Result, data: SessionData, rests: Rests, findings: list[Finding]) -> Result:
     """Add to a result what does not depend on how the coefficients were estimated.
 
     `result`: with coefficients, checks and its own findings and tables; `data`: what was observed
-    [SI]; `seconds`: how long it took [s].
+    [SI].
     """
     site, log = data.site, data.log
     validity = session_report.validity(data)
-    whole = replace(
+    return replace(
         result,
         findings=(*findings, *result.findings),
-        instrument=dict(instrument),
         site=site.as_dict(),
         validity=validity,
         diagnostics=result.diagnostics
@@ -258,10 +191,8 @@ def complete(
                 "rest_time": float(data.rest_time.sum()),
             },
         },
-        provenance=provenance(log.source, seconds),
         tables=dict(result.tables) | {"detection": detection_table(log, rests)},
     )
-    return with_clock(whole, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
@@ -378,3 +309,17 @@ def _held_out(
     at = problem.linearise(estimate.state, estimate.weights)
     refit = partial(gauss_newton.leave_out, problem, estimate, at)
     return hold_out(data, noise, refit, folds, estimate.weights[:n] > 0.5)
+
+
+PROCEDURE = Procedure(
+    name="hand_rotated",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=_simulated,
+    names=lambda settings, _: names_of(settings),
+    # Means over poses know no turns.
+    clocked=lambda log: (log.averaged is None, log.sampled == "increment"),
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

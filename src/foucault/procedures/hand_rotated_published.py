@@ -12,13 +12,10 @@ References
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
@@ -32,25 +29,20 @@ from foucault.errors import Status, error
 from foucault.estimate import norm_observation
 from foucault.estimate.hand_rotated import published as published_hand_rotated
 from foucault.logs.axes import spared
-from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
-from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.procedures import Progress, silent
-from foucault.procedures.hand_rotated import NEEDED, complete, simulate
-from foucault.procedures.hand_rotated import Session as HandRotatedSession
+from foucault.procedures import hand_rotated
+from foucault.procedures.fields import Strict
+from foucault.procedures.hand_rotated import NEEDED, complete
+from foucault.procedures.record import Given, Procedure
 from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log
 from foucault.units import Seconds
 
-__all__ = ["Session", "Settings", "calibrate", "simulate"]
 
-
-class Settings(BaseModel):
+class Settings(Strict):
     """The numbers of the recipe."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     initial_rest: Seconds = Field(
         default=50.0, gt=0, description="Rest at the start of the log, for bias and variance."
@@ -64,53 +56,18 @@ class Settings(BaseModel):
     )
 
 
-class Session(HandRotatedSession):
+class Session(hand_rotated.Session):
     """The session that `simulate` makes: its first rest is as long as the recipe wants."""
 
     first_rest_time: Seconds = Field(default=60.0, gt=0, description="Length of the first rest.")
 
 
-def names_of(settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients that are estimated."""
-    return LINEAR_LOWER
-
-
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate an IMU from a hand-rotated log by the published recipe.
-
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    site : Site
-        Local gravity; the recipe knows no Earth rate.
-    settings : Settings or None
-        The numbers of the recipe; None takes the published ones.
-    noise, prior : None
-        The recipe has no place for them [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with the covariance that the scatter of the residuals suggests [SI].
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
-    if noise is not None or prior:
-        raise error("published.unweighted", what="[noise]" if noise is not None else "[prior]")
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    site, settings, progress = given.site, given.settings, given.progress
+    if given.noise is not None or given.prior:
+        # The recipe has no place for them.
+        what = "[noise]" if given.noise is not None else "[prior]"
+        raise error("published.unweighted", what=what)
     if log.accel is None:
         raise error("session.no_accel")
     need_samples(log)
@@ -131,8 +88,7 @@ def calibrate(
     model = ImuModel.from_coefficients(result.coefficients)
     seen = rest_table(log, rests) | norm_columns(model, result.coefficients, data)
     result = replace(result, tables={"rests": seen})
-    progress(1.0, "done")
-    return complete(result, data, rests, findings, instrument or {}, clock.monotonic() - started)
+    return complete(result, data, rests, findings)
 
 
 def _published(data: SessionData, settings: Settings) -> Result:
@@ -192,3 +148,15 @@ def _joined(vectors: list[CoefficientVector]) -> CoefficientVector:
     order = np.array([names.index(n) for n in LAYOUT.names if n in names])
     layout = LAYOUT.subset(names[i] for i in order)
     return CoefficientVector(layout, values[order], cov[np.ix_(order, order)], free[order])
+
+
+PROCEDURE = Procedure(
+    name="hand_rotated_published",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=hand_rotated.PROCEDURE.simulation,
+    names=lambda *_: LINEAR_LOWER,
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -16,41 +16,29 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.foresight import Foresight
 from foucault.errors import error
 from foucault.estimate import norm_observation
 from foucault.estimate.table import four_positions, parallel_vectors
 from foucault.estimate.table.fit import TableFit
-from foucault.logs.streaming import OnDisk
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
-from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.table_state import State
-from foucault.plans.table.search import PositionSpace
-from foucault.plans.table.search import Wanted as Wanted
-from foucault.procedures import Progress, on_table, silent
-from foucault.procedures.on_table import STREAMS as STREAMS
-from foucault.procedures.on_table import STRETCHES as STRETCHES
+from foucault.procedures import on_table
 from foucault.procedures.on_table import Task
-from foucault.procedures.on_table import plan as table_plan
-from foucault.procedures.on_table.plan import UNDECLARED as UNDECLARED
-from foucault.procedures.on_table.session import LOG_LINES as LOG_LINES
+from foucault.procedures.on_table.procedure import table_procedure
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
-from foucault.result import Result
-from foucault.tables import Log
 
 
 class Settings(TableSettings):
@@ -74,54 +62,6 @@ class Settings(TableSettings):
 
 class Session(TableSession):
     """The session that `simulate` makes."""
-
-
-names_of = on_table.names_of
-
-
-def calibrate(
-    log: Log | OnDisk,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate an IMU by the norms of what it measures.
-
-    Parameters
-    ----------
-    log : Log or OnDisk
-        Samples, or means over positions [SI].
-    site : Site
-        Local gravity, and the latitude where there are gyros.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        Too few positions, singular plans, spins of less than a turn: see `foucault.symptoms`.
-    """
-    return on_table.calibrate(
-        log, task_of(settings or Settings()), site=site, noise=noise, prior=prior,
-        instrument=instrument, progress=progress,
-    )  # fmt: skip
 
 
 def task_of(settings: Settings) -> Task:
@@ -206,22 +146,7 @@ def _solved(pair: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, Flo
     return pair
 
 
-def space(
-    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]], typical: ImuNoise | None = None,
-) -> PositionSpace:  # fmt: skip
-    """Return the positions to seek a better plan among; `prior` as a campaign has it [SI]."""
-    return table_plan.space(
-        task_of(settings), wanted, session=session, site=site, noise=noise, prior=prior,
-        typical=typical,
-    )  # fmt: skip
-
-
-def foresee(
-    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]], typical: ImuNoise | None = None,
-) -> Foresight:  # fmt: skip
-    """Return what the session will show; noise and `prior` as a campaign has them [SI]."""
-    return table_plan.foresee(
-        task_of(settings), session=session, site=site, noise=noise, prior=prior, typical=typical
-    )
+PROCEDURE = table_procedure(
+    "norm_observation", __doc__, Settings, Session, lambda settings, _: task_of(settings)
+)
+calibrate = PROCEDURE.calibrate

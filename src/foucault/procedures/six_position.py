@@ -13,11 +13,6 @@ References
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
 from foucault.diagnose.faces.moves import check_moves
@@ -25,9 +20,10 @@ from foucault.diagnose.spikes import without_spikes
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.procedures import Progress, on_faces, silent
+from foucault.procedures import on_faces
 from foucault.procedures.on_faces import settings as face_settings
 from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
+from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
 from foucault.simulate.faces import face_plan
 from foucault.simulate.faces import simulate as simulate_plan
@@ -43,20 +39,9 @@ class Session(FaceSession):
     """The session that `simulate` makes."""
 
 
-def simulate(
-    session: Session,
-    *,
-    settings: Settings | None = None,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
+def _simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> Simulation:
-    """Simulate a session.
-
-    `settings` or None: not needed: the faces are always the six; `noise`: its noise [SI]; `seed`:
-    seed of plan and noise [1].
-    """
     plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
     plan = face_plan(
         rest_time=session.rest_time, move_time=session.move_time,
@@ -73,59 +58,28 @@ def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
     return face_settings.names_of(settings, turns=False, gyro=gyro)
 
 
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate an IMU from rests on its six faces.
-
-    Parameters
-    ----------
-    log : Log
-        Readings, or means with one row per rest [SI].
-    site : Site
-        Local gravity, and latitude where the Earth's rotation is to be modelled.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it in the rests.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        A face missing, a rest on no face or moving, a wrong unit: see `foucault.symptoms`.
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
-    if not settings.earth_rate:
-        site = replace(site, latitude=None)
-    progress(0.1, "finding the faces")
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    site, settings, noise = given.site, given.settings, given.noise
+    given.progress(0.1, "finding the faces")
     log = without_spikes(log)
     faces = on_faces.found_faces(log, site, settings)
     check_moves(log, faces)
-    progress(0.5, "calibrating")
+    given.progress(0.5, "calibrating")
     solution = on_faces.solve(
         log, faces, None, site, names_of(settings, log.gyro is not None),
         on_faces.noise_of(log, faces, None, noise), noise is not None,
-        (settings.placement_sd, 0.0, 0.0), prior or {},
+        (settings.placement_sd, 0.0, 0.0), given.prior,
     )  # fmt: skip
-    progress(1.0, "done")
-    seconds = clock.monotonic() - started
-    return on_faces.result_of("six_position", log, solution, instrument or {}, seconds)
+    return on_faces.result_of("six_position", log, solution)
+
+
+PROCEDURE = Procedure(
+    name="six_position",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=_simulated,
+    names=lambda settings, _: names_of(settings),
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -1,35 +1,18 @@
 """What the report says: one function per section, each skipped where it has nothing to show.
 
-A procedure gets a section by filling its table; a new kind of section is one function more in
+A procedure gets a section by filling its table; a new kind of section is one row more in
 `SECTIONS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
 
 from foucault.errors import ADVICE, Status
 from foucault.report import certificate as certificates
-from foucault.report import (
-    ends,
-    on_table,
-    systematic,
-    systematic_choice,
-    temperature,
-    transfer,
-    transfer_delay,
-    transfer_run,
-    tumble,
-)
-from foucault.report.application import how_to_apply
-from foucault.report.certificate import certificate
+from foucault.report import ends
 from foucault.report.ends import STATES, WORDS, Heading, check_table, words
-from foucault.report.evidence import detection, held_out, norms, orientations, residuals
-from foucault.report.headings import headings
-from foucault.report.merged import merged
 from foucault.report.page import Section
-from foucault.report.rate_table import rate_steps
-from foucault.report.uncertainty import budget, coefficients, correlation, unseen
 from foucault.result import Result
 
 
@@ -60,7 +43,15 @@ def _line(result: Result) -> list[str]:
 
 def sections(result: Result) -> list[Section]:
     """Return the sections that `result` has something to show in."""
-    return [section for make in SECTIONS if (section := make(result)) is not None]
+    has = {"", *result.tables, *result.diagnostics}
+    made = [_made(place, result) for place, shown in SECTIONS if shown in has]
+    return [section for section in made if section is not None]
+
+
+def _made(place: str, result: Result) -> Section | None:
+    module, _, name = place.rpartition(".")
+    section: Section | None = getattr(import_module(f"foucault.report.{module}"), name)(result)
+    return section
 
 
 def checks(result: Result) -> Section | None:
@@ -90,50 +81,51 @@ def provenance(result: Result) -> Section | None:
     return ends.provenance(row for row in rows if row)
 
 
-SECTIONS: tuple[Callable[[Result], Section | None], ...] = (
-    certificate,
-    tumble.alignment,
-    temperature.functions,
-    temperature.left_out,
-    coefficients,
-    merged,
-    systematic_choice.deflection,
-    systematic.velocities,
-    systematic.navigation,
-    systematic.sequence,
-    transfer_run.mounting,
-    transfer.done,
-    transfer_delay.delay,
-    transfer_delay.ignored,
-    transfer.estimates,
-    transfer.motion,
-    transfer_run.innovations,
-    transfer_run.bound,
-    transfer_run.attitude,
-    transfer_run.handed,
-    norms,
-    on_table.norms,
-    rate_steps,
-    headings,
-    residuals,
-    on_table.residuals,
-    orientations,
-    on_table.orientations,
-    on_table.control,
-    on_table.rig,
-    tumble.motion,
-    tumble.observability,
-    tumble.course,
-    tumble.residuals,
-    tumble.sensitivity,
-    unseen,
-    budget,
-    correlation,
-    held_out,
-    detection,
-    findings,
-    checks,
-    how_to_apply,
-    provenance,
+SECTIONS = (
+    ("certificate.certificate", ""),
+    ("tumble.alignment", "attitude"),
+    ("temperature.functions", "temperature_curves"),
+    ("temperature.left_out", "temperature_points"),
+    ("uncertainty.coefficients", ""),
+    ("merged.merged", "merged"),
+    ("systematic_choice.deflection", "choice"),
+    ("systematic.velocities", "velocities"),
+    ("systematic.navigation", "navigation"),
+    ("systematic.sequence", "sequence"),
+    ("transfer_run.mounting", "mounting"),
+    ("transfer.done", "filter"),
+    ("transfer_delay.delay", "filter"),
+    ("transfer_delay.ignored", "undelayed"),
+    ("transfer.estimates", "estimates"),
+    ("transfer.motion", "stretches"),
+    ("transfer_run.innovations", "innovations"),
+    ("transfer_run.bound", "gamma"),
+    ("transfer_run.attitude", "smoothed"),
+    ("transfer_run.handed", "hand_over"),
+    ("evidence.norms", "rests"),
+    ("on_table.norms", "readings"),
+    ("rate_table.rate_steps", "rate_steps"),
+    ("headings.headings", "headings"),
+    ("evidence.residuals", "rests"),
+    ("on_table.residuals", "readings"),
+    ("evidence.orientations", "rests"),
+    ("on_table.orientations", "readings"),
+    ("on_table.control", "readings"),
+    ("on_table.rig", "rig"),
+    ("tumble.motion", "path"),
+    ("tumble.observability", "observability"),
+    ("tumble.course", "course"),
+    ("tumble.residuals", "residuals"),
+    ("tumble.sensitivity", "sensitivity"),
+    ("uncertainty.unseen", ""),
+    ("uncertainty.budget", "budget"),
+    ("uncertainty.correlation", ""),
+    ("evidence.held_out", "rests"),
+    ("evidence.detection", "detection"),
+    ("sections.findings", ""),
+    ("sections.checks", ""),
+    ("application.how_to_apply", ""),
+    ("sections.provenance", ""),
 )
-"""The sections of the report, in order."""
+"""The sections of the report, in order: function, and the table or diagnostic that it shows; what a
+result does not have is not loaded."""

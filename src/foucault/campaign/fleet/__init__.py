@@ -16,8 +16,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from foucault import logs, monte_carlo, procedures, run_folder
 from foucault.campaign import earlier
 from foucault.campaign.fleet.folder import INSTRUMENTS, save
@@ -248,13 +246,11 @@ def _calibrated(work: _Work, serial: str, log: Log | FoucaultError) -> Row:
     c = work.campaign
     log = replace(log, findings=c.findings + log.findings)
     try:
-        result: Result = procedures.load(c.procedure).calibrate(
+        result = procedures.load(c.procedure).calibrate(
             log, site=c.site, settings=c.settings, noise=c.noise, prior=c.prior
         )
     except FoucaultError as problem:
         return Row.broken(serial, problem)
-    except np.linalg.LinAlgError:  # of one instrument among many it is only a reason
-        return Row.broken(serial, error("fleet.unsolved", why=on_table_batch.WHY["singular"]))
     return _saved(work, serial, result)
 
 

@@ -13,20 +13,16 @@ References
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.north import calibration_checks as judge
 from foucault.diagnose.north import calibration_report as shown
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import alive, late_index, stops, units_first
 from foucault.diagnose.spikes import without_spikes
-from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
 from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.attitude import Known
@@ -34,26 +30,15 @@ from foucault.logs import indexed, indexed_own
 from foucault.logs.indexed_description import IndexedDescription
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise, noise_json
+from foucault.models.noise import noise_json
 from foucault.models.north_seeker import EQUATION, Compensation
-from foucault.procedures import Progress, silent
-from foucault.procedures.north_seeking import foresight as north_foresight
-from foucault.procedures.north_seeking.settings import Session as Session
-from foucault.procedures.north_seeking.settings import Settings as Settings
-from foucault.procedures.north_seeking.settings import draw_errors as draw_errors
-from foucault.procedures.north_seeking.settings import simulate as simulate
+from foucault.procedures.north_seeking.foresight import foresee
+from foucault.procedures.north_seeking.settings import Session, Settings, draw_errors, simulated
 from foucault.procedures.north_seeking.solution import Solution, require_latitude, solved
-from foucault.procedures.north_seeking.wanted import Wanted as Wanted
-from foucault.procedures.north_seeking.wanted import space as space
-from foucault.result import Problem, Result, Verdict, provenance
+from foucault.procedures.north_seeking.wanted import Wanted, space
+from foucault.procedures.record import Given, Procedure
+from foucault.result import Problem, Result, Verdict
 from foucault.tables import IndexedLog, temperature_range
-
-Description = IndexedDescription
-read_log = indexed.read
-write_log = indexed_own.write
-log_table = indexed_own.log_table
-SIMULATE = {"grade": "navigation"}
-"""Default of [simulate]."""
 
 FRAME = "axes of the case, right-forward-up: headings of the turntable"
 GAUGES = {
@@ -75,48 +60,9 @@ def names_in(settings: Settings, session: Session) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def calibrate(
-    log: IndexedLog,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate a north seeker from set-ups at known headings.
-
-    Parameters
-    ----------
-    log : IndexedLog
-        Samples or means, with index angles and reference headings [SI].
-    site : Site
-        Gravity and latitude.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of gyro and accelerometers [SI]; None measures it.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        No headings, wrong units or senses, headings that do not span: see `foucault.symptoms`.
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
-    progress(0.1, "finding the dwells")
+def _solve(log: IndexedLog, given: Given[Settings]) -> Result:
+    site, settings = given.site, given.settings
+    given.progress(0.1, "finding the dwells")
     log = without_spikes(log)
     stuck = alive(log)
     dwells = find_dwells(log, settle=settings.settle, shortest=settings.shortest)
@@ -128,29 +74,17 @@ def calibrate(
     if site.latitude is None:
         raise error("north.calibration_latitude")
     require_latitude(site.latitude)
-    progress(0.4, "calibrating")
-    declared = noise or measured_noise(log, dwells)
+    given.progress(0.4, "calibrating")
+    declared = given.noise is not None
+    noise = given.noise or measured_noise(log, dwells)
     with units_first(log.findings):
-        solution = solved(dwells, site, settings, declared, noise is not None, prior or {})
-    progress(1.0, "done")
+        solution = solved(dwells, site, settings, noise, declared, given.prior)
     result = _result(solution, dwells, settings, site)
-    whole = replace(
+    return replace(
         result,
         findings=(*log.findings, *stuck, *told, *result.findings),
-        instrument=dict(instrument or {}),
         validity=_validity(log, dwells, solution),
-        provenance=provenance(log.source, clock.monotonic() - started),
     )
-    # Rates of the Earth are compared with rates as read.
-    return with_clock(whole, log.clock, turned=False, summed=False)
-
-
-def foresee(
-    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]],
-) -> Foresight:  # fmt: skip
-    """Return what a planned session will show; noise and `prior` as a campaign has them [SI]."""
-    return north_foresight.foresee(settings, session, site, noise, prior)
 
 
 def _require_readings(log: IndexedLog, dwells: Dwells) -> None:
@@ -222,3 +156,26 @@ def _validity(log: IndexedLog, dwells: Dwells, s: Solution) -> dict[str, Any]:
         "tilt": float(tilt) if s.rig.accelerometers else None,
     }
     return out | temperature_range(log)
+
+
+PROCEDURE = Procedure(
+    name="north_seeking",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=simulated,
+    names=names_in,
+    foresee=foresee,
+    space=space,
+    Wanted=Wanted,
+    grade="navigation",
+    draw_errors=draw_errors,
+    Description=IndexedDescription,
+    read=indexed.read,
+    write=indexed_own.write,
+    # Rates of the Earth are compared with rates as read.
+    clocked=lambda _: (False, False),
+    log_table=indexed_own.log_table,
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -7,7 +7,7 @@ is a fix that is judged, by the heading.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.procedures.north_seeking.fix import find_north
-from foucault.procedures.north_seeking.settings import Session, Settings, Stop, simulate
+from foucault.procedures.north_seeking.settings import Session, Settings, Stop, simulated
 from foucault.procedures.north_seeking.solution import (
     Z_COUPLING,
     Solution,
@@ -34,10 +34,10 @@ from foucault.procedures.north_seeking.solution import (
     require_latitude,
     solved,
 )
+from foucault.procedures.record import Beforehand, Prior
 from foucault.simulate.north import NorthPlan, NorthSimulation, Stops
 from foucault.units import span
 
-Prior = Mapping[str, tuple[float, float]]
 Judge = Callable[[Session], CoefficientVector]
 
 ANGLES = Layout(
@@ -78,7 +78,7 @@ class _Planned:
         """Simulate with nothing drawn: a perfect instrument on a perfect table, no noise."""
         sure = {"heading_sd": 0.0, "heading_offset_sd": 0.0, "index_sd": 0.0, "drift_sd": None}
         still = {"offset_sd": 0.0, "twice_per_turn_sd": 0.0, "gyro_drift": 0.0}
-        return simulate(
+        return simulated(
             session.model_copy(update=still), settings=self.settings.model_copy(update=sure),
             model=ImuModel(), noise=ImuNoise(), site=self.site, seed=0,
         )  # fmt: skip
@@ -99,15 +99,9 @@ class _Planned:
         return CoefficientVector(ANGLES, np.zeros(3), survey.fixes.cov[:, :3, :3].mean(axis=0))
 
 
-def foresee(
-    settings: Settings, session: Session, site: Site, noise: ImuNoise | None, prior: Prior
-) -> Foresight:
-    """Return what a planned session will show.
-
-    `settings`: how it will be solved, and what the base can do; `noise` or None: noise as
-    declared [SI]; `prior`: mean and standard deviation of coefficients or groups of coefficients
-    [SI].
-    """
+def foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what a planned session will show."""
+    settings, session, site, noise, prior = b.settings, b.session, b.site, b.noise, b.prior
     if site.latitude is None:
         raise error("north.calibration_latitude")
     require_latitude(site.latitude)

@@ -240,22 +240,14 @@ class Session(BaseModel):
         return Stops(np.array([s.index for s in self.order]), np.array(lengths), self.move)
 
 
-def simulate(
-    session: Session,
-    *,
-    settings: Settings | None = None,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
+def simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> NorthSimulation:
-    """Simulate a session on a turntable.
+    """Simulate a session on a turntable; what is wrong with table and base is drawn from settings.
 
-    `settings` or None: of the calibration to follow: what is wrong with table and base is drawn
-    from them; `model`: errors of the instrument, resolved by the base; `noise`: its noise [SI];
-    `seed`: seed of table, offset and noise [1].
+    `model`: errors of the instrument, resolved by the base; `noise`: its noise [SI]; `seed`: seed
+    of table, offset and noise [1].
     """
-    settings = settings or Settings()
     rng = np.random.default_rng([seed, 5])
     common = settings.heading_offset_sd * float(rng.standard_normal())
     offset = session.offset_sd * float(rng.standard_normal())

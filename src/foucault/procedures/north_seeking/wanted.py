@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
@@ -11,14 +10,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from foucault.coefficients import Coefficient, Layout
 from foucault.diagnose.north.plan import Conditions
 from foucault.errors import error
-from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
 from foucault.plans.north.bound import Known
 from foucault.plans.north.moves import Rig, schedule
 from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
 from foucault.procedures.north_seeking.foresight import silent
 from foucault.procedures.north_seeking.settings import Ramp, Session, Settings
+from foucault.procedures.record import Beforehand
 from foucault.units import AngleSd, Seconds
 
 SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),))
@@ -55,16 +53,13 @@ class Wanted(BaseModel):
     )  # fmt: skip
 
 
-def space(
-    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]],
-) -> NorthSpace:  # fmt: skip
+def space(b: Beforehand[Settings, Session]) -> NorthSpace:
     """Return the orders of stops among which the best is searched.
 
-    `settings`: how north is sought, and what the base can do; `session`: the stops to beat, and
-    the time of a move; `noise` or None: noise of the instrument, which must be known [SI];
-    `prior`: of the coefficients, the order of the stops does nothing to them [SI].
+    They are those that the base can do; the stops of the session are those to beat. The noise of
+    the instrument must be known.
     """
+    settings, session, site, noise, wanted = b.settings, b.session, b.site, b.noise, b.wanted
     weights = weights_of(SOUGHT, wanted.weights)
     if noise is None or not noise.gyro.white > 0:
         raise error("north_search.noise")

@@ -19,7 +19,6 @@ from foucault.diagnose.faces.rests import Faces, find_faces
 from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.hand_rotated import report as session_report
 from foucault.diagnose.rests import Rests, detection_table, measure_noise
-from foucault.diagnose.time_base import with_clock
 from foucault.errors import Finding
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
@@ -42,7 +41,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
 from foucault.models.session_noise import SessionNoise
 from foucault.procedures.on_faces.settings import FaceSettings
-from foucault.result import Problem, Result, Verdict, provenance
+from foucault.result import Problem, Result, Verdict
 from foucault.tables import Log, temperature_range
 
 
@@ -139,16 +138,10 @@ def solve(
     return Solution(evidence, problem, parts)
 
 
-def result_of(
-    procedure: str,
-    log: Log,
-    solution: Solution,
-    instrument: Mapping[str, Any],
-    seconds: float,
-) -> Result:
+def result_of(procedure: str, log: Log, solution: Solution) -> Result:
     """Make the result of a solution.
 
-    `log`: readings [SI]; `seconds`: how long it took [s].
+    `log`: readings [SI].
     """
     e = solution.evidence
     estimate, site, faces = e.estimate, e.scene.site, e.faces
@@ -156,7 +149,7 @@ def result_of(
     tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
     if faces.rests is not None:
         tables["detection"] = detection_table(log, faces.rests)
-    result = Result(
+    return Result(
         procedure=procedure,
         coefficients=with_references(estimate.coefficients, site),
         equation=EQUATION,
@@ -166,14 +159,11 @@ def result_of(
         checks=checks,
         findings=(*_noticed(log, e), *faces.findings, *face_checks.findings(e)),
         status=estimate.status,
-        instrument=dict(instrument),
         site=site.as_dict(),
         validity=_validity(log, e.scene),
         diagnostics=_diagnostics(log, solution),
-        provenance=provenance(log.source, seconds),
         tables=tables,
     )
-    return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
 
 
 def _noticed(log: Log, e: FaceEvidence) -> tuple[Finding, ...]:

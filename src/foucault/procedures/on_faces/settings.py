@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
+from foucault.procedures.fields import EarthRate, Strict
 from foucault.tables import AXES
 from foucault.units import AngleSd, Quantity, Seconds
 
 
-class FaceSettings(BaseModel):
+class FaceSettings(EarthRate):
     """What can be chosen of rests on faces; procedures add their own."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     placement_sd: AngleSd | None = Field(
         default=None,
@@ -30,9 +29,6 @@ class FaceSettings(BaseModel):
     )
     g_sensitivity: bool = Field(
         default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
-    )
-    earth_rate: bool = Field(
-        default=True, description="Model the Earth's rotation where the latitude is given."
     )
     sections: dict[str, list[int]] | None = Field(
         default=None,
@@ -50,10 +46,8 @@ class FaceSettings(BaseModel):
     )
 
 
-class FaceSession(BaseModel):
+class FaceSession(Strict):
     """The session on faces that `simulate` makes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     rest_time: Seconds = Field(default=10.0, gt=0, description="Length of each rest.")
     move_time: Seconds = Field(

@@ -6,7 +6,6 @@ They differ in what they believe of the table: nothing (`norm_observation`), eve
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,7 +24,7 @@ from foucault.diagnose.table import hints as table_hints
 from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.gyro_axes import check_gyro_axes
 from foucault.diagnose.table.input import check_readings, enough_readings
-from foucault.diagnose.time_base import times_the_table, with_clock
+from foucault.diagnose.time_base import times_the_table
 from foucault.errors import Finding, error, finding
 from foucault.estimate.table import likelihood as table_likelihood
 from foucault.estimate.table.fit import TableFit, fit
@@ -42,19 +41,12 @@ from foucault.models.table_state import State
 from foucault.models.turntable import up_k
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
-from foucault.procedures import Progress, silent, solvable
 from foucault.procedures.on_table.session import TableSettings
-from foucault.result import Result, Verdict, provenance
+from foucault.procedures.record import Given
+from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log
 
 Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
-
-
-STREAMS = True
-"""The procedures on a table take a log on disk too."""
-
-STRETCHES = True
-"""They need nothing of what is between two rests or spins: files may be recorded one by one."""
 
 
 @dataclass(frozen=True)
@@ -82,58 +74,27 @@ def names_of(settings: TableSettings, gyro: bool = True) -> tuple[str, ...]:
     return tuple(n for n in LAYOUT.names if n in names)
 
 
-def calibrate(
-    log: Log | OnDisk,
-    task: Task,
-    *,
-    site: Site,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
+def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
     """Calibrate an IMU from a log taken on a table.
 
-    Parameters
-    ----------
-    log : Log or OnDisk
-        Samples, or means over positions; one on disk is never held as a whole [SI].
-    task : Task
-        Which procedure, with its settings.
-    site : Site
-        Gravity and latitude.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
+    `log`: samples, or means over positions; one on disk is never held as a whole [SI].
     """
-    started = clock.monotonic()
-    if not task.settings.earth_rate:
-        site = replace(site, latitude=None)
-    progress(0.05, "finding rests and spins")
-    with solvable():
-        readings = read_positions(log, task, noise, lambda done: progress(0.4 * done, "averaging"))
-    progress(0.4, "calibrating")
-    with solvable():
-        result = from_readings(readings, task, site=site, prior=prior)
-    seconds = clock.monotonic() - started
-    progress(1.0, "done")
-    whole = replace(
+    given.progress(0.05, "finding rests and spins")
+
+    def averaging(done: float) -> None:
+        given.progress(0.4 * done, "averaging")
+
+    readings = read_positions(log, task, given.noise, averaging)
+    given.progress(0.4, "calibrating")
+    result = from_readings(readings, task, site=given.site, prior=given.prior)
+    return replace(
         result,
         findings=_without_gaps((*_noticed(log, readings), *result.findings)),
-        instrument=dict(instrument or {}),
-        validity=table_report.validity(readings, log if isinstance(log, Log) else None, site),
-        provenance=provenance(log.source if isinstance(log, Log) else log.source(), seconds),
+        validity=table_report.validity(readings, log if isinstance(log, Log) else None, given.site),
     )
-    turned, summed = _clocked(log)
-    return with_clock(whole, log.clock, turned=turned, summed=summed)
 
 
-def _clocked(log: Log | OnDisk) -> tuple[bool, bool]:
+def clocked(log: Log | OnDisk) -> tuple[bool, bool]:
     """Tell whether spin rates are timed by the clock of the log, and whether it is increments."""
     if isinstance(log, Log):
         return times_the_table(log), log.sampled == "increment"

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from math import pi
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +19,8 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight, Limit
 from foucault.errors import error, finding
-from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.noise import ImuNoise, grade
+from foucault.models.noise import grade
 from foucault.models.turntable import up_k
 from foucault.plans.hand_rotated import spread_directions
 from foucault.plans.optimise import DRAWS
@@ -28,25 +28,21 @@ from foucault.plans.table.directions import positions, spread_outer
 from foucault.plans.table.information import Parts, half_covariance, without
 from foucault.plans.table.periodic import Periodic
 from foucault.plans.table.reach import NEARLY, Reach
-from foucault.plans.table.search import Plan, PositionSpace, Wanted
+from foucault.plans.table.search import Plan, PositionSpace
 from foucault.plans.weights import require_seen, weights_of
 from foucault.procedures import on_table
 from foucault.procedures.on_table import Task
 from foucault.procedures.on_table.bound import Bench
-from foucault.procedures.on_table.session import TableSession, TableSettings
+from foucault.procedures.on_table.session import TableSettings
+from foucault.procedures.record import Beforehand
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.simulate.table.log import timetable
-
-Prior = Mapping[str, tuple[float, float]]
 
 TRIED = 60
 """Random positions that together show whatever any positions could show [1]."""
 
 DRAWN = 3
 """Instruments with drawn errors in which a plan is compared with another [1]."""
-
-UNDECLARED = True
-"""These procedures are told what noise is typical where none is declared."""
 
 CLASS = "tactical"
 """Class whose noise is taken where none is known."""
@@ -58,20 +54,10 @@ LONGER = 300.0
 """So much longer rests are foretold too [s]."""
 
 
-def bench(
-    task: Task, session: TableSession, site: Site, noise: ImuNoise | None, prior: Prior,
-    typical: ImuNoise | None = None,
-) -> Bench:  # fmt: skip
-    """Return the session of a campaign without its positions.
-
-    `noise` or None: noise as declared [SI]; `prior`: mean and standard deviation of coefficients
-    or groups of coefficients [SI]; `typical` or None: noise to reckon with where none is declared
-    [SI].
-    """
-    if not task.settings.earth_rate:
-        site = replace(site, latitude=None)
-    known = noise or typical or grade(CLASS).noise
-    return Bench(task, session, site, known, noise is not None, prior)
+def bench(task: Task, b: Beforehand[Any, Any]) -> Bench:
+    """Return the session of a campaign without its positions."""
+    known = b.noise or b.typical or grade(CLASS).noise
+    return Bench(task, b.session, task.settings.where(b.site), known, b.noise is not None, b.prior)
 
 
 def reach_of(settings: TableSettings) -> Reach:
@@ -86,18 +72,12 @@ def reach_of(settings: TableSettings) -> Reach:
 # -- a better plan -------------------------------------------------------------------------
 
 
-def space(
-    task: Task, wanted: Wanted, *, session: TableSession, site: Site, noise: ImuNoise | None,
-    prior: Prior, typical: ImuNoise | None = None,
-) -> PositionSpace:  # fmt: skip
+def space(task: Task, beforehand: Beforehand[Any, Any]) -> PositionSpace:
     """Return the sets of positions that the table allows.
 
-    `task`: which procedure, with its settings: the plan to beat, and the limits of the table;
-    `noise` or None: noise as declared [SI]; `prior`: mean and standard deviation of coefficients
-    or groups of coefficients [SI]; `typical` or None: noise to reckon with where none is declared
-    [SI].
+    `task`: which procedure, with its settings: the plan to beat, and the limits of the table.
     """
-    b = bench(task, session, site, noise, prior, typical)
+    b, wanted = bench(task, beforehand), beforehand.wanted
     name, said = positions(task.settings.chosen)
     count = wanted.positions or len(said)
     reach = _within_cable(b, reach_of(task.settings), count)
@@ -194,18 +174,12 @@ def _unseen(b: Bench, reach: Reach) -> npt.NDArray[np.bool_]:
 # -- what the plan will show ---------------------------------------------------------------
 
 
-def foresee(
-    task: Task, *, session: TableSession, site: Site, noise: ImuNoise | None, prior: Prior,
-    typical: ImuNoise | None = None,
-) -> Foresight:  # fmt: skip
+def foresee(task: Task, beforehand: Beforehand[Any, Any]) -> Foresight:
     """Return what a session on a table will show.
 
-    `task`: which procedure, with its settings: positions and spins, and the limits of the table;
-    `session`: how long rests and spins last, and the errors of the table; `noise` or None: noise
-    as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
-    coefficients [SI]; `typical` or None: noise to reckon with where none is declared [SI].
+    `task`: which procedure, with its settings: positions and spins, and the limits of the table.
     """
-    b = bench(task, session, site, noise, prior, typical)
+    b = bench(task, beforehand)
     name, angles = positions(task.settings.chosen)
     plan = b.plan(angles)
     info = b.information(plan).with_prior(b.known.prior_sd)
@@ -217,7 +191,7 @@ def foresee(
         told.append(finding("table.unseen", plan=name, names=", ".join(names)))
     return Foresight(
         coefficients=found,
-        linearised_at=("means in [prior], " if prior else "") + "no errors, a perfect table",
+        linearised_at=("means in [prior], " if b.prior else "") + "no errors, a perfect table",
         plan=name,
         duration=timetable(plan)[0],
         states=len(b.layout),

@@ -8,8 +8,6 @@ is not.
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -22,19 +20,16 @@ from foucault.diagnose.hand_rotated.input import check_forces
 from foucault.diagnose.positions.readings import find_readings
 from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.input import enough_readings
-from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
 from foucault.estimate.hand_rotated.bias import resting_bias
 from foucault.estimate.hand_rotated.likelihood import Component
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT
-from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.rests_and_turns import Session
-from foucault.procedures import Progress, silent, solvable
 from foucault.procedures.on_table import NORM_NEEDS, Task, from_readings
-from foucault.procedures.on_table.session import TableSettings
-from foucault.result import Check, Result, Verdict, provenance
+from foucault.procedures.record import Given
+from foucault.result import Check, Result, Verdict
 from foucault.tables import AXES, Log, TableColumns
 
 NO_TURNS = (
@@ -44,53 +39,32 @@ NO_TURNS = (
 """What of the gyros a table of means cannot show."""
 
 
-def calibrate_poses(
-    log: Log,
-    procedure: str,
-    settings: TableSettings,
-    *,
-    site: Site,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    repeatability: bool = True,
-    progress: Progress = silent,
-) -> Result:
+def solve_poses(log: Log, task: Task, given: Given[Any]) -> Result:
     """Calibrate the accelerometers, and the bias of the gyros, from means over poses.
 
-    `log`: means, one row per pose [SI]; `settings`: which coefficients, and what to do with a
-    wrong row; `site`: local gravity, and latitude where the Earth's rotation is to be modelled;
-    `noise`: noise of the instrument [SI], None takes it from the residuals; `prior` or None: mean
-    and standard deviation of coefficients or groups of coefficients [SI]; `instrument` or None:
-    name, serial and so on, kept in the result; `repeatability`: estimate the scatter between
-    poses that the noise does not explain; `progress`: called with the fraction done and what is
-    being done. Raises too few poses, poses all in a plane, wrong units: see `foucault.symptoms`.
+    `log`: means, one row per pose [SI]; `task`: which coefficients, and what to do with a wrong
+    row; `given`: noise that is None is taken from the residuals. Raises too few poses, poses all
+    in a plane, wrong units: see `foucault.symptoms`.
     """
-    started, n = clock.monotonic(), len(log)
+    site, settings, n = given.site, task.settings, len(log)
     if log.accel is None:
         raise error("session.no_accel")
     still = TableColumns(np.full((n, 3), np.nan), np.zeros(n), None)
-    progress(0.2, "reading the poses")
-    readings = find_readings(replace(log, table=still), noise=noise)
-    task = Task(procedure, settings, None, repeatability=repeatability)
+    given.progress(0.2, "reading the poses")
+    readings = find_readings(replace(log, table=still), noise=given.noise)
     rows = np.arange(n)
-    with solvable():
-        enough_readings(readings, NORM_NEEDS + 3 * settings.accel_quadratic, 0)
-        up_b = check_forces(Session.reduce(log, rows, rows + 1, site))
-        found = first_rest_orientation(log, up_b[0])
-        progress(0.4, "calibrating")
-        alone = from_readings(replace(readings, gyro=None), task, site=site, prior=prior)
-        result = alone if log.gyro is None else _with_gyros(alone, readings, site)
+    enough_readings(readings, NORM_NEEDS + 3 * settings.accel_quadratic, 0)
+    up_b = check_forces(Session.reduce(log, rows, rows + 1, site))
+    found = first_rest_orientation(log, up_b[0])
+    given.progress(0.4, "calibrating")
+    alone = from_readings(replace(readings, gyro=None), task, site=site, prior=given.prior)
+    result = alone if log.gyro is None else _with_gyros(alone, readings, site)
     result.diagnostics["plan"] = ""
-    whole = replace(
+    return replace(
         result,
         findings=(*log.findings, *found, *result.findings),
-        instrument=dict(instrument or {}),
         validity=table_report.validity(readings, log, site),
-        provenance=provenance(log.source, clock.monotonic() - started),
     )
-    progress(1.0, "done")
-    return with_clock(whole, log.clock, turned=False, summed=log.sampled == "increment")
 
 
 def _with_gyros(alone: Result, readings: Readings, site: Site) -> Result:

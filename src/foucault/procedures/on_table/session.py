@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
-from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
@@ -17,6 +15,8 @@ from foucault.plans.table.directions import Positions, canonical
 from foucault.plans.table.directions import positions as angles_of_positions
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
+from foucault.procedures.fields import EarthRate, Strict
+from foucault.procedures.validators import located
 from foucault.simulate.table.log import Simulation, simulate_means
 from foucault.simulate.table.log import simulate as simulate_log
 from foucault.simulate.table.readings import Rig
@@ -36,10 +36,8 @@ position = "position"                   # number of the position, empty or -1 in
 """What the log of a session on a table has beside the instrument's columns."""
 
 
-class TableSettings(BaseModel):
+class TableSettings(EarthRate):
     """What can be chosen of a session on a table; procedures add their own."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     plan: str = Field(
         default="icosahedron 12",
@@ -83,9 +81,6 @@ class TableSettings(BaseModel):
     g_sensitivity: bool = Field(
         default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
     )
-    earth_rate: bool = Field(
-        default=True, description="Model the Earth's rotation where the latitude is given."
-    )
     loss: Literal["robust", "squares"] = Field(
         default="robust",
         description="robust: a wrong reading is left out; squares: all count in full.",
@@ -117,14 +112,14 @@ class TableSettings(BaseModel):
     @field_validator("plan", mode="after")
     @classmethod
     def _known(cls, name: str, info: ValidationInfo) -> str:
-        _check(lambda: canonical(name), info)
+        located(info, lambda: canonical(name))
         return name
 
     @field_validator("positions", mode="after")
     @classmethod
     def _angles(cls, rows: list[list[str]] | None, info: ValidationInfo) -> list[list[str]] | None:
         if rows is not None:
-            _check(lambda: angles_of_positions(rows), info)
+            located(info, lambda: angles_of_positions(rows))
         return rows
 
     @field_validator("spin_rate", mode="after")
@@ -147,20 +142,8 @@ class TableSettings(BaseModel):
         return self.plan if self.positions is None else self.positions
 
 
-def _check(check: Callable[[], object], info: ValidationInfo) -> None:
-    """Let a mistake in a campaign file be reported with its place."""
-    try:
-        check()
-    except FoucaultError as problem:
-        if "locate" in (info.context or ()):
-            raise ValueError(problem) from None
-        raise
-
-
-class TableSession(BaseModel):
+class TableSession(Strict):
     """The session on a table that `simulate` makes."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     rest_time: Seconds = Field(default=60.0, gt=0, description="Length of each rest.")
     turns: int = Field(default=4, ge=1, description="Whole turns of each spin.")

@@ -13,8 +13,6 @@ References
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,35 +21,26 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.foresight import Foresight
-from foucault.diagnose.time_base import with_clock
 from foucault.diagnose.tumble import checks as judge
 from foucault.diagnose.tumble import input as tumble_input
 from foucault.diagnose.tumble import report as tumble_report
 from foucault.diagnose.tumble.checks import Evidence
 from foucault.errors import Finding
-from foucault.models import cluster
-from foucault.models.cluster import EQUATION
+from foucault.models.cluster import EQUATION, LAYOUT
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
 from foucault.plans.tumble.torquing import nominal
-from foucault.procedures import Progress, silent
 from foucault.procedures.platform_tumble import foresight as tumble_foresight
-from foucault.procedures.platform_tumble.log import ERRORS_LINE as ERRORS_LINE
-from foucault.procedures.platform_tumble.log import NOISE_LINES as NOISE_LINES
-from foucault.procedures.platform_tumble.log import PRIOR_LINES as PRIOR_LINES
-from foucault.procedures.platform_tumble.log import Description as Description
-from foucault.procedures.platform_tumble.log import log_table as log_table
-from foucault.procedures.platform_tumble.log import read_log as read_log
+from foucault.procedures.platform_tumble import log as tumble_log
 from foucault.procedures.platform_tumble.problem import noise_of, prior_of, tumble_of
-from foucault.procedures.platform_tumble.search import Wanted as Wanted
-from foucault.procedures.platform_tumble.search import space as space
-from foucault.procedures.platform_tumble.settings import NOISE as NOISE
-from foucault.procedures.platform_tumble.settings import PRIOR as PRIOR
-from foucault.procedures.platform_tumble.settings import SIMULATE as SIMULATE
-from foucault.procedures.platform_tumble.settings import Session as Session
-from foucault.procedures.platform_tumble.settings import Settings as Settings
-from foucault.procedures.platform_tumble.settings import draw_errors as draw_errors
-from foucault.procedures.platform_tumble.settings import simulate as simulate
+from foucault.procedures.platform_tumble.search import Wanted, space
+from foucault.procedures.platform_tumble.settings import (
+    GRADE,
+    NOISE,
+    Session,
+    Settings,
+    draw_errors,
+    simulated,
+)
 from foucault.procedures.platform_tumble.solution import (
     Solution,
     coefficients,
@@ -60,10 +49,10 @@ from foucault.procedures.platform_tumble.solution import (
     public,
     solved,
 )
-from foucault.result import Result, Verdict, provenance
+from foucault.procedures.record import Beforehand, Given, Procedure
+from foucault.result import Result, Verdict
 from foucault.tables import Log, range_below_g
 
-LAYOUT = cluster.LAYOUT
 FRAME = "cluster axes p; attitude: outer, middle, inner angle from North-Up-East"
 GAUGE = "x accelerometer input axis, y in the x-y accelerometer plane"
 
@@ -71,111 +60,35 @@ MOMENTS = 120
 """In so many moments the estimate is kept for its course in time [1]."""
 
 
-def names_of(_settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients that are estimated."""
-    return LAYOUT.names
-
-
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate and align a torqued cluster.
-
-    Parameters
-    ----------
-    log : Log
-        The command in the gyro columns, and the accelerometers [SI].
-    site : Site
-        Gravity and latitude.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the accelerometers, and of the drift of the gyros [SI]; None measures the one and
-        assumes the other.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        42 coefficients and the final attitude with joint covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        No command, wrong units or axes, too short: see `foucault.symptoms`.
-    """
-    arguments = (site, settings or Settings(), noise, prior or {}, dict(instrument or {}))
-    return _calibrate(log, *arguments, progress, shown=True)
-
-
-def trial(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-) -> Result:
-    """Calibrate without what only a report shows: one trial of many.
-
-    `log`: the command in the gyro columns, and the accelerometers [SI]; `noise` or None: noise of
-    the accelerometers, and of the drift of the gyros [SI]; `prior` or None: mean and standard
-    deviation of coefficients or groups of coefficients [SI].
-    """
-    return _calibrate(log, site, settings, noise, prior or {}, {}, silent, shown=False)
-
-
-def _calibrate(
-    log: Log, site: Site, settings: Settings, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]], instrument: dict[str, Any], progress: Progress,
-    *, shown: bool,
-) -> Result:  # fmt: skip
-    started = clock.monotonic()
-    progress(0.1, "looking at the log")
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    site, settings, shown = given.site, given.settings, given.shown
+    given.progress(0.1, "looking at the log")
     told = _look(log, site, settings)
-    used, said = noise_of(log, noise)
+    used, said = noise_of(log, given.noise)
     tumble, more = tumble_of(log, site, settings, used)
-    beforehand = prior_of(settings, site, prior)
-    progress(0.3, "calibrating")
+    beforehand = prior_of(settings, site, given.prior)
+    given.progress(0.3, "calibrating")
     solution = solved(
         tumble, beforehand, settings, site, used, moments=MOMENTS if shown else 0,
         measured="tumble.measured" in {f.code for f in said},
     )  # fmt: skip
-    progress(0.8, "judging the result")
+    given.progress(0.8, "judging the result")
     result = _result(solution, shown)
-    progress(1.0, "done")
-    whole = replace(
+    return replace(
         result,
         findings=(*log.findings, *told, *said, *more, *result.findings),
-        instrument=instrument,
         validity=range_below_g(log, site.gravity),
-        provenance=provenance(log.source, clock.monotonic() - started),
     )
-    return with_clock(whole, log.clock, turned=True, summed=log.sampled == "increment")
 
 
-def foresee(
-    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]],
-) -> Foresight:  # fmt: skip
-    """Return what the planned motion will show; noise and `prior` as a campaign has them [SI]."""
-    m = tumble_foresight.planned(settings, session, site, noise, prior)
-    owed = owed_by(m.tumble, m.prior, m.fit, settings, site, m.noise)
-    s = Solution(m.tumble, m.prior, m.fit, m.fit.cov, owed, settings, site, m.noise)
-    extras = tumble_foresight.more(m, settings, session, site, noise, prior)
-    return tumble_foresight.seen(m, coefficients(s), settings, extras)
+def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what the planned motion will show."""
+    arguments = b.settings, b.session, b.site, b.noise, b.prior
+    m = tumble_foresight.planned(*arguments)
+    owed = owed_by(m.tumble, m.prior, m.fit, b.settings, b.site, m.noise)
+    s = Solution(m.tumble, m.prior, m.fit, m.fit.cov, owed, b.settings, b.site, m.noise)
+    extras = tumble_foresight.more(m, *arguments)
+    return tumble_foresight.seen(m, coefficients(s), b.settings, extras)
 
 
 # -- the log ---------------------------------------------------------------------------------
@@ -230,3 +143,28 @@ def _result(s: Solution, shown: bool) -> Result:
 def _one_error(cov: FloatArray, k: int) -> FloatArray:
     """Return the error that a covariance of rank one is of; that of number `k` is negative."""
     return np.asarray(-cov[:, k] / np.sqrt(cov[k, k]))
+
+
+PROCEDURE = Procedure(
+    name="platform_tumble",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=simulated,
+    names=lambda *_: LAYOUT.names,
+    layout=LAYOUT,
+    foresee=_foresee,
+    space=space,
+    Wanted=Wanted,
+    grade=GRADE,
+    noise=NOISE,
+    draw_errors=draw_errors,
+    Description=tumble_log.Description,
+    read=tumble_log.read_log,
+    log_table=tumble_log.log_table,
+    noise_lines=tumble_log.NOISE_LINES,
+    prior_lines=tumble_log.PRIOR_LINES,
+    errors_line=tumble_log.ERRORS_LINE,
+)
+calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

@@ -37,7 +37,7 @@ from foucault.procedures.platform_tumble.settings import (
     PlanStep,
     Session,
     Settings,
-    simulate,
+    simulated,
 )
 from foucault.procedures.platform_tumble.solution import Solution, coefficients, owed_by
 from foucault.simulate.tumble import TumbleSimulation
@@ -100,7 +100,7 @@ def _simulated(
     """Simulate with nothing drawn: given errors, the attitude of the session, no delay."""
     sure = settings.model_copy(update={"latitude_sd": 0.0, "delay_sd": 0.0})
     steady = {"attitude_sd": 0.0, "delay": 0.0, "integrator": "exponential"}
-    return simulate(
+    return simulated(
         session.model_copy(update=steady), settings=sure, model=errors, noise=ImuNoise(),
         site=site, seed=0,
     )  # fmt: skip

@@ -25,6 +25,7 @@ from foucault.procedures.platform_tumble.settings import (
     Settings,
     draw_errors,
 )
+from foucault.procedures.record import Beforehand
 from foucault.procedures.validators import located
 from foucault.units import Quantity, parse
 
@@ -118,16 +119,9 @@ class Stated:
         return tumble_foresight.planned(*arguments), site
 
 
-def space(
-    settings: Settings, wanted: Wanted, *, session: Session, site: Site,
-    noise: ImuNoise | None, prior: Mapping[str, tuple[float, float]],
-) -> TorquingSpace:  # fmt: skip
-    """Return the motions that are allowed; the plan to beat is the campaign's, or the published.
-
-    `settings`: what was chosen of the procedure, limits of the rig among it; `noise` or None:
-    noise as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
-    coefficients [SI].
-    """
+def space(b: Beforehand[Settings, Session]) -> TorquingSpace:
+    """Return the motions that are allowed; the plan to beat is the campaign's, or the published."""
+    settings, site, wanted = b.settings, b.site, b.wanted
     weights = weights_of(CONSTANTS, wanted.weights)
     reference = settings.planned
     allowed = Allowed(
@@ -140,7 +134,7 @@ def space(
         ramp=settings.ramp,
         limits=settings.limits,
     )
-    stated = Stated(settings, session, site, noise, prior)
+    stated = Stated(settings, b.session, site, b.noise, b.prior)
     p, _ = stated.planned(reference, HERE)
     assert site.latitude is not None
     t = p.tumble

@@ -41,8 +41,8 @@ MINUTE = 60.0
 HOUR = 3600.0
 """No rig is read, or told what to do, so seldom [s]."""
 
-SIMULATE = {"grade": "navigation"}
-"""Default of [simulate]; the errors of clusters are those of `TYPICAL`."""
+GRADE = "navigation"
+"""Class of [simulate]; the errors of clusters are those of `TYPICAL`."""
 
 
 def _three(given: Three, kind: str, key: str) -> FloatArray:
@@ -287,10 +287,9 @@ class Session(BaseModel):
         return attitude
 
 
-def simulate(
+def simulated(
     session: Session,
-    *,
-    settings: Settings | None = None,
+    settings: Settings,
     model: ClusterModel,
     noise: ImuNoise,
     site: Site,
@@ -298,11 +297,8 @@ def simulate(
 ) -> TumbleSimulation:
     """Simulate a tumble: the plan of the settings, or the published one.
 
-    `session`: how it is sampled, and how far the attitude is from what is believed; `settings` or
-    None: of the calibration to follow: plan, start, lever arms, and the sd of the delay; `noise`:
-    its noise [SI]; `seed`: seed of attitude, delay and noise [1].
+    `noise`: noise of the cluster [SI]; `seed`: seed of attitude, delay and noise [1].
     """
-    settings = settings or Settings()
     plan = settings.planned
     rng = np.random.default_rng([seed, 5])
     if site.latitude is not None:  # it is known as well as the calibration will be told
@@ -326,8 +322,8 @@ def draw_errors(grade: str, seed: int) -> ClusterModel:
 
     `seed`: seed [1].
     """
-    if grade != SIMULATE["grade"]:
-        raise error("torquing.grade", given=grade, allowed=SIMULATE["grade"])
+    if grade != GRADE:
+        raise error("torquing.grade", given=grade, allowed=GRADE)
     drawn = np.random.default_rng(seed).standard_normal(len(CONSTANTS))
     sd = CoefficientVector.prior(CONSTANTS, PRIOR).prior_sd
     return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, sd * drawn))

@@ -16,10 +16,8 @@ References
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +29,7 @@ from foucault.diagnose.rate_table import checks as rate_checks
 from foucault.diagnose.rate_table import report as rate_report
 from foucault.diagnose.rate_table.checks import RateEvidence
 from foucault.diagnose.rate_table.steps import Commanded, rate_steps, require_determined
-from foucault.diagnose.time_base import times_the_table, with_clock
+from foucault.diagnose.time_base import times_the_table
 from foucault.errors import Finding, error
 from foucault.estimate import gauss_newton
 from foucault.estimate.rate_table.likelihood import Trust, build, fit
@@ -39,19 +37,12 @@ from foucault.estimate.rate_table.scatter import fit_scatter, scaled_noise
 from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
-from foucault.models.noise import ImuNoise
 from foucault.models.rate_steps import Steps
 from foucault.models.readings import Readings
-from foucault.procedures import Progress, silent
-from foucault.procedures.rate_table.session import LOG_LINES as LOG_LINES
-from foucault.procedures.rate_table.session import Session as Session
-from foucault.procedures.rate_table.session import Settings, in_si
-from foucault.procedures.rate_table.session import simulate as simulate
-from foucault.result import Result, Verdict, provenance
+from foucault.procedures.rate_table.session import LOG_LINES, Session, Settings, in_si, simulated
+from foucault.procedures.record import Given, Procedure
+from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log, temperature_range
-
-STRETCHES = True
-"""Nothing is needed of what is between two steps: files may be recorded one by one."""
 
 FRAME = "axes of the fixture, right-forward-up as it holds the instrument"
 UNKNOWN = "readings.noise_unknown"
@@ -73,73 +64,25 @@ def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
     )
 
 
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate gyros from a log taken on a rate table.
-
-    Parameters
-    ----------
-    log : Log
-        Samples, or one mean per step; with the rate of the table, or with `rates` in the settings
-        [SI].
-    site : Site
-        Gravity, and the latitude where the Earth's rotation is to be modelled.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it in the steps, or by the residuals of means.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        Steps missing or reversed, wrong units, too few rates: see `foucault.symptoms`.
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    settings = given.settings
     if log.gyro is None:
         raise error("rate_table.no_gyro")
-    progress(0.05, "finding the steps")
-    readings = find_readings(log, noise=noise, shortest=settings.shortest)
+    given.progress(0.05, "finding the steps")
+    readings = find_readings(log, noise=given.noise, shortest=settings.shortest)
     first_as_declared(readings, log)
     told = log.table is not None and (
         log.table.rate is not None or bool(np.isfinite(log.table.angles[:, 0]).all())
     )
-    progress(0.5, "calibrating")
-    result = from_readings(readings, settings, told=told, site=site, prior=prior)
-    progress(1.0, "done")
+    given.progress(0.5, "calibrating")
+    result = from_readings(readings, settings, told=told, site=given.site, prior=given.prior)
     validity = dict(result.validity)
     if log.averaged is None:
         validity |= {"rate": log.rate, "sampled": log.sampled}
     validity |= temperature_range(log)
     used = [(readings.start, readings.time)]
-    whole = replace(
-        result,
-        findings=(*spared(log.findings, log, used, ()), *result.findings),
-        instrument=dict(instrument or {}),
-        validity=validity,
-        provenance=provenance(log.source, clock.monotonic() - started),
-    )
-    turned, summed = times_the_table(log), log.sampled == "increment"
-    return with_clock(whole, log.clock, turned=turned, summed=summed)
+    findings = (*spared(log.findings, log, used, ()), *result.findings)
+    return replace(result, findings=findings, validity=validity)
 
 
 def from_readings(
@@ -156,8 +99,7 @@ def from_readings(
     table, else `rates` of the settings are matched; `prior` or None: mean and standard deviation
     of coefficients or groups of coefficients [SI].
     """
-    if not settings.earth_rate:
-        site = replace(site, latitude=None)
+    site = settings.where(site)
     commanded = Commanded(in_si(settings.rates), settings.axes)
     steps, found = rate_steps(readings, commanded, told=told, site=site)
     evidence = _evidence(readings, steps, settings, site, prior or {})
@@ -278,3 +220,19 @@ def unseen(settings: Settings) -> list[str]:
     if not settings.g_sensitivity:
         out.append("The g-sensitivity of the gyros: with one axis up only it looks like bias.")
     return out
+
+
+PROCEDURE = Procedure(
+    name="rate_table",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=simulated,
+    names=lambda settings, _: names_of(settings),
+    # Nothing is needed of what is between two steps.
+    more="stretches",
+    clocked=lambda log: (times_the_table(log), log.sampled == "increment"),
+    log_lines=LOG_LINES,
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

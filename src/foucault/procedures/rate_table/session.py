@@ -6,14 +6,15 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from foucault import units
 from foucault.arrays import FloatArray
-from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
+from foucault.procedures.fields import EarthRate, Strict
+from foucault.procedures.validators import located
 from foucault.simulate.rate_table import (
     RatePlan,
     RateTableSimulation,
@@ -43,24 +44,17 @@ def in_si(rates: tuple[str, ...]) -> FloatArray:
     return np.array([units.parse(text, "angular rate", "rates") for text in rates])
 
 
-class _Rates(BaseModel):
+class _Rates(Strict):
     """A list of rates as text, each checked where it stands."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     @field_validator("rates", mode="after", check_fields=False)
     @classmethod
     def _are_rates(cls, rates: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        try:
-            in_si(rates)
-        except FoucaultError as problem:
-            if "locate" in (info.context or ()):
-                raise ValueError(problem) from None
-            raise
+        located(info, lambda: in_si(rates))
         return rates
 
 
-class Settings(_Rates):
+class Settings(_Rates, EarthRate):
     """What can be chosen; the defaults suit most tables."""
 
     rates: tuple[str, ...] = Field(
@@ -83,9 +77,6 @@ class Settings(_Rates):
     g_sensitivity: bool = Field(
         default=False,
         description="Estimate the gyros' g-sensitivity too (9 more); needs every axis up and down.",
-    )
-    earth_rate: bool = Field(
-        default=True, description="Model the Earth's rotation where the latitude is given."
     )
     rate_sd: RatioSd = Field(
         default=0.0, ge=0, description="Relative sd of the rate from one step to the next."
@@ -150,23 +141,14 @@ class Session(_Rates):
     )
 
 
-def simulate(
-    session: Session,
-    *,
-    settings: Settings | None = None,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
+def simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> RateTableSimulation:
-    """Simulate a session.
+    """Simulate a session; what is wrong with table and fixture is drawn from the settings.
 
-    `session`: placements, rates and how long they are held; `settings` or None: of the
-    calibration to follow: what is wrong with table and fixture is drawn from them; `model`:
-    errors of the instrument, asymmetry and cubic terms are drawn where it has none; `noise`: its
-    noise [SI]; `seed`: seed of table, instrument and noise [1].
+    `model`: errors of the instrument, asymmetry and cubic terms are drawn where it has none;
+    `noise`: its noise [SI]; `seed`: seed of table, instrument and noise [1].
     """
-    settings = settings or Settings()
     rng = np.random.default_rng([seed, 3])
     rates = in_si(settings.rates or session.rates)
     asymmetry = session.asymmetry_sd * rng.standard_normal(3)

@@ -16,8 +16,6 @@ References
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -29,49 +27,38 @@ from foucault.diagnose.systematic import checks as judge
 from foucault.diagnose.systematic import deflection_verdict, recordings
 from foucault.diagnose.systematic import report as systematic_report
 from foucault.diagnose.systematic.legs import legs_of
-from foucault.diagnose.time_base import with_clock
 from foucault.errors import error
 from foucault.estimate.earth_seen import EarthSeen, earth_seen
 from foucault.estimate.ins_filter import FilterRun
-from foucault.models.earth import Site
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
-from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
 from foucault.navigate.increments import Increments
-from foucault.procedures import Progress, silent
+from foucault.procedures.record import Given, Procedure
 from foucault.procedures.systematic.bound import bound
 from foucault.procedures.systematic.choice import Decided, decided, resumed
-from foucault.procedures.systematic.foresight import foresee as foresee
+from foucault.procedures.systematic.foresight import foresee
 from foucault.procedures.systematic.left_out import left_out
-from foucault.procedures.systematic.log import log_table as log_table
+from foucault.procedures.systematic.log import log_table
 from foucault.procedures.systematic.navigation import navigation_tests
-from foucault.procedures.systematic.plan import Wanted as Wanted
-from foucault.procedures.systematic.plan import space as space
+from foucault.procedures.systematic.plan import Wanted, space
 from foucault.procedures.systematic.problem import (
     SystematicProblem,
     as_parameters,
     prior_of,
     steady,
 )
-from foucault.procedures.systematic.settings import LAYOUT as LAYOUT
-from foucault.procedures.systematic.settings import PRIOR_LINES as PRIOR_LINES
-from foucault.procedures.systematic.settings import SIMULATE as SIMULATE
-from foucault.procedures.systematic.settings import Session as Session
-from foucault.procedures.systematic.settings import Settings as Settings
-from foucault.procedures.systematic.settings import draw_errors as draw_errors
-from foucault.procedures.systematic.settings import simulate as simulate
+from foucault.procedures.systematic.settings import (
+    GRADE,
+    LAYOUT,
+    PRIOR_LINES,
+    Session,
+    Settings,
+    draw_errors,
+    simulated,
+)
 from foucault.procedures.systematic.solution import Solution, named, public
-from foucault.result import Result, TableData, Verdict, provenance
+from foucault.result import Result, TableData, Verdict
 from foucault.tables import Log, range_below_g
-
-RECORDINGS = True
-"""Further files of a log are recordings of their own, each with biases of its own."""
-
-UNDECLARED = True
-"""A plan is judged with the noise that is typical where none is declared."""
-
-FORESEES_WANTED = True
-"""`foresee` is told what is wanted of a plan."""
 
 FRAME = "body axes, as the accelerometers define them (see gauge)"
 
@@ -97,82 +84,12 @@ def every_name(settings: Settings) -> tuple[str, ...]:
     return named(settings.sensors.layout.names, () if model is None else model.names)
 
 
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate an IMU from its velocity at rest.
-
-    Parameters
-    ----------
-    log : Log
-        Readings of both triads [SI].
-    site : Site
-        Where it stood; the latitude must be known.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the instrument [SI]; None measures it in the rests.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Coefficients with covariance, checks and a verdict [SI].
-
-    Raises
-    ------
-    FoucaultError
-        No latitude, a log that is not of the sequence, a session too short, a model of deflection
-        that it cannot see: see `foucault.symptoms`.
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
-    arguments = (log, site, settings, noise, as_parameters(prior or {}, settings), progress)
-    result = _calibrate(*arguments, shown=True)
-    progress(1.0, "done")
-    seconds = clock.monotonic() - started
-    result = replace(result, instrument=dict(instrument or {}),
-                     provenance=provenance(log.source, seconds))  # fmt: skip
-    return with_clock(result, log.clock, turned=True, summed=log.sampled == "increment")
-
-
-def trial(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-) -> Result:
-    """Calibrate without what only a report shows: one trial of many.
-
-    `log`: readings of both triads [SI]; `site`: where it stood, the latitude must be known;
-    `noise` or None: noise of the instrument [SI]; `prior` or None: mean and standard deviation of
-    coefficients or groups of coefficients [SI].
-    """
-    given = as_parameters(prior or {}, settings)
-    return _calibrate(log, site, settings, noise, given, silent, shown=False)
-
-
-def _calibrate(
-    log: Log, site: Site, settings: Settings, noise: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]], progress: Progress, *, shown: bool,
-) -> Result:  # fmt: skip
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    site, settings, shown, progress = given.site, given.settings, given.shown, given.progress
+    prior = as_parameters(given.prior, settings)
     progress(0.1, "calibrating")
     log = without_spikes(log)
-    decision = decided(log, site, settings, noise, given, compare=shown)
+    decision = decided(log, site, settings, given.noise, prior, compare=shown)
     problem, settings, solution, choice = (
         decision.problem, decision.settings, decision.solution, decision.choice
     )  # fmt: skip
@@ -203,7 +120,7 @@ def _calibrate(
         diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
         progress(0.7, "looking for what was left out")
-        told, more = left_out(decision, given)
+        told, more = left_out(decision, prior)
         findings, checks = [*findings, *told], (*checks, *more)
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
@@ -274,3 +191,26 @@ def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[
         "log_likelihood": s.log_likelihood,
         "unseen": systematic_report.unseen(p.site, settings.restarts),
     }  # fmt: skip
+
+
+PROCEDURE = Procedure(
+    name="systematic",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=simulated,
+    names=lambda settings, _: names_of(settings),
+    every_name=every_name,
+    layout=LAYOUT,
+    foresee=foresee,
+    space=space,
+    Wanted=Wanted,
+    assumes_noise=True,
+    grade=GRADE,
+    draw_errors=draw_errors,
+    more="recordings",
+    log_table=log_table,
+    prior_lines=PRIOR_LINES,
+)
+calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

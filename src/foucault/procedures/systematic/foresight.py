@@ -21,12 +21,12 @@ from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.search import table_needs
 from foucault.plans.systematic.sequence import CalibrationSequence
 from foucault.plans.systematic.steps import turns_of
+from foucault.procedures.record import Beforehand
 from foucault.procedures.systematic.bound import Foreseen, Prior, without_prior
 from foucault.procedures.systematic.left_out import foreseen_of
 from foucault.procedures.systematic.plan import (
     HERE,
     Stated,
-    Wanted,
     noise_of,
     settled,
     wanted_limits,
@@ -40,20 +40,11 @@ LONGER = 300.0
 """How much longer a session is made to see what that would buy [s]."""
 
 
-def foresee(
-    settings: Settings, *, session: Session, site: Site, noise: ImuNoise | None, prior: Prior,
-    typical: ImuNoise | None = None, wanted: Wanted | None = None,
-) -> Foresight:  # fmt: skip
-    """Return what the planned session will show.
-
-    `settings`: what was chosen: the sequence, and the limits of the table; `noise` or None: noise
-    as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
-    coefficients [SI]; `typical` or None: noise to reckon with where none is declared [SI];
-    `wanted` or None: time and accuracy that are wanted, where they are said.
-    """
-    settings, sequence = settled(settings), planned(settings, session)
-    prior = as_parameters(prior, settings)
-    stated = Stated(settings, session.rate, site, noise_of(noise, typical), prior)
+def foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what the planned session will show."""
+    settings, session, site = settled(b.settings), b.session, b.site
+    sequence, prior = planned(settings, session), as_parameters(b.prior, settings)
+    stated = Stated(settings, session.rate, site, noise_of(b.noise, b.typical), prior)
     found = stated.foreseen(sequence, HERE)
     states = found.states
     alone, blind = without_prior(states), _blind(states)
@@ -72,7 +63,7 @@ def foresee(
         correlated=alone.with_prior(states.prior_sd).correlated(),
         limits=(
             *table_needs(sequence, settings.rate_limit, settings.angle_step),
-            *wanted_limits(wanted, states, sequence.duration),
+            *wanted_limits(b.wanted, states, sequence.duration),
         ),
         more=_more(sequence, found, stated),
         findings=(*found.problem.findings, *_told(found, settings, prior)),

@@ -20,13 +20,14 @@ from foucault.plans.systematic.moves import Allowed
 from foucault.plans.systematic.search import SystematicSpace, sd_limit
 from foucault.plans.systematic.sequence import RATE, CalibrationSequence
 from foucault.plans.weights import weights_of
+from foucault.procedures.record import Beforehand
 from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen
 from foucault.procedures.systematic.problem import steady
 from foucault.procedures.systematic.quick import Quick
 from foucault.procedures.systematic.settings import (
     FIRST,
+    GRADE,
     LAYOUT,
-    SIMULATE,
     Session,
     Settings,
     draw_errors,
@@ -123,7 +124,7 @@ def settled(settings: Settings) -> Settings:
 
 def noise_of(noise: ImuNoise | None, typical: ImuNoise | None) -> ImuNoise:
     """Return the noise to reckon with [SI]."""
-    return noise or typical or grade(SIMULATE["grade"]).noise
+    return noise or typical or grade(GRADE).noise
 
 
 # -- a better plan -------------------------------------------------------------------------------
@@ -155,28 +156,21 @@ class Stated:
         if kind == "latitude":
             site = replace(site, latitude=parse(what, "angle"))
         elif kind == "instrument":
-            drawn = draw_errors(SIMULATE["grade"], int(what))
+            drawn = draw_errors(GRADE, int(what))
         elif kind == "turns":
             settings = settings.model_copy(update={"decorrelate": not settings.restarts})
         return foreseen(sequence, settings, rate=self.rate, site=site, noise=self.noise,
                         prior=self.prior, instrument=drawn)  # fmt: skip
 
 
-def space(
-    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Prior, typical: ImuNoise | None = None,
-) -> SystematicSpace:  # fmt: skip
-    """Return the sequences that are allowed; the plan to beat is the campaign's.
-
-    `settings`: what was chosen of the procedure, limits of the table among it; `noise` or None:
-    noise as declared [SI]; `prior`: mean and standard deviation of coefficients or groups of
-    coefficients [SI]; `typical` or None: noise to reckon with where none is declared [SI].
-    """
+def space(b: Beforehand[Settings, Session]) -> SystematicSpace:
+    """Return the sequences that are allowed; the plan to beat is the campaign's."""
+    settings, session, site, wanted = b.settings, b.session, b.site, b.wanted
     if settings.steps == "published":
         raise error("systematic.search_published")
     settings, reference = settled(settings), planned(settings, session)
-    used, layout = noise_of(noise, typical), settings.sensors.layout
-    stated = Stated(settings, session.rate, site, used, prior)
+    used, layout = noise_of(b.noise, b.typical), settings.sensors.layout
+    stated = Stated(settings, session.rate, site, used, b.prior)
     p = steady(stated.foreseen(reference).problem)
     quick = Quick(site, settings.sensors, used, p.at_rest, p.start_cov())
     return SystematicSpace(

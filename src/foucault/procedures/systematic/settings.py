@@ -93,8 +93,8 @@ PRIOR_LINES = """\
 """
 """[prior] of the template."""
 
-SIMULATE = {"grade": "navigation"}
-"""Default of [simulate]: the method is one for instruments that find north."""
+GRADE = "navigation"
+"""Class of [simulate]: the method is one for instruments that find north."""
 
 
 FIRST_REST = FEWEST * EPOCH
@@ -368,23 +368,14 @@ def planned(settings: Settings, session: Session) -> CalibrationSequence:
     return sequence
 
 
-def simulate(
-    session: Session,
-    *,
-    settings: Settings | None = None,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
+def simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> SystematicSimulation:
     """Simulate a session.
 
-    `session`: how it is sampled, and the errors of the table; `settings` or None: of the
-    calibration to follow: the sequence, and the model of deflection; `model`: errors of the
-    instrument, where they have no deflection it is drawn, if there is a model; `noise`: its noise
-    [SI]; `seed`: seed of deflection, table and noise [1].
+    `model`: errors of the instrument, where they have no deflection it is drawn, if there is a
+    model; `noise`: its noise [SI]; `seed`: seed of deflection, table and noise [1].
     """
-    settings = settings or Settings()
     sequence = planned(settings, session)
     rng = np.random.default_rng([seed, 12])
     if settings.drawn is not None and not model.deflection.any():

@@ -29,8 +29,6 @@ References
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -38,112 +36,37 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.diagnose.compare.gravity import of_site
-from foucault.diagnose.time_base import stretched, with_clock
+from foucault.diagnose.time_base import stretched
 from foucault.diagnose.transfer import checks as judge
 from foucault.diagnose.transfer import findings, report
 from foucault.diagnose.transfer.checks import Evidence
 from foucault.errors import FoucaultError, error
 from foucault.logs.master_description import MasterDescription
-from foucault.models.earth import Site
 from foucault.models.imu import EQUATION
-from foucault.models.noise import ImuNoise
-from foucault.procedures import Progress, silent
-from foucault.procedures.transfer_alignment.foresight import foresee as foresee
+from foucault.procedures import silent
+from foucault.procedures.record import Given, Procedure
+from foucault.procedures.transfer_alignment import log as transfer_log
+from foucault.procedures.transfer_alignment import settings as chosen
+from foucault.procedures.transfer_alignment.foresight import foresee
 from foucault.procedures.transfer_alignment.input import heard, there, usable
 from foucault.procedures.transfer_alignment.log import SlaveLog
-from foucault.procedures.transfer_alignment.log import log_table as log_table
-from foucault.procedures.transfer_alignment.log import with_master as with_master
-from foucault.procedures.transfer_alignment.log import write_log as write_log
-from foucault.procedures.transfer_alignment.plan import EVALUATIONS as EVALUATIONS
-from foucault.procedures.transfer_alignment.plan import Wanted as Wanted
-from foucault.procedures.transfer_alignment.plan import space as space
+from foucault.procedures.transfer_alignment.plan import EVALUATIONS, Wanted, space
 from foucault.procedures.transfer_alignment.problem import problem_of
-from foucault.procedures.transfer_alignment.session import SIMULATE as SIMULATE
-from foucault.procedures.transfer_alignment.session import Session as Session
-from foucault.procedures.transfer_alignment.session import draw_errors as draw_errors
-from foucault.procedures.transfer_alignment.session import simulate as simulate
-from foucault.procedures.transfer_alignment.settings import LAYOUT as LAYOUT
-from foucault.procedures.transfer_alignment.settings import LEFT_OUT
-from foucault.procedures.transfer_alignment.settings import NOISE as NOISE
-from foucault.procedures.transfer_alignment.settings import NOISE_LINES as NOISE_LINES
-from foucault.procedures.transfer_alignment.settings import PRIOR_LINES as PRIOR_LINES
-from foucault.procedures.transfer_alignment.settings import Settings as Settings
+from foucault.procedures.transfer_alignment.session import GRADE, Session, draw_errors, simulated
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT, Settings
 from foucault.procedures.transfer_alignment.solution import Solution, bent, gravity_error, solved
-from foucault.result import Result, TableData, Verdict, provenance
+from foucault.result import Result, TableData, Verdict
 from foucault.tables import Log, temperature_range
-
-Master = MasterDescription
 
 FRAME = "axes of the slave: right, forward, up as it is mounted nominally"
 GAUGE = "b is the case of the slave; its axes are taken to be at right angles"
-
-
-def names_of(settings: Settings) -> tuple[str, ...]:
-    """Return the coefficients of the result."""
-    return settings.reported
-
-
-def calibrate(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings | None = None,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    instrument: Mapping[str, Any] | None = None,
-    progress: Progress = silent,
-) -> Result:
-    """Calibrate a slave against its master.
-
-    Parameters
-    ----------
-    log : SlaveLog
-        Readings of the slave beside what its master said [SI].
-    site : Site
-        Gravity, and the latitude where the master does not say it.
-    settings : Settings or None
-        What can be chosen; None takes the defaults.
-    noise : ImuNoise or None
-        Noise of the slave [SI]; None takes that of a tactical instrument.
-    prior : mapping of str to (float, float) or None
-        Mean and standard deviation of coefficients or groups of coefficients [SI].
-    instrument : mapping or None
-        Name, serial and so on, kept in the result.
-    progress : callable
-        Called with the fraction done and what is being done.
-
-    Returns
-    -------
-    Result
-        Errors of the sensors, installation and delay with covariance, checks and a verdict [SI].
-        What is no error of a sensor is not applied to readings.
-
-    Raises
-    ------
-    FoucaultError
-        ``transfer.*``: no master, nothing in common, a delay or a gamma that cannot be.
-    """
-    started = clock.monotonic()
-    settings = settings or Settings()
-    result = _calibrate(log, site, settings, noise, prior or {}, progress, shown=True)
-    progress(0.9, "looking at the clock")
-    slope = _clock_slope(log, result, site, settings, noise, prior or {})
-    progress(1.0, "done")
-    seconds = clock.monotonic() - started
-    result = replace(result, instrument=dict(instrument or {}),
-                     provenance=provenance(log.source, seconds))  # fmt: skip
-    summed = log.sampled == "increment"
-    return with_clock(result, log.clock, turned=True, summed=summed, slope=slope)
 
 
 FAST = 1e-4
 """A clock so much too fast shows how the estimate hangs on it [1]."""
 
 
-def _clock_slope(
-    log: Log, result: Result, site: Site, settings: Settings, noise: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]],
-) -> FloatArray | None:  # fmt: skip
+def _clock_slope(log: Log, given: Given[Settings], result: Result) -> FloatArray | None:
     """Return how the estimate changes with the clock that log and messages share, shape (n,).
 
     What a flight ties to the velocity of a master is a mixture of its turns and of gravity, so that
@@ -151,11 +74,12 @@ def _clock_slope(
     """
     if not isinstance(log, SlaveLog):
         return None
+    given.progress(0.9, "looking at the clock")
     start, table = float(log.time[0]), log.messages
     later = replace(table, time=start + (table.time - start) * (1.0 + FAST))
     fast = SlaveLog.of(stretched(log, FAST), later)
     try:
-        other = _calibrate(fast, site, settings, noise, given, silent, shown=False).coefficients
+        other = _solve(fast, replace(given, progress=silent, shown=False)).coefficients
     except FoucaultError:
         return None
     if other.names != result.coefficients.names:
@@ -163,39 +87,20 @@ def _clock_slope(
     return np.asarray((other.values - result.coefficients.values) / FAST)
 
 
-def trial(
-    log: Log,
-    *,
-    site: Site,
-    settings: Settings,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-) -> Result:
-    """Calibrate without what only a report shows: one trial of many.
-
-    `log`: readings of the slave beside what its master said [SI]; `site`: gravity, and the
-    latitude where the master does not say it; `noise` or None: noise of the slave [SI]; `prior`
-    or None: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
-    return _calibrate(log, site, settings, noise, prior or {}, silent, shown=False)
-
-
-def _calibrate(
-    log: Log, site: Site, settings: Settings, noise: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]], progress: Progress, *, shown: bool,
-) -> Result:  # fmt: skip
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    site, settings, noise, prior = given.site, given.settings, given.noise, given.prior
     if not isinstance(log, SlaveLog):
         raise error("transfer.no_master")
     log = usable(log)
-    progress(0.1, "matching what both turned")
+    given.progress(0.1, "matching what both turned")
     settings, silence = heard(log.messages, settings)
     site, elsewhere = there(site, log.messages)
-    problem = problem_of(log, site, settings, noise, given)
-    progress(0.3, "filtering")
+    problem = problem_of(log, site, settings, noise, prior)
+    given.progress(0.3, "filtering")
     if settings.estimate_flexure:
         settings = bent(solved(problem, history=False), settings)
-        problem = problem_of(log, site, settings, noise, given)
-    s = solved(problem, history=shown)
+        problem = problem_of(log, site, settings, noise, prior)
+    s = solved(problem, history=given.shown)
     p = s.problem
     e = Evidence(
         p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
@@ -210,12 +115,12 @@ def _calibrate(
     at = [s.states.layout.index(name) for name in settings.reported]
     told = findings.findings(e, problem.findings, s.findings)
     tables: dict[str, TableData] = {}
-    if shown:
-        progress(0.7, "looking at what was found")
+    if given.shown:
+        given.progress(0.7, "looking at what was found")
         undelayed = None
         if settings.delay != "none":
             ignored = settings.model_copy(update={"delay": "none", "gamma": None})
-            undelayed = solved(problem_of(log, site, ignored, noise, given), history=False).found
+            undelayed = solved(problem_of(log, site, ignored, noise, prior), history=False).found
         tables = report.tables(e, settings.reported, s.backward, undelayed)
     return Result(
         procedure="transfer_alignment",
@@ -308,3 +213,30 @@ def _validity(log: Log) -> dict[str, Any]:
     for name, x in (("accel", log.accel), ("gyro", log.gyro)):
         out[name] = [float(x.min()), float(x.max())]
     return out | temperature_range(log)
+
+
+PROCEDURE = Procedure(
+    name="transfer_alignment",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=simulated,
+    names=lambda settings, _: settings.reported,
+    layout=chosen.LAYOUT,
+    foresee=foresee,
+    space=space,
+    Wanted=Wanted,
+    evaluations=EVALUATIONS,
+    grade=GRADE,
+    noise=chosen.NOISE,
+    draw_errors=draw_errors,
+    write=transfer_log.write_log,
+    Master=MasterDescription,
+    with_master=transfer_log.with_master,
+    clock_slope=_clock_slope,
+    log_table=transfer_log.log_table,
+    noise_lines=chosen.NOISE_LINES,
+    prior_lines=chosen.PRIOR_LINES,
+)
+calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

@@ -26,6 +26,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.plans.manoeuvres import Accelerate, Segment, Straight, STurn, Turn
 from foucault.plans.transfer.profiles import TransferProfile
+from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.problem import (
     TransferProblem,
     assumed_noise,
@@ -76,22 +77,11 @@ class Shown:
     position: float
 
 
-def foresee(
-    settings: Settings,
-    *,
-    session: Session,
-    site: Site,
-    noise: ImuNoise | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-) -> Foresight:
-    """Return what the motion of a session will show, and what a manoeuvre more would.
-
-    `session`: what the vehicle will do, and how its messages come; `noise`: noise of the slave
-    [SI], None takes that of a tactical instrument; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI].
-    """
+def foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what the motion of a session will show, and what a manoeuvre more would."""
+    settings, session, site, noise = b.settings, b.session, b.site, b.noise
     plan = moved(replace(session.motion, outage=()), site)
-    known = (settings, session, site, noise, prior or {})
+    known = (settings, session, site, noise, b.prior)
     now = shown(plan, *known, gravity=True)
     more = []
     before, after = _at_hand_over(plan, settings.hand_over)

@@ -17,6 +17,7 @@ from foucault.plans.transfer.moves import Flyable
 from foucault.plans.transfer.profiles import TransferProfile
 from foucault.plans.transfer.search import POSITION, TransferSpace
 from foucault.plans.weights import weights_of
+from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.foresight import Shown, shown
 from foucault.procedures.transfer_alignment.session import Session, moved
 from foucault.procedures.transfer_alignment.settings import Settings
@@ -129,18 +130,11 @@ def _all(found: Shown) -> FloatArray:
     return np.append(found.vector.sd, found.position)
 
 
-def space(
-    settings: Settings, wanted: Wanted, *, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]],
-) -> TransferSpace:  # fmt: skip
-    """Return the motions that are allowed; the one to beat is the campaign's.
-
-    `wanted`: what the vehicle may do, and what is to be known best; `noise` or None: noise of the
-    slave [SI]; `prior`: mean and standard deviation of coefficients or groups of coefficients
-    [SI].
-    """
-    reference = moved(replace(session.motion, outage=()), site)
-    stated = Stated(settings, session, site, noise, prior)
+def space(b: Beforehand[Settings, Session]) -> TransferSpace:
+    """Return the motions that are allowed; the one to beat is the campaign's."""
+    wanted = b.wanted
+    reference = moved(replace(b.session.motion, outage=()), b.site)
+    stated = Stated(b.settings, b.session, b.site, b.noise, b.prior)
     vector = stated.shown(reference).vector
     weights = weights_of(vector.layout, wanted.weights)
     aims = wanted.aim == "position"

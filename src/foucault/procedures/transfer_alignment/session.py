@@ -35,8 +35,8 @@ from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, Seconds
 
-SIMULATE = {"grade": "tactical"}
-"""Default of [simulate]; of this class the turn-on errors are those of the publication."""
+GRADE = "tactical"
+"""Class of [simulate]; of this class the turn-on errors are those of the publication."""
 
 TRUTH_TABLE, OUTAGE_LOG, REFERENCE = "truth.csv", "outage.csv", "reference.csv"
 """Where the slave truly was; its log after the hand-over, and what to compare that with: the
@@ -213,7 +213,7 @@ def draw_errors(grade_name: str, seed: int) -> ImuModel:
     `seed`: seed [1].
     """
     published = turn_on_grade().spread
-    spread = published if grade_name == SIMULATE["grade"] else grade(grade_name).spread
+    spread = published if grade_name == GRADE else grade(grade_name).spread
     rng, layout = np.random.default_rng([seed, 21]), LAYOUT
     vector = ImuModel().coefficients()
     for group in published:
@@ -222,24 +222,16 @@ def draw_errors(grade_name: str, seed: int) -> ImuModel:
     return ImuModel.from_coefficients(vector)
 
 
-def simulate(
-    session: Session,
-    *,
-    settings: Settings | None = None,
-    model: ImuModel,
-    noise: ImuNoise,
-    site: Site,
-    seed: int,
+def simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> TransferSession:
     """Simulate a session.
 
-    `session`: what the vehicle does, how its messages come, and how the slave is fixed;
-    `settings` or None: of the calibration to follow: nominal mounting and lever arm; `noise`: its
-    noise [SI]; `seed`: seed of installation, compliance and noise [1].
+    `noise`: noise of the slave [SI]; `seed`: seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
     offset = site.gravity - gravity(site.latitude or 0.0, site.height)  # `moved` wants a latitude
-    return simulate_motion(motion, session, settings or Settings(), model, noise, seed, offset)
+    return simulate_motion(motion, session, settings, model, noise, seed, offset)
 
 
 def simulate_motion(
