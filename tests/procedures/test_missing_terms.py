@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
+from foucault.estimate.table.likelihood import ALONG
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
@@ -96,9 +97,7 @@ def test_jitter_of_the_rate_is_found_and_no_spin_is_blamed():
         )  # fmt: skip
         result = on_table.from_readings(replace(made.readings(0), declared=False), NORM, site=SITE)
         # Along the axis there are 20 readings for 9 unknowns.
-        assert result.diagnostics["noise"]["scatter"]["rate of spins"] == pytest.approx(
-            1e-5, rel=0.6
-        )
+        assert result.diagnostics["noise"]["scatter"][ALONG] == pytest.approx(1e-5, rel=0.6)
         c = result.coefficients
         gyro = [n for n in c.names if n.startswith(("gyro.bias", "gyro.scale"))]
         errors += [c.value(n) - model.coefficients([n]).values[0] for n in gyro]

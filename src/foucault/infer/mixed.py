@@ -348,7 +348,10 @@ def fit(
     alone = {s.name: 0.0 for s in model.linearise(estimate.state).sources if s.unexplained}
     before = after
     if any(found.get(name) for name in alone) and not any(begin.values()):
-        before = components(model, _solved(model, found | alone, estimate, weights))
+        same = near is not None and not any(near.sds.values()) and alone.keys() == found.keys()
+        before = near.before if same and near else components(
+            model, _solved(model, found | alone, estimate, weights)
+        )  # fmt: skip
     sds = {name: sd * student(dof[name]) for name, sd in found.items()}
     estimate = _solved(model, sds, estimate, weights) if any(sds.values()) else estimate
     whole = _fit_of(model, stated(model, sds), estimate, sds)
@@ -437,13 +440,16 @@ def repeatability(
     var = {n: size * len(z) / max(float(np.trace(V[n])), 1e-300) for n in kept if size > NEARLY}
     while True:  # one that does not gain its price gives what it explained back to the others
         var = _most_likely(z, {name: V[name] for name in kept}, var)
-        gains = {n: _unlikely(z, V, var | {n: 0.0}) - _unlikely(z, V, var) for n in kept}
+        kept = {n: price for n, price in kept.items() if var[n] or not price}
+        var, now = {n: var[n] for n in kept}, _unlikely(z, V, var)
+        gains = {n: _unlikely(z, V, var | {n: 0.0}) - now for n in kept if kept[n]}
         worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
         if worst is None or gains[worst] >= kept[worst]:
             break
         del kept[worst]
     S = _inverse(z, V, var)
-    dof = {n: float(np.sum((S @ V[n] * var[n]) * (S @ V[n] * var[n]).T)) for n in var}
+    SV = {n: S @ (v * V[n]) for n, v in var.items() if v}
+    dof = {n: float(np.sum(x * x.T)) for n, x in SV.items()}
     return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
 
 
@@ -505,15 +511,15 @@ def _most_likely(
     now = _unlikely(z, V, var)
     for _ in range(100):
         S = _inverse(z, V, var)
-        SV = {n: S @ v for n, v in V.items()}
-        score = np.array([z @ SV[n] @ S @ z - np.trace(SV[n]) for n in V])
-        info = np.array([[np.sum(SV[a] * SV[b].T) for b in V] for a in V])
+        q = S @ z
+        score = np.array([q @ v @ q - np.sum(S * v) for v in V.values()])
         # What is at its bound, and would go below, stays there.
-        held = np.array([var[n] <= 0 for n in V], bool) & (score < 0)
+        held = np.array([v <= 0 for v in var.values()], bool) & (score < 0)
         step = np.zeros(len(V))
         if not held.all():
-            go = np.ix_(~held, ~held)
-            step[~held] = np.linalg.lstsq(info[go], score[~held], rcond=None)[0]
+            SV = [S @ v for v, stays in zip(V.values(), held, strict=True) if not stays]
+            info = np.array([[np.sum(a * b.T) for b in SV] for a in SV])
+            step[~held] = np.linalg.lstsq(info, score[~held], rcond=None)[0]
         share = 1.0
         for _ in range(12):
             new = {n: max(v + share * s, 0.0) for (n, v), s in zip(var.items(), step, strict=True)}

@@ -199,11 +199,12 @@ class TableModel:
             IN_SPINS: self._own(spin, eye), ALONG: turning,
         }  # fmt: skip
         # Noise that was measured within readings is a lower limit of what differs between them:
-        # what is more is always added, where enough of them tell it.
+        # what is more is always added, where enough of them tell it. Nobody's noise is all scatter.
+        tested = {"declared": set(scatter), "measured": self.tested, "unknown": set()}
         out += [
             Source(
                 name, each, sd=None, unexplained=True, type=kind, basis=basis,
-                price=SIGNIFICANT if r.declared or name in self.tested else 0.0,
+                price=SIGNIFICANT if name in tested[r.noise_from] else 0.0,
             )
             for name, each in scatter.items()
             if o.repeatability and each.any()
