@@ -120,7 +120,7 @@ def likelihood(log, sections) -> list[str]:
 def study(procedure, name, place, given, n) -> str:
     settings = procedure.Settings(placement_sd=given)
     plan = procedure.Session(placement_sd=place)
-    names, noise = procedure.names_of(settings), grade(name).noise
+    names, noise = procedure.PROCEDURE.names(settings, procedure.Session()), grade(name).noise
     errors, covs = [], []
     for seed in range(n):
         model = draw_errors(name, seed)

@@ -20,7 +20,7 @@ from foucault.errors import FoucaultError
 from foucault.models.cluster import CONSTANTS, LAYOUT
 from foucault.models.noise import ImuNoise
 from foucault.procedures import platform_tumble
-from foucault.procedures.platform_tumble import NOISE
+from foucault.procedures.platform_tumble import NOISE, foresight
 from foucault.procedures.platform_tumble.foresight import planned
 from foucault.procedures.platform_tumble.settings import draw_printed
 from foucault.procedures.record import Beforehand
@@ -55,7 +55,7 @@ def parts(made):
 @pytest.fixture
 def no_more(monkeypatch):
     """Leave out what more would buy: it takes most of the time."""
-    monkeypatch.setattr(platform_tumble.tumble_foresight, "more", lambda *_: ())
+    monkeypatch.setattr(foresight, "more", lambda *_: ())
 
 
 # -- what is foretold comes true -------------------------------------------------------------------
@@ -68,7 +68,8 @@ def test_a_calibration_has_the_uncertainties_that_were_foretold(seed, monkeypatc
 
     Outer and inner angle at the end take up azimuth by the tilt there, which drawn errors change.
     """
-    monkeypatch.setattr(platform_tumble, "draw_errors", lambda _grade, k: draw_printed(k))
+    printed = replace(platform_tumble.PROCEDURE, draw_errors=lambda _grade, k: draw_printed(k))
+    monkeypatch.setattr(platform_tumble, "PROCEDURE", printed)
     made, session = tumble("", seed=seed)
     came = calibrate(made, session.simulation.log, trial=True).coefficients
     found = foreseen()
@@ -101,12 +102,12 @@ def test_with_the_errors_that_were_thought_usual_all_45_come_true(
 ):
     """Uncertain gravity, latitude and slow noise too: every term of a result is foretold."""
     made = campaign_of(procedure, simulate)
-    said = parts(made) | {"noise": noise}
-    found = platform_tumble.PROCEDURE.foresee(Beforehand(**said))
+    asked = Beforehand(**(parts(made) | {"noise": noise}))
+    found = platform_tumble.PROCEDURE.foresee(asked)
     log = platform_tumble.simulate(
         made.session.model_copy(update={"attitude_sd": 0.0}),
         settings=made.settings.model_copy(update={"latitude_sd": 0.0, "delay_sd": 0.0}),
-        model=planned(**said).simulation.model, noise=made.noise, site=made.site, seed=11,
+        model=planned(asked).simulation.model, noise=made.noise, site=made.site, seed=11,
     ).log  # fmt: skip
     came = calibrate(made, log, trial=True, noise=noise).coefficients
     assert made.site.gravity_sd > 0

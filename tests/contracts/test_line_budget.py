@@ -11,21 +11,21 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_097,
-    "campaign": 5_322,
+    "campaign": 5_337,
     "cli": 4_923,
-    "diagnose": 20_945,
+    "diagnose": 20_949,
     "estimate": 9_693,
-    "export": 2_474,
-    "infer": 650,
+    "export": 2_475,
+    "infer": 652,
     "kernels": 4_288,
-    "logs": 6_266,
+    "logs": 6_267,
     "models": 5_076,
     "navigate": 1_560,
     "plans": 6_115,
-    "procedures": 14_049,
-    "report": 9_910,
+    "procedures": 13_542,
+    "report": 9_903,
     "simulate": 3_626,
-    "symptoms": 90,
+    "symptoms": 87,
 }
 
 SLACK = 100

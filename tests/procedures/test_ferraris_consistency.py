@@ -24,7 +24,7 @@ def sessions(n, place, given, procedure=ferraris, **words):
     """Sum of the NEES of short sessions and its limits, 1 % for the tests of this file."""
     errors, covs = [], []
     settings = procedure.Settings(placement_sd=given, **words)
-    names = procedure.names_of(settings)
+    names = procedure.PROCEDURE.names(settings, procedure.Session())
     noise = grade("tactical").noise
     for seed in range(n):
         model = draw_errors("tactical", seed)

@@ -185,7 +185,7 @@ def test_only_those_that_doubt_the_table_stand_its_errors():
 
 def test_names_follow_what_was_chosen():
     s = norm_observation.Settings
-    names = on_table.names_of
+    names = norm_observation.Settings.estimated
     assert names(s()) == LINEAR_LOWER
     assert all(n.startswith("accel.") for n in names(s(), gyro=False))
     assert len(names(s(), gyro=False)) == 9

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.diagnose.words import check
 from foucault.errors import ADVICE, Status
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.drift import Drift, LeftOut
@@ -29,6 +30,15 @@ NEAR = 3.0
 SEEN = 1e-6
 """A prior whose variance nothing narrows by more than this share is not tested [1]."""
 
+WRONG_PRIOR = (
+    "the prior is wrong or too narrow, and it bends the other coefficients. Leave [prior] out to "
+    "see what the log alone says"
+)
+"""What puts an estimate off its prior, where no other cause is known."""
+
+HARDLY = 0.7
+"""A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
+
 REVERSED = (
     'the accelerometers read gravity instead of specific force (reads = "gravity"), both triads '
     "are mirrored alike, or the latitude has the wrong sign"
@@ -38,44 +48,26 @@ REVERSED = (
 
 def status_check(status: Status, weakest: tuple[str, ...]) -> Check:
     """Return the check that the estimation converged and saw everything."""
-    fine = status is Status.CONVERGED
-    words = ADVICE[status]
-    if weakest:
-        words += " Not seen: " + "; ".join(weakest) + "."
-    return Check("converged", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
+    given = {"advice": ADVICE[status], "weakest": "; ".join(weakest)}
+    key, value = "not seen" if weakest else "converged", float(status is Status.CONVERGED)
+    return check(key, "converged", value, 1.0, None, given, fails=Level.UNUSABLE)
 
 
 def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
     """Return the checks of size: a scale factor error of a third is a wrong unit."""
     out = []
-    for triad, words in (("accel", "accelerometer"), ("gyro", "gyro")):
-        names = [n for n in coefficients.names if n.startswith(f"{triad}.scale.")]
-        if not names:
-            continue
-        values = [coefficients.value(n) for n in names]
-        percent = 100 * float(max(values, key=abs))
-        fine = abs(percent) < 30
-        sentence = (
-            f"The largest {words} scale factor error is {percent:.2g} %."
-            if fine
-            else f"A {words} scale factor error of {percent:.0f} % is a wrong unit or count "
-            f"scale, not an instrument: check [log.{triad}]."
-        )
-        out.append(Check(f"{triad} scale", percent, -30.0, 30.0, fine, sentence, Level.UNUSABLE))
-    return out + _impossible_bias(coefficients)
-
-
-def _impossible_bias(coefficients: CoefficientVector) -> list[Check]:
-    """Return the check of a gyro bias that no gyro has; nothing where it can be one."""
+    for triad, sensor in (("accel", "accelerometer"), ("gyro", "gyro")):
+        values = [coefficients.value(n) for n in coefficients.names if f"{triad}.scale." in n]
+        if values:
+            percent, given = 100 * max(values, key=abs), {"triad": triad, "sensor": sensor}
+            out.append(check("scale factors", f"{triad} scale", percent, -30.0, 30.0, given,
+                             fails=Level.UNUSABLE))  # fmt: skip
     names = [n for n in coefficients.names if n.startswith("gyro.bias.")]
-    worst = np.degrees(max((abs(coefficients.value(n)) for n in names), default=0.0))
-    if worst <= LARGEST_BIAS:
-        return []
-    words = (
-        f"A gyro bias of {worst:.3g} deg/s is a wrong unit or count scale (arcsec/s read as deg/s: "
-        "3600 times), or the instrument turned: check [log.gyro]."
-    )
-    return [Check("gyro bias", float(worst), None, LARGEST_BIAS, False, words, Level.UNUSABLE)]
+    worst = float(np.degrees(max((abs(coefficients.value(n)) for n in names), default=0.0)))
+    if worst > LARGEST_BIAS:
+        out.append(check("impossible bias", "gyro bias", worst, None, LARGEST_BIAS,
+                         fails=Level.UNUSABLE))  # fmt: skip
+    return out
 
 
 def judge_prior(estimate: Estimate) -> list[Check]:
@@ -135,8 +127,7 @@ def prior_check(
 
     limit = highest(1.0)
     worst = int(np.argmax(miss))
-    value, name = float(miss[worst]), coefficients.names[known[worst]]
-    words = f"{name} is {value:.1f} standard deviations from what was known before"
+    key, value = "prior", float(miss[worst])
     if value <= limit and len(known) > 1:
         # In units of what is left of each, so that a narrow prior does not hide the others.
         unit = np.sqrt(np.where(own > SEEN, own, np.inf))
@@ -144,21 +135,18 @@ def prior_check(
         seen = size > SEEN
         together = float(np.linalg.norm(axes[:, seen].T @ (off / unit) / np.sqrt(size[seen])))
         if seen.any() and together > highest(float(seen.sum())):
-            value, limit = together, highest(float(seen.sum()))
-            words = (
-                f"The {len(known)} coefficients that were known before, taken together, are "
-                f"{value:.1f} standard deviations from that, {limit:.1f} allowed"
-            )
-    fine = value <= limit
-    words += (
-        "."
-        if fine
-        else f": {cause}."
-        if cause
-        else ": the prior is wrong or too narrow, and it bends the other coefficients. Leave "
-        "[prior] out to see what the log alone says."
-    )
-    return Check("prior", value, None, limit, fine, words)
+            key, value, limit = "priors together", together, highest(float(seen.sum()))
+    name = coefficients.names[known[worst]]
+    given = {"name": name, "count": len(known), "cause": cause or WRONG_PRIOR}
+    return check(key, "prior", value, None, limit, given)
+
+
+def hardly(c: CoefficientVector) -> list[str]:
+    """Return the names of coefficients that are hardly better known than before.
+
+    `c`: the estimate, with the standard deviations of its prior [SI].
+    """
+    return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
 
 
 def unseen_sizes(
@@ -215,19 +203,15 @@ def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
     """
     if found is None:
         return []
-    coefficient = next(c for c in layout.coefficients if c.name.startswith(found.name))
-    unit = display_unit(coefficient.kind, abs(found.size))
-    scale = factor(unit, coefficient.kind)
-    size = f"{plain(found.size / scale, 2)} +- {plain(found.sd / scale, 2)} {unit}"
-    words = (
-        f"The residuals do not follow time: the clearest drift, of {found.name}, is {size}."
-        if not found.significant
-        else f"The residuals follow time as if {found.name} had drifted by {size} from the first "
-        "to the last observation: its value is that of the middle of the session, and what it "
-        "changed by is in no uncertainty. Let the instrument warm up, take it in shorter sessions, "
-        "or calibrate over temperature."
-    )
-    return [Check("drift", found.ratio, None, found.limit, not found.significant, words)]
+    kind = next(c.kind for c in layout.coefficients if c.name.startswith(found.name))
+    given = {"name": found.name, "size": _with_sd(found.size, found.sd, kind)}
+    return [check("drift", "drift", found.ratio, None, found.limit, given)]
+
+
+def _with_sd(size: float, sd: float, kind: str) -> str:
+    unit = display_unit(kind, abs(size))
+    scale = factor(unit, kind)
+    return f"{plain(size / scale, 2)} +- {plain(sd / scale, 2)} {unit}"
 
 
 def left_out_check(found: LeftOut | None, layout: Layout, what: str, cure: str) -> list[Check]:
@@ -239,54 +223,12 @@ def left_out_check(found: LeftOut | None, layout: Layout, what: str, cure: str) 
     """
     if found is None:
         return []
-    rows = []
-    for name, size, sd in zip(found.names, found.size.tolist(), found.sd.tolist(), strict=True):
-        unit = display_unit(layout.coefficients[layout.index(name)].kind, abs(size))
-        scale = factor(unit, layout.coefficients[layout.index(name)].kind)
-        rows.append(f"{name} {plain(size / scale, 2)} +- {plain(sd / scale, 2)} {unit}")
-    fine = not found.significant
-    words = f"The residuals do not follow {what} that are not estimated: {', '.join(rows)}."
-    if not fine:
-        words = (
-            f"The residuals follow {what} that are not estimated: {', '.join(rows)}. What they do "
-            f"to the other coefficients is in no uncertainty. {cure}"
-        )
-    return [Check(what, found.ratio, None, found.limit, fine, words)]
-
-
-def from_prior(coefficients: CoefficientVector, mean: FloatArray) -> FloatArray:
-    """Return how far the data lie from the prior, in standard deviations of their difference, (k,).
-
-    An estimate x lies between what the data say and the mean m of the prior, and the surer the
-    prior, the nearer to m, however far off the data are. The difference x - m has the variance
-    ``sd_prior^2 - sd^2``, whatever the share of the prior is.
-
-    `coefficients`: the estimate, with covariance, and the standard deviations of its prior [SI];
-    `mean` (k,): mean of the prior [SI].
-    """
-    known = coefficients.prior_sd
-    share = np.maximum(1.0 - (coefficients.sd / known) ** 2, SEEN)
-    return np.asarray((coefficients.values - mean) / (known * np.sqrt(share)))
-
-
-def alike_check(
-    coefficients: CoefficientVector, residuals: FloatArray, group: str, cause: str,
-    false_alarm: float,
-) -> Check:  # fmt: skip
-    """Test whether the three of a group are off alike from what was known: no instrument is.
-
-    `residuals` (k,): white residuals of the k priors, in order [1]; `false_alarm`: probability
-    that it fails by chance [1].
-    """
-    from scipy.special import ndtri
-
-    at = coefficients.layout.group(group)
-    z, limit = float(residuals[at].sum() / np.sqrt(len(at))), -float(ndtri(false_alarm / 2))
-    fine = abs(z) <= limit
-    ppm = 1e6 * float(coefficients.values[at].mean())
-    words = f"The mean of {group} is {ppm:+.4g} ppm, {abs(z):.1f} standard deviations from what "
-    words += "was known before" + ("." if fine else f": {cause} puts all of them off alike.")
-    return Check(f"{group} alike", z, -limit, limit, fine, words)
+    rows = [
+        f"{name} {_with_sd(size, sd, layout.coefficients[layout.index(name)].kind)}"
+        for name, size, sd in zip(found.names, found.size.tolist(), found.sd.tolist(), strict=True)
+    ]
+    given = {"what": what, "terms": ", ".join(rows), "cure": cure}
+    return [check("terms left out", what, found.ratio, None, found.limit, given)]
 
 
 CHANCE = 0.005
@@ -325,14 +267,10 @@ def reversed_earth_at_rest(
     limit = float(stdtrit(dof, 1 - CHANCE))
     away = k / slope_sd * float(np.sign(made))
     nearer = abs(k - made) < abs(k)
-    fine = bool(away <= limit or not nearer)
     hour = np.degrees(1.0) * 3600
-    words = (
-        f"The rates at rest point along up by {hour * k:+.2f} +- {hour * slope_sd:.2f} deg/h; a "
-        f"reversed sign of the Earth's rate would make it {hour * made:+.2f}"
-    ) + ("." if fine else f". It is probably that: {REVERSED}.")
-    top = limit if nearer else None
-    return Check("vertical Earth rate", away, None, top, fine, words)
+    given = {"rate": hour * k, "sd": hour * slope_sd, "made": hour * made, "cause": REVERSED}
+    return check("Earth reversed at rest", "vertical Earth rate", away, None,
+                 limit if nearer else None, given)  # fmt: skip
 
 
 MANY = 10.0
@@ -352,17 +290,8 @@ def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Che
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.isfinite(least) & (least > 0), coefficients.sd / least, 0.0)
     worst = int(np.argmax(ratio))
-    fine = bool(ratio[worst] <= MANY)
-    words = (
-        f"The uncertainty of {coefficients.names[worst]} is {ratio[worst]:.1f} times what noise "
-        "and plan allow"
-    ) + (
-        "."
-        if fine
-        else ": `foucault preflight` promises a better result of this plan. Some readings do not "
-        "belong to the others, and their scatter is shared by all."
-    )
-    return Check("uncertainty against the plan", float(ratio[worst]), None, MANY, fine, words)
+    given = {"name": coefficients.names[worst]}
+    return check("plan", "uncertainty against the plan", float(ratio[worst]), None, MANY, given)
 
 
 def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check | None:
@@ -389,12 +318,6 @@ def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check |
         return None
     away = abs(value - made) / sd
     alike = np.ptp(each) < abs(made) + VISIBLE * float(np.sqrt(np.diag(cov).max()))
-    fine = bool(away > NEAR or not alike)
-    words = (
-        f"The g-sensitivity is {value:+.1f} +- {sd:.1f} deg/h per g, mean of all axes; a reversed "
-        f"sign of the Earth's rate would make it {made:+.1f} about each"
-    )
-    words += (
-        "." if fine else f". It may well be that: {REVERSED}. Set g_sensitivity = false to see."
-    )
-    return Check("vertical Earth rate", away, NEAR if alike else None, None, fine, words)
+    given = {"mean": value, "sd": sd, "made": made, "cause": REVERSED}
+    return check("Earth reversed in g-sensitivity", "vertical Earth rate", away,
+                 NEAR if alike else None, None, given)  # fmt: skip

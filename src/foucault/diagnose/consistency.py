@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.arrays import FloatArray
+from foucault.diagnose.words import check
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.result import Check
 
@@ -44,11 +45,4 @@ def consistency_check(
     n = len(squares)
     low, high = (v / (n * dof) for v in chi_square_limits(n * dof, false_alarm))
     value = float(np.mean(squares) / dof)
-    words = f"The mean {name} is {value:.3f} times its degrees of freedom"
-    if value > high:
-        words += f", above {high:.3f}: the uncertainties are too small."
-    elif value < low:
-        words += f", below {low:.3f}: the uncertainties are too large."
-    else:
-        words += f", inside {low:.3f} to {high:.3f}: the covariance is right."
-    return Check(name, value, low, high, low <= value <= high, words)
+    return check("consistency", name, value, low, high, {"name": name})

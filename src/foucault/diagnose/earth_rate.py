@@ -1,9 +1,15 @@
-"""Hold the Earth's rate that a session saw against the one that was assumed."""
+"""Hold what a session found against the Earth's rate, and against what was known before."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from foucault.arrays import FloatArray
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import SEEN, prior_check
+from foucault.diagnose.words import check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.earth_seen import EarthSeen
@@ -26,19 +32,45 @@ def earth_checks(earth: EarthSeen | None, false_alarm: float) -> list[Check]:
     if earth is None:
         return []
     limit = chi_square_limits(2, 2 * false_alarm)[1]
-    fine = earth.square <= limit
+    given = _said(earth, limit)
+    return [check("Earth's rate", "Earth's rate", earth.square, None, limit, given)]
+
+
+def _said(earth: EarthSeen, limit: float) -> dict[str, str]:
     faster, sd, _ = earth.faster
-    words = f"By the times of the log the Earth turns {1 + faster:.5f} +- {sd:.1g} times its rate"
-    if not fine:
-        words += f": {causes(earth, limit)}"
-    return [Check("Earth's rate", earth.square, None, limit, fine, words + ".")]
+    return {"rate": f"{1 + faster:.5f}", "sd": f"{sd:.1g}", "causes": _causes(earth, limit)}
 
 
-def put_off(checks: list[Check]) -> str:
-    """Say what puts coefficients off where the check of the Earth's rate failed, else nothing."""
-    if all(check.passed for check in checks):
-        return ""
-    return "the times or the latitude put it off, see the check of the Earth's rate"
+def known_checks(
+    earth: EarthSeen | None, c: CoefficientVector, mean: FloatArray, alike: Mapping[str, str],
+    false_alarm: float,
+) -> list[Check]:  # fmt: skip
+    """Return the checks of the Earth's rate and of what was known before.
+
+    No instrument is off alike in the three coefficients of a group. An estimate x lies between what
+    the data say and the mean m of the prior, and the surer the prior, the nearer to m, however far
+    off the data are: the difference x - m has the variance ``sd_prior^2 - sd^2``, whatever the
+    share of the prior is.
+
+    `earth` or None: what the session says of the Earth's rate; `c`: the estimate, with covariance,
+    and the standard deviations of its prior [SI]; `mean` (k,): mean of the prior [SI]; `alike`:
+    group of three coefficients -> what puts all of them off alike; `false_alarm`: probability that
+    each test of a group fails by chance [1].
+    """
+    from scipy.special import ndtri
+
+    out, cause = earth_checks(earth, 2 * false_alarm), ""
+    if not all(one.passed for one in out):
+        cause = "the times or the latitude put it off, see the check of the Earth's rate"
+    out.append(prior_check(c, (mean - c.values) / c.prior_sd, cause=cause))
+    share = np.maximum(1.0 - (c.sd / c.prior_sd) ** 2, SEEN)
+    miss, limit = (c.values - mean) / (c.prior_sd * np.sqrt(share)), -float(ndtri(false_alarm / 2))
+    for group, why in alike.items():
+        at = c.layout.group(group)
+        z = float(miss[at].sum() / np.sqrt(len(at)))
+        given = {"group": group, "ppm": 1e6 * c.values[at].mean(), "off": abs(z), "cause": why}
+        out.append(check("off alike", f"{group} alike", z, -limit, limit, given))
+    return out
 
 
 def earth_findings(earth: EarthSeen | None, false_alarm: float) -> list[Finding]:
@@ -47,19 +79,14 @@ def earth_findings(earth: EarthSeen | None, false_alarm: float) -> list[Finding]
     `earth` or None: what the session says of it; `false_alarm`: probability that it is said by
     chance [1].
     """
-    if earth is None or all(check.passed for check in earth_checks(earth, false_alarm)):
+    if earth is None or all(one.passed for one in earth_checks(earth, false_alarm)):
         return []
-    faster, sd, _ = earth.faster
-    words = causes(earth, chi_square_limits(2, 2 * false_alarm)[1])
-    return [finding("session.earth_rate", rate=f"{1 + faster:.5f}", sd=f"{sd:.1g}",
-                    causes=words)]  # fmt: skip
+    limit = chi_square_limits(2, 2 * false_alarm)[1]
+    return [finding("session.earth_rate", **_said(earth, limit))]
 
 
-def causes(earth: EarthSeen, limit: float) -> str:
-    """Say what explains another rate of the Earth, the likelier first.
-
-    `limit`: a cause explains it that leaves no more than this squared normalised difference [1].
-    """
+def _causes(earth: EarthSeen, limit: float) -> str:
+    """Say what explains it, the likelier first: what leaves a square of no more than `limit`."""
     (faster, sd, left), (north, north_sd, remains) = earth.faster, earth.farther_north
     mirrored = earth.left_by(np.array([0.0, -2.0 * np.sin(earth.latitude)]))
     some = [

@@ -30,6 +30,7 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray
 from foucault.diagnose.carried import white_and_carried
 from foucault.diagnose.rests import resolution
+from foucault.diagnose.words import check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -80,16 +81,12 @@ class NoiseAtRest:
     def check(self) -> Check:
         """The check `noise`: is it as it was declared?"""
         worst = max(self.seen, key=lambda s: s.ratio)
-        words = "The readings at rest scatter no more than [noise] says."
-        if worst.ratio > 1.0:
-            words = (
-                f"At rest {worst.triad} {worst.axis} scatters {np.sqrt(worst.ratio):.2f} times as "
-                f"much as [noise.{worst.triad}] says: {_cause(worst)}. The noise that is seen was "
-                "used"
-            )
-            fine = worst.ratio <= UNLIKE
-            words += "." if fine else ", so that the uncertainties are those of this session."
-        return Check("noise", worst.ratio, None, UNLIKE, worst.ratio <= UNLIKE, words)
+        given = {
+            "triad": worst.triad, "axis": worst.axis, "ratio": np.sqrt(worst.ratio),
+            "cause": _cause(worst),
+        }  # fmt: skip
+        key = "noise seen at rest" if worst.ratio > 1.0 else "noise at rest"
+        return check(key, "noise", worst.ratio, None, UNLIKE, given)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

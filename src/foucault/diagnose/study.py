@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.diagnose.consistency import consistency_check
+from foucault.diagnose.words import check
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.result import Check
 
@@ -103,8 +104,7 @@ class Study:
     def checks(self) -> tuple[Check, ...]:
         """Return the tests of the study as a whole, one sentence each."""
         if len(self.nees) == 0:
-            words = "No trial produced an estimate."
-            return (Check("trials", 0.0, 1.0, None, False, words),)
+            return (check("no trial", "trials", 0.0, 1.0),)
         per = self.rows()
         return (
             consistency_check("NEES", self.nees, len(self.names), EACH),
@@ -128,27 +128,18 @@ class Study:
         n, k = inside.shape
         scatter = max(float(per_trial.std(ddof=1)), np.sqrt(share * (1 - share) / k))
         width = float(stdtrit(n - 1, 1 - EACH / 2) * scatter / np.sqrt(n))
-        low, high = share - width, share + width
-        fine = low <= value <= high
-        words = (
-            f"{100 * value:.1f} % of the truths lie inside the {percent} % intervals "
-            f"(expected {100 * low:.1f} to {100 * high:.1f} %)."
-        )
-        return Check(f"coverage of {percent} %", 100 * value, 100 * low, 100 * high, fine, words)
+        return check("coverage", f"coverage of {percent} %", 100 * value, 100 * (share - width),
+                     100 * (share + width), {"percent": percent})  # fmt: skip
 
     def _failures(self) -> Check:
         total = sum(self.status.values())
         bad = total - self.status.get("converged", 0)
         parts = ", ".join(f"{count} {kind}" for kind, count in sorted(self.status.items()))
-        words = f"Of {total} trials: {parts}."
-        return Check("failures", bad / total, None, 0.01, bad <= 0.01 * total, words)
+        given = {"total": total, "parts": parts}
+        return check("failures", "failures", bad / total, None, 0.01, given)
 
 
 def _counted(name: str, per: list[dict[str, Any]], key: str, what: str, against: str) -> Check:
     failed = [row["name"] for row in per if not row[key]]
-    words = (
-        f"The {what} of every coefficient fits {against}."
-        if not failed
-        else f"The {what} of {', '.join(failed)} does not fit {against}."
-    )
-    return Check(name, float(len(failed)), None, 0.0, not failed, words)
+    given = {"what": what, "failed": ", ".join(failed), "against": against}
+    return check("every coefficient", name, float(len(failed)), None, 0.0, given)

@@ -18,7 +18,6 @@ from foucault.export.numbers import number
 from foucault.export.request import Request
 
 CAN = ("accel.bias", "accel.scale", "gyro.bias")
-AXES = "forward-right-down"
 
 
 def text(wanted: Request) -> str:

@@ -29,6 +29,9 @@ RECEIVERS = {
 }
 """Name of a receiver -> its module: ``CAN``, the families it can express, and ``text``."""
 
+AXES_OF = {"px4": "forward-right-down"}
+"""Axes of readings that are usual with a receiver, where they are not those of results."""
+
 ALIASES = {"ros": "ros2", "ros1": "ros2", "imu_calib": "ros2"}
 """Other names of a receiver: the file of imu_calib is the same for ROS and ROS 2."""
 
@@ -66,12 +69,11 @@ def write(
     if other:
         return _written(path, _whole(result, other, receiver, axes, tuple(drop), force))
     module = import_module(f"foucault.export.{RECEIVERS[receiver]}")
-    usual: str = getattr(module, "AXES", OWN_AXES)
     wanted = request(
         result,
         receiver,
         module.CAN,
-        axes=usual if axes is None else axes,
+        axes=AXES_OF.get(receiver, OWN_AXES) if axes is None else axes,
         drop=drop,
         noise=noise,
         log=log,

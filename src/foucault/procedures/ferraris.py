@@ -32,7 +32,6 @@ from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.procedures import on_faces
 from foucault.procedures.on_faces import Solution
-from foucault.procedures.on_faces import settings as face_settings
 from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
@@ -52,36 +51,24 @@ AngleOrThree = Annotated[
 class Settings(FaceSettings):
     """What can be chosen; the defaults suit most logs."""
 
-    solution: Literal["likelihood", "published"] = Field(
-        default="likelihood",
-        description="likelihood: all readings, weighed by their uncertainty; published: the closed "
-        "form of Ferraris, as other programs have it, with g-sensitivity.",
-    )
+    solution: Literal["likelihood", "published"] = "likelihood"
+    """likelihood: all readings, weighed by their uncertainty; published: the closed form of
+    Ferraris, as other programs have it, with g-sensitivity."""
     angle: AngleOrThree = Field(
-        default=-2 * np.pi,
-        examples=["-360 deg", ["360 deg", "720 deg", "90 deg"]],
-        description="Angle of each turn about its positive axis, negative for clockwise as seen "
-        "against the axis. One value: whole turns. Three, for x, y and z: any known angles.",
+        default=-2 * np.pi, examples=["-360 deg", ["360 deg", "720 deg", "90 deg"]]
     )
-    angle_sd: AngleSd | None = Field(
-        default=None,
-        ge=0,
-        examples=["0.5 deg"],
-        description="How nearly a turn ends where it began. Left out: like the placement.",
-    )
-    level_sd: AngleSd | None = Field(
-        default=None,
-        ge=0,
-        examples=["5 arcmin"],
-        description="How nearly vertical the axis of a turn is (the level of the support). Left "
-        "out: like the placement.",
-    )
+    """Angle of each turn about its positive axis, negative for clockwise as seen against the axis.
+    One value: whole turns. Three, for x, y and z: any known angles."""
+    angle_sd: AngleSd | None = Field(default=None, ge=0, examples=["0.5 deg"])
+    """How nearly a turn ends where it began. Left out: like the placement."""
+    level_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
+    """How nearly vertical the axis of a turn is (the level of the support). Left out: like the
+    placement."""
     sections: dict[str, list[int]] | None = Field(
-        default=None,
-        examples=[{"x_p": [540, 1271], "x_a": [1620, 2361], "x_rot": [6770, 7093]}],
-        description="First sample and the sample after the last of every rest and turn, by name: "
-        "x_p, x_a, y_p, y_a, z_p, z_a, x_rot, y_rot, z_rot. Left out: found in the log.",
+        default=None, examples=[{"x_p": [540, 1271], "x_a": [1620, 2361], "x_rot": [6770, 7093]}]
     )
+    """First sample and the sample after the last of every rest and turn, by name: x_p, x_a, y_p,
+    y_a, z_p, z_a, x_rot, y_rot, z_rot. Left out: found in the log."""
 
     @field_validator("angle")
     @classmethod
@@ -100,19 +87,12 @@ class Settings(FaceSettings):
 class Session(FaceSession):
     """The session that `simulate` makes."""
 
-    turn_time: Seconds = Field(default=5.0, gt=0, description="Length of each turn.")
-    angle_sd: AngleSd | None = Field(
-        default=None,
-        ge=0,
-        examples=["0.5 deg"],
-        description="Error of the angle of a turn; default: as placement_sd.",
-    )
-    level_sd: AngleSd | None = Field(
-        default=None,
-        ge=0,
-        examples=["5 arcmin"],
-        description="Tilt of the axis of a turn; default: as placement_sd.",
-    )
+    turn_time: Seconds = Field(default=5.0, gt=0)
+    """Length of each turn."""
+    angle_sd: AngleSd | None = Field(default=None, ge=0, examples=["0.5 deg"])
+    """Error of the angle of a turn; default: as placement_sd."""
+    level_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
+    """Tilt of the axis of a turn; default: as placement_sd."""
 
 
 def _simulated(
@@ -137,7 +117,7 @@ def names_of(settings: Settings) -> tuple[str, ...]:
     if settings.solution == "published":
         names = (*LINEAR_LOWER, *(n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")))
         return tuple(n for n in LAYOUT.names if n in names)
-    return face_settings.names_of(settings, turns=True)
+    return settings.estimated()
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:

@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -52,15 +52,14 @@ from foucault.estimate.hand_rotated import likelihood
 from foucault.estimate.hand_rotated.start import first_guess
 from foucault.logs.axes import spared
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.references import with_references
 from foucault.models.rests_and_turns import Prediction, predict
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
-from foucault.procedures import Progress
-from foucault.procedures.fields import EarthRate, Strict
+from foucault.procedures import Progress, fields
 from foucault.procedures.on_table import Task
 from foucault.procedures.on_table.poses import solve_poses
 from foucault.procedures.on_table.session import TableSettings
@@ -68,55 +67,36 @@ from foucault.procedures.record import Given, Procedure
 from foucault.result import Estimate, Problem, Result, Verdict
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
-from foucault.tables import AXES, Log
-from foucault.units import Quantity, Seconds
+from foucault.tables import Log
+from foucault.units import Seconds
 
 NEEDED = 9  # accelerometer coefficients without quadratic terms: one equation each
 
 
-class Settings(EarthRate):
+class Settings(fields.Robust, fields.EarthRate, fields.Terms):
     """What can be chosen; the defaults suit most logs."""
 
-    accel_quadratic: bool = Field(
-        default=False, description="Estimate the accelerometers' quadratic terms too."
-    )
-    g_sensitivity: bool = Field(
-        default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
-    )
-    loss: Literal["robust", "squares"] = Field(
-        default="robust",
-        description="robust: a rest or turn beyond 3 sd is left out; squares: all count in full.",
-    )
-    repeatability: bool = Field(
-        default=True,
-        description="Estimate the scatter between rests that the noise does not explain.",
-    )
-    held_out: int = Field(
-        default=5, ge=0, description="Parts left out in turn to test the prediction; 0: none."
-    )
-    window: Seconds = Field(default=0.5, gt=0, description="Window of the rest detector.")
-    shortest: Seconds = Field(default=1.0, gt=0, description="Shortest rest.")
-    threshold: float | None = Field(
-        default=None,
-        gt=1,
-        examples=[3.0],
-        description="Level (1 = quiet) below which the instrument rests; default: from the data.",
-    )
+    repeatability: fields.Repeatability = True
+    held_out: int = Field(default=5, ge=0)
+    """Parts left out in turn to test the prediction; 0: none."""
+    window: fields.Window = 0.5
+    shortest: fields.Shortest = 1.0
+    threshold: fields.Threshold = None
 
 
-class Session(Strict):
+class Session(fields.Strict):
     """The session that `simulate` makes."""
 
-    rests: int = Field(default=24, ge=2, description="Number of rests.")
-    rest_time: Seconds = Field(default=4.0, gt=0, description="Typical length of a rest.")
-    turn_time: Seconds = Field(default=2.0, gt=0, description="Typical length of a turn.")
-    first_rest_time: Seconds = Field(default=10.0, gt=0, description="Length of the first rest.")
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=100.0, gt=0, description="Sample rate."
-    )
-    kind: Literal["rate", "increment"] = Field(
-        default="rate", description="Instantaneous rates, or means over each interval."
-    )
+    rests: int = Field(default=24, ge=2)
+    """Number of rests."""
+    rest_time: Seconds = Field(default=4.0, gt=0)
+    """Typical length of a rest."""
+    turn_time: Seconds = Field(default=2.0, gt=0)
+    """Typical length of a turn."""
+    first_rest_time: Seconds = Field(default=10.0, gt=0)
+    """Length of the first rest."""
+    rate: fields.SampleRate = 100.0
+    kind: fields.Sampling = "rate"
 
 
 def _simulated(
@@ -136,9 +116,7 @@ def _simulated(
 def _solve(log: Log, given: Given[Settings]) -> Result:
     site, settings, progress = given.site, given.settings, given.progress
     if log.averaged is not None:
-        task = Task(
-            "hand_rotated", _for_poses(settings), None, repeatability=settings.repeatability
-        )
+        task = Task("hand_rotated", _for_poses(settings), None)
         return solve_poses(log, task, given)
     progress(0.05, "finding the rests")
     log = without_spikes(log)
@@ -195,16 +173,6 @@ def complete(result: Result, data: SessionData, rests: Rests, findings: list[Fin
     )
 
 
-def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated."""
-    names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
-    if settings.accel_quadratic:
-        names += [f"accel.quadratic.{a}" for a in AXES]
-    if settings.g_sensitivity and gyro:
-        names += [n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")]
-    return tuple(n for n in LAYOUT.names if n in names)
-
-
 def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNoise:
     log = data.log
     counts = log.sampled == "increment"
@@ -238,9 +206,9 @@ def _likelihood(
     given: Mapping[str, tuple[float, float]],
     progress: Progress,
 ) -> Result:
-    names = names_of(settings, data.gyro_mean is not None)
+    names = settings.estimated(gyro=data.gyro_mean is not None)
     prior = CoefficientVector.prior(LAYOUT.subset(names), given)
-    loss = gauss_newton.huber if settings.loss == "robust" else gauss_newton.least_squares
+    loss = gauss_newton.huber if settings.robust else gauss_newton.least_squares
     start = first_guess(data)
     assert start is not None  # check_input has solved the same equations
     estimate, noise, before = likelihood.fit(
@@ -318,7 +286,7 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     simulation=_simulated,
-    names=lambda settings, _: names_of(settings),
+    names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.
     clocked=lambda log: (log.averaged is None, log.sampled == "increment"),
 )

@@ -44,22 +44,21 @@ from foucault.units import Seconds
 class Settings(Strict):
     """The numbers of the recipe."""
 
-    initial_rest: Seconds = Field(
-        default=50.0, gt=0, description="Rest at the start of the log, for bias and variance."
-    )
-    window: Seconds = Field(default=1.0, gt=0, description="Window of the rest detector.")
-    variance_factor: float = Field(
-        default=6.0, gt=0, description="Threshold of the detector over the initial variance."
-    )
-    samples_per_rest: int = Field(
-        default=100, gt=0, description="Samples used of each rest; shorter rests are left out."
-    )
+    initial_rest: Seconds = Field(default=50.0, gt=0)
+    """Rest at the start of the log, for bias and variance."""
+    window: Seconds = Field(default=1.0, gt=0)
+    """Window of the rest detector."""
+    variance_factor: float = Field(default=6.0, gt=0)
+    """Threshold of the detector over the initial variance."""
+    samples_per_rest: int = Field(default=100, gt=0)
+    """Samples used of each rest; shorter rests are left out."""
 
 
 class Session(hand_rotated.Session):
     """The session that `simulate` makes: its first rest is as long as the recipe wants."""
 
-    first_rest_time: Seconds = Field(default=60.0, gt=0, description="Length of the first rest.")
+    first_rest_time: Seconds = Field(default=60.0, gt=0)
+    """Length of the first rest."""
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:

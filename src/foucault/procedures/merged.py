@@ -14,6 +14,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.compare import gravity
+from foucault.diagnose.words import check
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.fusion import Fused, Known, fused, with_sources
@@ -100,23 +101,19 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
     _fits((earlier.label, earlier.sha256, earlier.result), ("the log", "", result))
     vector = result.coefficients
     before = earlier.known(without=own).own.names
-    names = [n for n in before if n in vector.layout and vector.free[vector.layout.index(n)]]
-    if not names:
-        raise error("merge.nothing", one=earlier.label, other="this procedure")
+    names, alone = _common(earlier, before, vector)
     left = [n for n in before if n not in names]
     told = (finding("prior.left", label=earlier.label, names=", ".join(left)),) if left else ()
-    sure = np.isfinite(vector.sd) & (vector.sd > 0)
-    alone = vector.chosen(n for n, s in zip(vector.names, sure, strict=True) if s)
     both = (result, earlier.result)
     step = fused(earlier.known(own, names, _clock_of(earlier.result, both)),
                  _known(result, alone, _clock_of(result, both)))  # fmt: skip
     clocks = _own_clock(earlier.result, earlier.label, both), _own_clock(result, "the log", both)
     apart = fused(earlier.known(own, names, clocks[0]), _known(result, alone, clocks[1]))
-    check = _agree(apart, earlier.label, tests=1)
+    agreement = _agree(apart, earlier.label, tests=1)
     kept = replace(result, coefficients=_over(vector, step.known.own), clock=TimeBase.mean(both))
-    reasons = result.verdict.reasons + (() if check.passed else (check.sentence,))
+    reasons = result.verdict.reasons + (() if agreement.passed else (agreement.sentence,))
     level = result.verdict.level
-    if not check.passed and level is Level.PASS:
+    if not agreement.passed and level is Level.PASS:
         level = Level.DOUBTFUL
     used = {"from": earlier.label, "sha256": earlier.sha256, "given": _given(step.known),
             "inputs": [*_inputs(earlier.result), *_before(earlier.result)]}  # fmt: skip
@@ -125,7 +122,7 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
     # Budget and bound are those of the session alone: they explain another covariance.
     alone_no_more = {k: v for k, v in result.diagnostics.items() if k not in ("budget", "bound")}
     return replace(
-        kept, checks=(*result.checks, check), verdict=Verdict(level, reasons),
+        kept, checks=(*result.checks, agreement), verdict=Verdict(level, reasons),
         findings=(*result.findings, *told),
         diagnostics=alone_no_more | {"without_earlier": rows} | _owed(step.known),
         provenance=result.provenance | {"prior": used},
@@ -141,17 +138,24 @@ def foreseen_with_prior(
     given beside it: it takes its place [SI].
     """
     before = earlier.known(without=own).own
-    names = [n for n in before.names if n in vector.layout and vector.free[vector.layout.index(n)]]
-    if not names:
-        raise error("merge.nothing", one=earlier.label, other="this procedure")
-    sure = np.isfinite(vector.sd) & (vector.sd > 0)
-    alone = vector.chosen(n for n, s in zip(vector.names, sure, strict=True) if s)
+    names, alone = _common(earlier, before.names, vector)
     lent = dict(zip(alone.names, alone.values.tolist(), strict=True))
     step = fused(Known(before.chosen(names)), Known(alone, lent))
     out = _over(vector, step.known.own)
     prior = vector.prior_sd.copy()
     prior[[vector.layout.index(name) for name in names]] = before.chosen(names).sd
     return replace(out, values=vector.values, prior_sd=prior)
+
+
+def _common(
+    earlier: Earlier, before: Sequence[str], vector: CoefficientVector
+) -> tuple[list[str], CoefficientVector]:
+    """Return what an earlier result and a session both know, and all that the session knows."""
+    names = [n for n in before if n in vector.layout and vector.free[vector.layout.index(n)]]
+    if not names:
+        raise error("merge.nothing", one=earlier.label, other="this procedure")
+    sure = np.isfinite(vector.sd) & (vector.sd > 0)
+    return names, vector.chosen(n for n, s in zip(vector.names, sure, strict=True) if s)
 
 
 def means_of(result: Result) -> dict[str, float]:
@@ -300,30 +304,26 @@ def _owed(known: Known) -> dict[str, Any]:
 
 def _agree(step: Fused, label: str, tests: int) -> Check:
     """Return the test that a result agrees with those before."""
+    name = f"agreement of {label}"
     if not step.dof:
-        words = f"{label}: no coefficient in common with the others, so nothing to compare."
-        return Check(f"agreement of {label}", 0.0, None, None, True, words)
+        return check("nothing in common", name, 0.0, given={"label": label})
     _, high = chi_square_limits(step.dof, 0.02, tests)  # 1 % on the side that matters
-    passed = step.chi_square <= high
-    words = (
-        f"{label}: chi-square of the differences {plain(step.chi_square, 4)} of {step.dof} "
-        f"degrees of freedom, at most {high:.1f} if nothing has changed."
-    )
+    farthest = ""
     if np.isfinite(step.change).any():
         worst = int(np.nanargmax(np.abs(step.change)))
-        name = step.known.vector.names[worst]
-        words += f" Farthest: {name}, {step.change[worst]:+.1f} standard deviations."
-    if not passed:
-        words += " The instrument changed, or an uncertainty is too small."
-    return Check(f"agreement of {label}", step.chi_square, None, high, passed, words)
+        farthest = (f" Farthest: {step.known.vector.names[worst]}, {step.change[worst]:+.1f} "
+                    "standard deviations.")  # fmt: skip
+    given = {
+        "label": label, "square": plain(step.chi_square, 4), "dof": step.dof, "farthest": farthest,
+    }  # fmt: skip
+    return check("agreement", name, step.chi_square, None, high, given)
 
 
 def _passed(label: str, result: Result) -> Check:
-    level = result.verdict.level
-    words = f"{label}: its own verdict is {level}."
-    if result.verdict.reasons:
-        words += f" {result.verdict.reasons[0]}"
-    return Check(f"verdict of {label}", float("nan"), None, None, level is Level.PASS, words)
+    level, why = result.verdict.level, "".join(f" {one}" for one in result.verdict.reasons[:1])
+    given = {"label": label, "level": level, "reason": why}
+    return check("own verdict", f"verdict of {label}", np.nan, given=given,
+                 passed=level is Level.PASS)  # fmt: skip
 
 
 def _over(vector: CoefficientVector, better: CoefficientVector) -> CoefficientVector:

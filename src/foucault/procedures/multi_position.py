@@ -9,25 +9,18 @@ the angles.
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field
 
 from foucault.models.earth import Site
 from foucault.models.table_geometry import Trust
+from foucault.procedures.fields import OrthogonalitySd, PlumbSd, PositionSd, ZeroSd
 from foucault.procedures.on_table import Task
 from foucault.procedures.on_table.procedure import table_procedure
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
-from foucault.units import AngleSd
 
 
 class Settings(TableSettings):
     """What can be chosen; the defaults suit most tables."""
-
-    repeatability: bool = Field(
-        default=True,
-        description="Estimate the scatter between readings that the noise does not explain, such "
-        "as the errors of the table.",
-    )
 
 
 ARCSEC = float(np.pi / 648000)
@@ -36,26 +29,16 @@ ARCSEC = float(np.pi / 648000)
 class Session(TableSession):
     """The session that `simulate` makes: on a table as good as this method wants it."""
 
-    plumb_sd: AngleSd = Field(
-        default=1 * ARCSEC, ge=0, description="Sd of the tilt of the outer axis."
-    )
-    orthogonality_sd: AngleSd = Field(
-        default=1 * ARCSEC, ge=0, description="Sd of the angles between the table's axes."
-    )
-    zero_sd: AngleSd = Field(
-        default=1 * ARCSEC, ge=0, description="Sd of the zero errors of middle and inner angle."
-    )
-    position_sd: AngleSd = Field(
-        default=1 * ARCSEC,
-        ge=0,
-        description="Sd of the middle and inner angle from one position to the next.",
-    )
+    plumb_sd: PlumbSd = 1 * ARCSEC
+    orthogonality_sd: OrthogonalitySd = 1 * ARCSEC
+    zero_sd: ZeroSd = 1 * ARCSEC
+    position_sd: PositionSd = 1 * ARCSEC
 
 
 def task_of(settings: Settings, site: Site) -> Task:
     """Return the task that `settings` describe at a `site`."""
     trust = Trust(np.zeros(6), 0.0, settings.where(site).latitude)
-    return Task("multi_position", settings, trust, repeatability=settings.repeatability)
+    return Task("multi_position", settings, trust)
 
 
 PROCEDURE = table_procedure("multi_position", __doc__, Settings, Session, task_of)

@@ -21,7 +21,6 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
@@ -44,20 +43,12 @@ from foucault.procedures.on_table.session import simulate as simulate
 class Settings(TableSettings):
     """What can be chosen; the defaults suit most tables."""
 
-    solution: Literal["likelihood", "linear", "published"] = Field(
-        default="likelihood",
-        description="likelihood: all readings together; linear: the linear equations with the "
-        "exact recovery; published: with the published recovery, to first order.",
-    )
-    unification: Literal["parallel vectors", "four positions"] = Field(
-        default="parallel vectors",
-        description="How the frames of the linear solutions are tied together; four positions: as "
-        "published, needs four_positions = true and believes the angles of the table.",
-    )
-    repeatability: bool = Field(
-        default=True,
-        description="Estimate the scatter between readings that the noise does not explain.",
-    )
+    solution: Literal["likelihood", "linear", "published"] = "likelihood"
+    """likelihood: all readings together; linear: the linear equations with the exact recovery;
+    published: with the published recovery, to first order."""
+    unification: Literal["parallel vectors", "four positions"] = "parallel vectors"
+    """How the frames of the linear solutions are tied together; four positions: as published, needs
+    four_positions = true and believes the angles of the table."""
 
 
 class Session(TableSession):
@@ -67,7 +58,7 @@ class Session(TableSession):
 def task_of(settings: Settings) -> Task:
     """Return the task that `settings` describe."""
     variant = None if settings.solution == "likelihood" else partial(linear, settings)
-    return Task("norm_observation", settings, None, variant, settings.repeatability)
+    return Task("norm_observation", settings, None, variant)
 
 
 def linear(

@@ -21,7 +21,6 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.procedures import on_faces
-from foucault.procedures.on_faces import settings as face_settings
 from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
@@ -53,11 +52,6 @@ def _simulated(
     )  # fmt: skip
 
 
-def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated."""
-    return face_settings.names_of(settings, turns=False, gyro=gyro)
-
-
 def _solve(log: Log, given: Given[Settings]) -> Result:
     site, settings, noise = given.site, given.settings, given.noise
     given.progress(0.1, "finding the faces")
@@ -66,7 +60,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     check_moves(log, faces)
     given.progress(0.5, "calibrating")
     solution = on_faces.solve(
-        log, faces, None, site, names_of(settings, log.gyro is not None),
+        log, faces, None, site, settings.estimated(gyro=log.gyro is not None, turns=False),
         on_faces.noise_of(log, faces, None, noise), noise is not None,
         (settings.placement_sd, 0.0, 0.0), given.prior,
     )  # fmt: skip
@@ -80,6 +74,6 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     simulation=_simulated,
-    names=lambda settings, _: names_of(settings),
+    names=lambda settings, _: settings.estimated(turns=False),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

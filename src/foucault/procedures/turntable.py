@@ -9,15 +9,14 @@ observation, and in between better than both; and it says how good the table is.
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field
 
 from foucault.models.earth import Site
 from foucault.models.table_geometry import Trust
+from foucault.procedures.fields import OrthogonalitySd, PlumbSd, PositionSd, ZeroSd
 from foucault.procedures.on_table import Task
 from foucault.procedures.on_table.procedure import table_procedure
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
-from foucault.units import AngleSd
 
 ARCSEC = float(np.radians(1 / 3600))
 
@@ -25,24 +24,10 @@ ARCSEC = float(np.radians(1 / 3600))
 class Settings(TableSettings):
     """What can be chosen; the defaults are those of a good table."""
 
-    plumb_sd: AngleSd = Field(
-        default=30 * ARCSEC, ge=0, description="Sd of the tilt of the outer axis, about each axis."
-    )
-    orthogonality_sd: AngleSd = Field(
-        default=10 * ARCSEC, ge=0, description="Sd of the angles between the table's axes."
-    )
-    zero_sd: AngleSd = Field(
-        default=10 * ARCSEC, ge=0, description="Sd of the zero errors of middle and inner angle."
-    )
-    position_sd: AngleSd = Field(
-        default=60 * ARCSEC,
-        ge=0,
-        description="Sd of the middle and inner angle from one position to the next.",
-    )
-    repeatability: bool = Field(
-        default=True,
-        description="Estimate the scatter between readings that neither noise nor table explain.",
-    )
+    plumb_sd: PlumbSd = 30 * ARCSEC
+    orthogonality_sd: OrthogonalitySd = 10 * ARCSEC
+    zero_sd: ZeroSd = 10 * ARCSEC
+    position_sd: PositionSd = 60 * ARCSEC
 
 
 class Session(TableSession):
@@ -54,7 +39,7 @@ def task_of(settings: Settings, site: Site) -> Task:
     s = settings
     common = np.repeat([s.plumb_sd, s.orthogonality_sd, s.zero_sd], 2)
     trust = Trust(common, s.position_sd, s.where(site).latitude)
-    return Task("turntable", settings, trust, repeatability=s.repeatability)
+    return Task("turntable", settings, trust)
 
 
 PROCEDURE = table_procedure("turntable", __doc__, Settings, Session, task_of)

@@ -16,11 +16,12 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
-from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
+from foucault.diagnose.checks import HARDLY, hardly, status_check
+from foucault.diagnose.earth_rate import earth_findings, known_checks
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.noise_at_rest import NoiseAtRest
 from foucault.diagnose.systematic.legs import Legs
+from foucault.diagnose.words import check
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.earth_seen import EarthSeen
@@ -33,12 +34,9 @@ from foucault.tables import AXES
 EACH = FALSE_ALARM / 8
 """False-alarm rate of each of eight tests, so that all together keep 1 % [1]."""
 
-HARDLY = 0.7
-"""A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
-
 ALIKE = {
-    "gyro": "a wrong clock or unit",
-    "accel": "a wrong clock (of increments), unit or gravity",
+    "gyro.scale": "a wrong clock or unit",
+    "accel.scale": "a wrong clock (of increments), unit or gravity",
 }
 """What puts the scale factors of a triad off alike."""
 
@@ -85,31 +83,18 @@ class Evidence:
 
 def checks(e: Evidence) -> tuple[Check, ...]:
     """Return every test of the result; a failed one carries its reason."""
-    pull = (e.mean - e.coefficients.values) / e.coefficients.prior_sd
-    miss = from_prior(e.coefficients, e.mean)
-    earth = earth_checks(e.earth, 2 * EACH)
     return (
         status_check(e.status, ()), e.noise.check, _innovations(e), _rests(e), _velocities(e),
-        *earth,
-        prior_check(e.coefficients, pull, cause=put_off(earth)),
-        *(alike_check(e.coefficients, miss, f"{t}.scale", c, EACH) for t, c in ALIKE.items()),
-        _seen(e),
+        *known_checks(e.earth, e.coefficients, e.mean, ALIKE, EACH), _seen(e),
     )  # fmt: skip
 
 
 def _innovations(e: Evidence) -> Check:
     total, dof = float(e.run.nis.sum()), int(e.run.measured.sum())
     limit = chi_square_limits(dof, 2 * EACH)[1]
-    fine = total <= limit
-    words = f"What is seen at rest scatters {np.sqrt(total / dof):.3f} times as much as allowed for"
-    if total < dof / 2:
-        words += "; it stands stiller than velocity_sd and position_sd say, which does no harm"
-    if not fine:
-        words += (
-            ": the instrument stands less still than velocity_sd and position_sd say, is noisier, "
-            "or has errors that are not estimated, so that the uncertainties are too small"
-        )
-    return Check("innovations", total / dof, None, limit / dof, fine, words + ".")
+    key = "innovations, still" if total < dof / 2 else "innovations"
+    given = {"ratio": np.sqrt(total / dof)}
+    return check(key, "innovations", total / dof, None, limit / dof, given)
 
 
 def squares(e: Evidence) -> tuple[FloatArray, FloatArray]:
@@ -128,16 +113,12 @@ def _rests(e: Evidence) -> Check:
     limit = np.array([chi_square_limits(count[k], 2 * EACH, len(used))[1] for k in used])
     share = total[used] / limit
     worst = int(used[np.argmax(share)])
-    out = int(np.count_nonzero(share > 1.0))
-    a, b = (float(e.increments.time[row]) for row in e.rests[worst])
-    words = "No rest scatters more than allowed for."
-    if out:
-        words = (
-            f"{out} of {len(used)} rests scatter more than allowed for; the farthest is rest "
-            f"{worst + 1}, {a:.0f} to {b:.0f} s: it moved, or the turn before it shows an error "
-            "that is not estimated."
-        )
-    return Check("rests", float(share.max()), None, 1.0, out == 0, words)
+    begin, end = (float(e.increments.time[row]) for row in e.rests[worst])
+    given = {
+        "out": np.count_nonzero(share > 1.0), "count": len(used), "rest": worst + 1,
+        "begin": begin, "end": end,
+    }  # fmt: skip
+    return check("scatter of rests", "rests", float(share.max()), None, 1.0, given)
 
 
 def _velocities(e: Evidence) -> Check:
@@ -146,24 +127,12 @@ def _velocities(e: Evidence) -> Check:
     z = np.abs(e.legs.after) / e.legs.sd
     limit = float(ndtri((1 - EACH) ** (1 / z.size) / 2 + 0.5))
     worst, axis = (int(k) for k in np.unravel_index(np.argmax(z), z.shape))
-    fine = bool(z.max() <= limit)
-    run = "through each rest" if e.legs.anew else "from rest to rest"
-    words = (
-        f"Navigated {run} with the calibration, the velocity is at most {z.max():.1f} times what "
-        "is promised from zero"
-    )
-    if not fine:
-        words += (
-            f": {('east', 'north', 'up')[axis]} in rest {int(e.legs.rest[worst]) + 1}, at "
-            f"{e.legs.end[worst]:.0f} s"
-        )
-    return Check("velocities", float(z.max()), None, limit, fine, words + ".")
-
-
-def hardly(coefficients: CoefficientVector) -> list[str]:
-    """Return the names of `coefficients` that are hardly better known than before."""
-    c = coefficients
-    return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
+    given = {
+        "run": "through each rest" if e.legs.anew else "from rest to rest",
+        "axis": ("east", "north", "up")[axis], "rest": int(e.legs.rest[worst]) + 1,
+        "time": e.legs.end[worst],
+    }  # fmt: skip
+    return check("velocities", "velocities", float(z.max()), None, limit, given)
 
 
 def only_sums(coefficients: CoefficientVector) -> list[str]:
@@ -214,17 +183,14 @@ class Unseen:
 
 def _seen(e: Evidence) -> Check:
     unseen = Unseen.of(e.coefficients, e.usual)
-    words = []
-    if unseen.names:
-        words.append(
-            f"The session tells hardly anything of {', '.join(unseen.names)}: what is said of them "
-            "is what was known before."
-        )
-    if unseen.sums:
-        words.append(_summed(unseen.sums))
-    count = len(unseen.names) + len(unseen.sums)
-    said = " ".join(words) or "The session tells something of every coefficient."
-    return Check("seen", float(count), None, 0.0, not count, said)
+    key, sums = "seen by the session", _summed(unseen.sums) if unseen.sums else ""
+    if unseen.names and sums:
+        sums = f" {sums}"
+    elif sums:
+        key = "seen as sums"
+    given = {"names": ", ".join(unseen.names), "sums": sums}
+    count = float(len(unseen.names) + len(unseen.sums))
+    return check(key, "seen", count, None, 0.0, given)
 
 
 def _summed(axes: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault.diagnose import words
 from foucault.diagnose.systematic.deflection_choice import CONFIDENCE, UNIT, Choice
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM
@@ -13,41 +14,20 @@ from foucault.result import Check
 
 
 def check(choice: Choice) -> Check:
-    """Return the check `deflection`: is what is used at odds with the session?"""
-    words = verdict(choice)
-    if choice.used is None:
-        return Check("deflection", choice.chance, FALSE_ALARM, None, not choice.bends, words)
-    return Check("deflection", -choice.lead, None, choice.limit, not choice.beaten, words)
-
-
-def verdict(choice: Choice) -> str:
-    """Say in plain words whether the gyros bend, how, and how sure that is."""
-    used = choice.used
+    """Return the check `deflection`: whether the gyros bend, how, and how sure that is."""
+    used, rival = choice.used, choice.rival
+    given: dict[str, Any] = {"bounds": _bounds(choice), "rival": rival.label, "rank": rival.rank}
     if used is None:
-        if not choice.bends:
-            return f"No deflection is seen{_bounds(choice)}."
-        best = choice.rival
-        return (
-            "The gyros bend, but as no model says that this session sees whole; the likeliest is "
-            f"{best.label}, of which it sees {best.rank} of {len(best.model)} combinations."
-        )
-    if choice.significant(used):
-        words = (
-            f"The gyros bend: {used.label}, {len(used.model)} coefficients; the probability of so "
-            f"much by chance is {likely(choice.chance)}"
-        )
-    else:
-        words = f"The deflection does not differ from zero at 1 %{_bounds(choice)}"
-    if choice.beaten:
-        return f"{words}. But {choice.rival.label} is {_times(-choice.lead)} likelier."
-    if not choice.significant(used):
-        return f"{words}."
-    rival, lead = choice.rival, choice.lead
-    seen = "" if rival.whole else f" (seen in part, {rival.rank} of {len(rival.model)})"
-    less = "less" if lead >= 0 else "more"
-    return (
-        f"{words}. Of the others {rival.label}{seen} comes next, {_times(abs(lead))} {less} likely."
-    )
+        given |= {"count": len(rival.model)}
+        return words.check("deflection not seen", "deflection", choice.chance, FALSE_ALARM, None,
+                           given)  # fmt: skip
+    given |= {
+        "used": used.label, "count": len(used.model), "chance": likely(choice.chance),
+        "seen": "" if rival.whole else f" (seen in part, {rival.rank} of {len(rival.model)})",
+        "times": _times(abs(choice.lead)), "less": "less" if choice.lead >= 0 else "more",
+    }  # fmt: skip
+    key = "deflection" if choice.significant(used) else "deflection not significant"
+    return words.check(key, "deflection", -choice.lead, None, choice.limit, given)
 
 
 def _bounds(choice: Choice) -> str:
@@ -56,10 +36,10 @@ def _bounds(choice: Choice) -> str:
     if not some:
         return ""
     best, worst = (f(some, key=lambda c: c.bound) for f in (min, max))
-    words = [f"by {best.label} no coefficient is above {best.bound / UNIT:.2g} arcsec/g"]
+    said = [f"by {best.label} no coefficient is above {best.bound / UNIT:.2g} arcsec/g"]
     if worst.bound > 1.5 * best.bound:
-        words.append(f"by {worst.label} none above {worst.bound / UNIT:.2g} arcsec/g")
-    return f": {', '.join(words)} ({100 * CONFIDENCE:g} %)"
+        said.append(f"by {worst.label} none above {worst.bound / UNIT:.2g} arcsec/g")
+    return f": {', '.join(said)} ({100 * CONFIDENCE:g} %)"
 
 
 def likely(chance: float) -> str:
@@ -95,8 +75,8 @@ def findings(choice: Choice, *, asked: bool) -> list[Finding]:
         ]  # fmt: skip
     shares = {k: v for k, v in choice.shares.items() if v > FALSE_ALARM}
     if asked and used is not None and len(shares) > 1:
-        words = ", ".join(f"{k} {100 * v:.0f} %" for k, v in shares.items())
-        return [finding("systematic.choice_close", shares=words)]
+        each = ", ".join(f"{k} {100 * v:.0f} %" for k, v in shares.items())
+        return [finding("systematic.choice_close", shares=each)]
     return []
 
 
@@ -118,6 +98,6 @@ def summary(choice: Choice) -> dict[str, Any]:
         for c in choice.candidates
     ]  # fmt: skip
     return {
-        "verdict": verdict(choice), "false_alarm": FALSE_ALARM,
+        "verdict": check(choice).sentence, "false_alarm": FALSE_ALARM,
         "chance": choice.chance, "limit": choice.limit, "models": [none, *bends],
     }  # fmt: skip

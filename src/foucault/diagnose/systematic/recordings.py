@@ -16,6 +16,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose import words
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.models.ins_errors import TURN_ON
@@ -95,19 +96,12 @@ def between(states: CoefficientVector, triad: str, declared: float, count: int) 
 
 def check(some: list[Between]) -> Check:
     """Return the check `switch-on`: do the biases of the recordings agree as they should?"""
-    bad = [b for b in some if b.share > 1.0]
-    words = "The biases of the recordings differ no more than was declared."
-    if bad:
-        each = [
-            f"those of the {b.triad} scatter by {_said(b, b.scatter)}, and "
-            f"{b.triad}_bias_repeatability is {_said(b, b.declared)}" for b in bad
-        ]  # fmt: skip
-        words = (
-            f"The biases of the recordings differ more than was declared: {'; '.join(each)}. "
-            "Declare what the instrument has; or something else than switching on has changed, "
-            "such as its temperature."
-        )
-    return Check("switch-on", max(b.share for b in some), None, 1.0, not bad, words)
+    each = [
+        f"those of the {b.triad} scatter by {_said(b, b.scatter)}, and "
+        f"{b.triad}_bias_repeatability is {_said(b, b.declared)}" for b in some if b.share > 1.0
+    ]  # fmt: skip
+    given = {"each": "; ".join(each)}
+    return words.check("recordings", "switch-on", max(b.share for b in some), None, 1.0, given)
 
 
 def told(some: list[Between]) -> Finding:

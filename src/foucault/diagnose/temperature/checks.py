@@ -10,6 +10,7 @@ from scipy import linalg, special
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import Layout
+from foucault.diagnose.words import check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.temperature.fit import Evidence, solve
@@ -133,13 +134,9 @@ def _freedom(seen: Seen) -> Check | None:
     fixed = [any(n == f or n.startswith(f"{f}.") for n in size_effect.LAYOUT.names)
              for f in seen.families]  # fmt: skip
     f = int(np.argmin(np.where(fixed, spare.max() + 1, spare)))
-    enough = fixed[f] or bool(spare[f] > 0)
-    what = f"{seen.families[f]}: {seen.counts[f]} temperatures for {terms[f]} terms"
-    return Check(
-        "temperatures", float(spare[f]), 1.0, None, enough,
-        f"{what}, with {spare[f]} to spare." if enough
-        else f"{what}: a function fits them whatever they are. Calibrate at one temperature more.",
-    )  # fmt: skip
+    given = {"name": seen.families[f], "count": seen.counts[f], "terms": terms[f]}
+    low = None if fixed[f] else 1.0
+    return check("temperatures", "temperatures", float(spare[f]), low, None, given)
 
 
 def _terms(seen: Seen) -> Check | None:
@@ -148,17 +145,11 @@ def _terms(seen: Seen) -> Check | None:
     if not tests:
         return None
     worst = min(tests, key=lambda t: t.p)
-    limit = FALSE_ALARM / len(tests)
-    passed = worst.p >= limit
-    name, has = seen.families[worst.family], seen.label(worst.order)
-    more = f"a {seen.label(worst.against)}"
-    return Check(
-        "terms", worst.p, limit, None, passed,
-        f"No family needs more terms than it has; nearest is {name} ({has}) against {more}, "
-        f"probability {worst.p:.2g}." if passed
-        else f"{name} is no {has}: {more} fits better by F = {worst.F:.3g}, which chance does with "
-        f"probability {worst.p:.1g}. Leave out --order, or ask for a higher one.",
-    )  # fmt: skip
+    given = {
+        "name": seen.families[worst.family], "has": seen.label(worst.order),
+        "more": seen.label(worst.against), "F": worst.F,
+    }  # fmt: skip
+    return check("terms", "terms", worst.p, FALSE_ALARM / len(tests), None, given)
 
 
 def _chi_square(seen: Seen) -> Check | None:
@@ -166,18 +157,8 @@ def _chi_square(seen: Seen) -> Check | None:
     fit = seen.choice.fit
     if seen.choice.wanted.any() or fit.dof < 1:
         return None
-    low, high = chi_square_limits(fit.dof)
-    passed = low <= fit.chi_square <= high
-    words = f"chi-square {fit.chi_square:.4g} with {fit.dof} degrees of freedom"
-    return Check(
-        "chi-square", fit.chi_square, low, high, passed,
-        f"Residuals agree with the covariances and the declared scatter: {words}." if passed
-        else f"Residuals are {'larger' if fit.chi_square > high else 'smaller'} than covariances "
-        f"and declared scatter say: {words}. "
-        + ("Leave out --scatter to have it found, or look for a session unlike the others."
-           if fit.chi_square > high else "The sessions' uncertainties, or --scatter, are too "
-           "large."),
-    )  # fmt: skip
+    (low, high), given = chi_square_limits(fit.dof), {"dof": fit.dof}
+    return check("scatter of sessions", "chi-square", fit.chi_square, low, high, given)
 
 
 def _left_out(seen: Seen) -> Check | None:
@@ -186,33 +167,20 @@ def _left_out(seen: Seen) -> Check | None:
         return None
     worst = min(told, key=lambda one: one.p)
     limit = FALSE_ALARM / (len(told) * len(seen.families))
-    passed = worst.p >= limit
-    at = f"{seen.temperature[worst.sessions].mean() - ZERO_CELSIUS:.1f} degC"
-    who = ", ".join(seen.names[k] for k in worst.sessions)
-    return Check(
-        "temperature left out", worst.p, limit, None, passed,
-        f"Each of {len(told)} temperatures is predicted by the others; the worst is {at}, "
-        f"{seen.families[worst.family]}, probability {worst.p:.2g}." if passed
-        else f"The sessions at {at} ({who}) are not what the others predict: "
-        f"{seen.families[worst.family]}, probability {worst.p:.1g}. Look at this session, or "
-        "calibrate at temperatures between.",
-    )  # fmt: skip
+    given = {
+        "count": len(told), "name": seen.families[worst.family],
+        "at": f"{seen.temperature[worst.sessions].mean() - ZERO_CELSIUS:.1f} degC",
+        "who": ", ".join(seen.names[k] for k in worst.sessions),
+    }  # fmt: skip
+    return check("temperature left out", "temperature left out", worst.p, limit, None, given)
 
 
 def _hysteresis(seen: Seen) -> Check | None:
     if not seen.hysteresis:
         return None
     family, F, p = min(seen.hysteresis, key=lambda row: row[2])
-    limit = FALSE_ALARM / len(seen.hysteresis)
-    name = seen.families[family]
-    passed = p >= limit
-    return Check(
-        "heating and cooling", p, limit, None, passed,
-        f"Heating and cooling agree; nearest is {name}, probability {p:.2g}." if passed
-        else f"{name} differs between heating and cooling, F = {F:.3g}, probability {p:.1g}: the "
-        "instrument has hysteresis, or its sensor of temperature lags. Wait longer at each "
-        "temperature, or declare the difference with --scatter.",
-    )  # fmt: skip
+    limit, given = FALSE_ALARM / len(seen.hysteresis), {"name": seen.families[family], "F": F}
+    return check("heating and cooling", "heating and cooling", p, limit, None, given)
 
 
 def _one_temperature(seen: Seen) -> Check | None:
@@ -224,12 +192,8 @@ def _one_temperature(seen: Seen) -> Check | None:
     ]  # fmt: skip
     if not seen.ramps:
         return None
-    return Check(
-        "what a ramp cannot tell", float(len(constant)), None, 0.0, not constant,
-        "Sessions at several temperatures tell what a ramp does not." if not constant
-        else f"{', '.join(constant)}: known at one temperature, taken as constant over all. "
-        "Calibrate at a second temperature to know.",
-    )  # fmt: skip
+    count, given = float(len(constant)), {"names": ", ".join(constant)}
+    return check("constant over a ramp", "what a ramp cannot tell", count, None, 0.0, given)
 
 
 def findings(seen: Seen) -> tuple[Finding, ...]:

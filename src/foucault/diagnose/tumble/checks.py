@@ -16,8 +16,9 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import alike_check, from_prior, prior_check, status_check
-from foucault.diagnose.earth_rate import earth_checks, earth_findings, put_off
+from foucault.diagnose.checks import hardly, status_check
+from foucault.diagnose.earth_rate import earth_findings, known_checks
+from foucault.diagnose.words import check
 from foucault.errors import Finding, Status, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
 from foucault.estimate.earth_seen import EarthSeen
@@ -36,8 +37,11 @@ PARTS = 60
 EACH = FALSE_ALARM / 10
 """False-alarm rate of each of ten tests, so that all together keep 1 % [1]."""
 
-HARDLY = 0.7
-"""A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
+ALIKE = {
+    "gyro.torquer_scale": "a wrong clock, or unit of the command,",
+    "accel.scale": "a wrong gravity or unit",
+}
+"""What puts the scale factors of a triad off alike."""
 
 LOOSE = np.radians(0.5)
 """An azimuth less certain than this bends what depends on it beyond the linear [rad]."""
@@ -105,23 +109,14 @@ def checks(e: Evidence) -> tuple[Check, ...]:
         ended = replace(ended, sentence=e.advice)
     if e.fit.status is not Status.CONVERGED:
         return (ended,)  # there is nothing to be judged
-    out = [ended, _whole(e), *_axes(e), _stretches(e)]
-    earth = earth_checks(e.earth, 2 * EACH)
+    out = [ended, *_scatter(e), _stretches(e)]
     known = CoefficientVector(CONSTANTS, e.fit.start.constants, e.fit.start_cov[3:45, 3:45],
                               prior_sd=e.prior.sd[3:45])  # fmt: skip
-    pull = (e.prior.mean.constants - known.values) / known.prior_sd
-    miss = from_prior(known, e.prior.mean.constants)
-    out += [*earth, prior_check(known, pull, cause=put_off(earth)), *_alike(known, miss)]
+    out += known_checks(e.earth, known, e.prior.mean.constants, ALIKE, EACH)
     out += [_start(e), _seen(e)]
     if not e.slow:  # slow noise looks like all of these
         out += [_neighbours(e), _slow(e), _delay(e)]
     return tuple(out)
-
-
-def _alike(known: CoefficientVector, miss: FloatArray) -> list[Check]:
-    causes = {"gyro.torquer_scale": "a wrong clock, or unit of the command,",
-              "accel.scale": "a wrong gravity or unit"}  # fmt: skip
-    return [alike_check(known, miss, group, cause, EACH) for group, cause in causes.items()]
 
 
 def _square(e: Evidence, part: FloatArray, leverage: FloatArray, tests: int) -> list[float]:
@@ -136,45 +131,30 @@ def whole_square(e: Evidence) -> list[float]:
     return _square(e, e.residuals, e.leverage, 1)
 
 
-def _scatter(name: str, what: str, found: list[float], more: str) -> Check:
-    value, low, high, dof = found
-    fine = low <= value <= high
-    words = f"{what} scatters {np.sqrt(value / dof):.3f} times as much as the noise explains"
-    limit = high if np.isfinite(high) else None
-    return Check(name, value, low, limit, fine, words + ("." if fine else more))
-
-
-def _whole(e: Evidence) -> Check:
-    more = (
-        ": noise is smaller or larger than [noise] says, or the model lacks something, so that the "
-        "uncertainties are wrong."
-    )
-    return _scatter("residuals", "What is left of the readings", whole_square(e), more)
-
-
-def _axes(e: Evidence) -> list[Check]:
-    return [
-        _scatter(
-            f"accelerometer {axis}", f"The {axis} accelerometer",
-            _square(e, e.residuals[:, k], e.leverage[:, k], 3), ".",
-        )
-        for k, axis in enumerate(AXES)
-    ]  # fmt: skip
+def _scatter(e: Evidence) -> list[Check]:
+    """Test the residuals as a whole, and axis by axis."""
+    found = [whole_square(e)]
+    found += [_square(e, e.residuals[:, k], e.leverage[:, k], 3) for k in range(3)]
+    out = []
+    for axis, (value, low, high, dof) in zip(("", *AXES), found, strict=True):
+        given = {"axis": axis, "ratio": np.sqrt(value / dof)}
+        key, name = "tumble readings", "residuals"
+        if axis:
+            key, name = "tumble axis", f"accelerometer {axis}"
+        out.append(check(key, name, value, low, high if np.isfinite(high) else None, given))
+    return out
 
 
 def _stretches(e: Evidence) -> Check:
     """Test the log stretch by stretch; the sentence names the worst one."""
     parts = [p for p in np.array_split(np.arange(len(e.residuals)), STRETCHES) if len(p)]
     found = [_square(e, e.residuals[p], e.leverage[p], len(parts)) for p in parts]
-    outside = [not low <= value <= high for value, low, high, _ in found]
+    outside = float(sum(not low <= value <= high for value, low, high, _ in found))
     ratio = [np.sqrt(value / max(dof, 1e-9)) for value, _, _, dof in found]
     worst = int(np.argmax(np.abs(np.log(np.maximum(ratio, 1e-9)))))
-    a, b = (float(e.fit.time[parts[worst][k]]) for k in (0, -1))
-    words = (
-        f"Of {len(parts)} stretches of the log {sum(outside)} scatter otherwise than the noise "
-        f"explains; the farthest, {a:.0f} to {b:.0f} s, {ratio[worst]:.2f} times as much."
-    )
-    return Check("stretches", float(sum(outside)), None, 0.0, not any(outside), words)
+    begin, end = (float(e.fit.time[parts[worst][k]]) for k in (0, -1))
+    given = {"parts": len(parts), "begin": begin, "end": end, "ratio": ratio[worst]}
+    return check("stretches", "stretches", outside, None, 0.0, given)
 
 
 def _neighbours(e: Evidence) -> Check:
@@ -185,14 +165,8 @@ def _neighbours(e: Evidence) -> Check:
     n = max(len(white) - 1, 1)
     related = float(np.sum(white[1:] * white[:-1]) / np.sqrt(3.0 * n))
     limit = float(ndtri(1 - EACH / 2))
-    fine = abs(related) <= limit
-    words = "Neighbouring residuals are unrelated."
-    if not fine:
-        words = (
-            f"Neighbouring residuals are related ({related / np.sqrt(3.0 * n):+.3f}): an error of "
-            "readings or motion that the model lacks, or noise that is not white."
-        )
-    return Check("neighbours", related, -limit, limit, fine, words)
+    given = {"correlation": related / np.sqrt(3.0 * n)}
+    return check("neighbours", "neighbours", related, -limit, limit, given)
 
 
 def _slow(e: Evidence) -> Check:
@@ -200,17 +174,7 @@ def _slow(e: Evidence) -> Check:
     sums, cov = e.sums(min(PARTS, len(e.residuals) // 4 + 1))
     value, dof = float(sums @ sums), max(float(np.trace(cov)), 1.0)
     low, high = chi_square_limits(dof, EACH)
-    fine = low <= value <= high
-    words = (
-        f"Over longer parts of the log residuals add up to {np.sqrt(value / dof):.2f} times what "
-        "noise explains"
-    )
-    if not fine:
-        words += (
-            ": the gyros are noisier or quieter than [noise.gyro] says, or readings drift, so that "
-            "the uncertainties are wrong"
-        )
-    return Check("slow errors", value, low, high, fine, words + ".")
+    return check("slow errors", "slow errors", value, low, high, {"ratio": np.sqrt(value / dof)})
 
 
 def _start(e: Evidence) -> Check:
@@ -218,25 +182,14 @@ def _start(e: Evidence) -> Check:
     value = float(np.sum(miss[:3] ** 2))
     limit = chi_square_limits(3, 2 * EACH)[1]  # one-sided
     away = float(np.degrees(np.linalg.norm(log(e.fit.start.C_np @ e.prior.mean.C_np.T))))
-    fine = value <= limit
-    words = f"The cluster began {away:.2f} deg from `start`" + (
-        "." if fine else ", farther than start_sd and azimuth_sd allow."
-    )
-    return Check("start", value, None, limit, fine, words)
+    return check("start", "start", value, None, limit, {"away": away})
 
 
 def _seen(e: Evidence) -> Check:
     """Count the coefficients that the motion shows: a result of priors is none."""
-    count, half = len(_hardly(e)), len(CONSTANTS) // 2
-    words = f"The motion shows {len(CONSTANTS) - count} of {len(CONSTANTS)} coefficients"
-    words += "." if count <= half else "; the others are known hardly better than before."
-    return Check("seen", float(count), None, float(half), count <= half, words)
-
-
-def _hardly(e: Evidence) -> list[str]:
-    c, n = e.coefficients, len(CONSTANTS)
-    share = c.sd[:n] / c.prior_sd[:n]
-    return [name for name, part in zip(CONSTANTS.names, share, strict=True) if part > HARDLY]
+    unseen, count = len(hardly(e.coefficients.chosen(CONSTANTS.names))), len(CONSTANTS)
+    given = {"shown": count - unseen, "count": count}
+    return check("seen by the motion", "seen", float(unseen), None, float(count // 2), given)
 
 
 def _delay(e: Evidence) -> Check:
@@ -245,17 +198,9 @@ def _delay(e: Evidence) -> Check:
 
     late, sd = e.fit.late
     z, limit = (late / sd if sd > 0 else 0.0), float(ndtri(1 - EACH / 2))
-    fine = abs(z) <= limit
-    words = "Readings and command belong to the same times."
-    if not 0 < sd < np.inf:
-        words = "The delay is estimated." if sd == 0 else "The motion does not show a delay."
-    if not fine:
-        words = (
-            f"The readings are {1e3 * (late + e.prior.mean.delay):.3g} ms older than their time, "
-            f"{abs(z):.0f} times its uncertainty: with `delay_sd` it is estimated, without it "
-            "bends the result."
-        )
-    return Check("delay", z, -limit, limit, fine, words)
+    key = "delay" if 0 < sd < np.inf else "delay estimated" if sd == 0 else "delay not seen"
+    given = {"ms": 1e3 * (late + e.prior.mean.delay), "sds": abs(z)}
+    return check(key, "delay", z, -limit, limit, given)
 
 
 def findings(e: Evidence) -> list[Finding]:
@@ -287,7 +232,7 @@ def findings(e: Evidence) -> list[Finding]:
 
 
 def _hardly_seen(e: Evidence) -> list[Finding]:
-    out, names = [], _hardly(e)
+    out, names = [], hardly(e.coefficients.chosen(CONSTANTS.names))
     if names:
         more = f" and {len(names) - 8} more" if len(names) > 8 else ""
         out.append(finding("tumble.unseen", count=len(names), names=", ".join(names[:8]) + more))

@@ -14,6 +14,7 @@ from foucault.diagnose.navigation import schuler
 from foucault.diagnose.navigation.budget import Budget, budget, normalised_square
 from foucault.diagnose.navigation.errors import NavigationError
 from foucault.diagnose.navigation.free_inertial import Place
+from foucault.diagnose.words import check
 from foucault.estimate import free_run
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.logs.reference import Reference
@@ -174,23 +175,20 @@ def checks(
     the errors of the sensors.
     """
     sd = float(np.degrees(np.sqrt(budget.start[2, 2])))
-    limit = float(np.degrees(POOR))
-    out = [
-        Check("heading at the start", sd, None, limit, sd <= limit,
-              f"The heading at the start is known to {plain(sd, 3)} deg (sd).", Level.UNUSABLE)
-    ]  # fmt: skip
+    limit, name = float(np.degrees(POOR)), "heading at the start"
+    out = [check(name, name, sd, None, limit, {"sd": plain(sd, 3)}, fails=Level.UNUSABLE)]
     ends = [] if errors is None else _ends(errors, budget)
-    lacking = _lacking(bool(ends), budget, noise_source, calibrated)
-    if lacking:
-        out.append(_not_judged(lacking, ends))
+    why = _lacking(bool(ends), budget, noise_source, calibrated)
+    if why:  # nothing of it may look like a certificate
+        key = "last epoch not judged" if ends else "not judged"
+        given = {"why": why} | (_off(*ends[0]) if ends else {})
+        out.append(check(key, "error at the last epoch", np.nan, given=given, passed=False))
         return tuple(out)
     for name, e, P, unit in ends:
         square = normalised_square(e, P)
         most = chi_square_limits(len(e), 0.02, len(ends))[1]  # only too large is a mistake
-        passed = square <= most
-        beside = "as predicted" if passed else "more than noise and calibration explain"
-        sentence = f"{_off(name, e, P, unit, 'predicted')}: {beside}."
-        out.append(Check(f"{name} at the last epoch", square, None, most, passed, sentence))
+        given = _off(name, e, P, unit)
+        out.append(check("last epoch", f"{name} at the last epoch", square, None, most, given))
     return tuple(out)
 
 
@@ -220,15 +218,6 @@ def _lacking(compared: bool, budget: Budget, noise_source: str, calibrated: bool
     return "the noise of the sensors is not known" if noise_source == "none" else ""
 
 
-def _not_judged(why: str, ends: list[End]) -> Check:
-    """Return a check that cannot be made: nothing of it may look like a certificate."""
-    sentence = f"Not judged: {why}."
-    if ends:
-        sentence += f" {_off(*ends[0], 'what is known makes')}."
-    return Check("error at the last epoch", float("nan"), None, None, False, sentence)
-
-
-def _off(name: str, e: FloatArray, P: FloatArray, unit: str, words: str) -> str:
+def _off(name: str, e: FloatArray, P: FloatArray, unit: str) -> dict[str, str]:
     size, sd = float(np.linalg.norm(e)), float(np.sqrt(np.trace(P)))
-    return (f"{name.capitalize()} at the last epoch: off by {plain(size, 3)} {unit}, "
-            f"{words} {plain(sd, 3)} {unit} (sd)")  # fmt: skip
+    return {"what": name.capitalize(), "off": plain(size, 3), "unit": unit, "sd": plain(sd, 3)}

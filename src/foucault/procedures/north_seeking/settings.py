@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
@@ -17,6 +17,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
 from foucault.models.rotation import turned
 from foucault.plans.north.orders import PALINDROME, PUBLISHED, SEQUENTIAL
+from foucault.procedures.fields import Rows, SampleRate, Strict
 from foucault.simulate.north import (
     NorthPlan,
     NorthSimulation,
@@ -51,16 +52,13 @@ SPREAD = {
 """What the errors of instruments are drawn from: standard deviation and kind."""
 
 
-class Stop(BaseModel):
+class Stop(Strict):
     """One stop of the base."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    index: Angle = Field(description="Index angle, clockwise seen from above.")
-    dwell: Seconds | None = Field(
-        default=None, gt=0, examples=["75 s"],
-        description="How long it lasts; left out, the `dwell` of all stops.",
-    )  # fmt: skip
+    index: Angle
+    """Index angle, clockwise seen from above."""
+    dwell: Seconds | None = Field(default=None, gt=0, examples=["75 s"])
+    """How long it lasts; left out, the `dwell` of all stops."""
 
 
 Named = Literal["published", "sequential", "palindrome"]
@@ -71,106 +69,65 @@ Order = Annotated[
 """A mistake is told of what was given alone: a name, or a list."""
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen: of both, of the calibration on a turntable, of the fix in the field."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    drift: Literal["auto", "none", "linear"] = Field(
-        default="auto",
-        description="Linear drift of the gyro in each set-up; auto: estimated where it is nearly "
-        "free.",
-    )
-    drift_sd: Ramp | None = Field(
-        default=None, gt=0, examples=["0.05 deg/h/h"],
-        description="Standard deviation of that drift, if it is known; then it is weighed, not "
-        "estimated freely.",
-    )  # fmt: skip
-    index_sd: AngleSd = Field(
-        default=0.0, ge=0, description="Sd of every index angle, by itself."
-    )  # fmt: skip
-    index_lag_sd: Seconds | None = Field(
-        default=None, ge=0, examples=["1 ms"],
-        description="Sd of the time between an index angle and the middle of the gyro's reading, "
-        "for a base that turns.",
-    )  # fmt: skip
-    index_limit: Angle | None = Field(
-        default=None, gt=0, examples=["180 deg"],
-        description="Planning. How far the base turns either way from index 0, as a cable lets it; "
-        "left out, any angle. Named orders are told by angles within it where they can be.",
-    )  # fmt: skip
-    index_step: Angle | None = Field(
-        default=None, gt=0, examples=["90 deg"],
-        description="Planning. Detents of the base: it stops at multiples of this alone.",
-    )  # fmt: skip
-    settle: Seconds = Field(default=1.0, ge=0, description="Left out after every move of the base.")
-    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest dwell.")
-    tilt: Literal["auto", "one axis", "each"] = Field(
-        default="auto",
-        description="Calibration. one axis: the table turned about one vertical axis; each: it was "
-        "tilted too, and the accelerometers say how much.",
-    )
-    z_coupling: Literal["auto", "free", "no"] = Field(
-        default="auto",
-        description="Calibration. Two more parameters, the coupling of the rate along the axis of "
-        "the base, which only a tilted table shows; auto: with what `z_coupling_sd` says of them.",
-    )
-    z_coupling_sd: AngleSd = Field(
-        default=MINUTE * 10, gt=0, description="Calibration. Sd of that coupling beforehand."
-    )
-    heading_sd: AngleSd = Field(
-        default=0.0, ge=0, description="Calibration. Sd of every reference heading, by itself."
-    )
-    heading_offset_sd: AngleSd = Field(
-        default=0.0,
-        ge=0,
-        description="Calibration. Sd of an error that all reference headings share.",
-    )
-    level_sd: AngleSd | None = Field(
-        default=None, gt=0, examples=["1 arcmin"],
-        description="How far from level it may stand, about each axis; needed without "
-        "accelerometers.",
-    )  # fmt: skip
-    latitude_sd: AngleSd = Field(default=0.0, ge=0, description="Sd of the latitude in [site].")
-    accel_bias_sd: Force = Field(
-        default=units.parse("100 ug", "specific force"),
-        ge=0,
-        description="Sd of the accelerometers' biases, where no calibration on one vertical "
-        "axis has found them.",
-    )
-    accel_scale_sd: RatioSd = Field(
-        default=200e-6,
-        ge=0,
-        description="Sd of the accelerometers' scale factors, which a level table does not show.",
-    )
-    accel_misalignment_sd: AngleSd = Field(
-        default=MINUTE / 3,
-        ge=0,
-        description="Sd of the angle between the axes of tilt, which neither does.",
-    )
-    unknown_latitude: bool = Field(
-        default=False, description="Fix. Estimate the latitude; [site] needs gravity then."
-    )
-    hemisphere: Literal["north", "south"] | None = Field(
-        default=None,
-        description="Fix. Decides between two roots where latitude is unknown; north if left out.",
-    )
-    near: Angle | None = Field(
-        default=None, examples=["120 deg"],
-        description="Fix. Rough heading, where the stops leave more than one.",
-    )  # fmt: skip
-    near_sd: AngleSd = Field(default=NEAR_SD, gt=0, description="Fix. Sd of that rough heading.")
-    gyro_offset: Rate = Field(
-        default=0.0, description="Fix. The gyro's constant offset, if `gyro_offset_sd` is given."
-    )
-    gyro_offset_sd: Rate | None = Field(
-        default=None, gt=0, examples=["0.5 deg/h"],
-        description="Fix. Its sd; left out, the offset is found from the readings.",
-    )  # fmt: skip
-    accuracy: Angle | None = Field(
-        default=None, gt=0, examples=["0.1 deg"],
-        description="Fix. Wanted sd of the heading; the result says how long it takes.",
-    )  # fmt: skip
+    drift: Literal["auto", "none", "linear"] = "auto"
+    """Linear drift of the gyro in each set-up; auto: estimated where it is nearly free."""
+    drift_sd: Ramp | None = Field(default=None, gt=0, examples=["0.05 deg/h/h"])
+    """Standard deviation of that drift, if it is known; then it is weighed, not estimated freely.
+    """
+    index_sd: AngleSd = Field(default=0.0, ge=0)
+    """Sd of every index angle, by itself."""
+    index_lag_sd: Seconds | None = Field(default=None, ge=0, examples=["1 ms"])
+    """Sd of the time between an index angle and the middle of the gyro's reading, for a base that
+    turns."""
+    index_limit: Angle | None = Field(default=None, gt=0, examples=["180 deg"])
+    """Planning. How far the base turns either way from index 0, as a cable lets it; left out, any
+    angle. Named orders are told by angles within it where they can be."""
+    index_step: Angle | None = Field(default=None, gt=0, examples=["90 deg"])
+    """Planning. Detents of the base: it stops at multiples of this alone."""
+    settle: Seconds = Field(default=1.0, ge=0)
+    """Left out after every move of the base."""
+    shortest: Seconds = Field(default=5.0, gt=0)
+    """Shortest dwell."""
+    tilt: Literal["auto", "one axis", "each"] = "auto"
+    """Calibration. one axis: the table turned about one vertical axis; each: it was tilted too, and
+    the accelerometers say how much."""
+    z_coupling: Literal["auto", "free", "no"] = "auto"
+    """Calibration. Two more parameters, the coupling of the rate along the axis of the base, which
+    only a tilted table shows; auto: with what `z_coupling_sd` says of them."""
+    z_coupling_sd: AngleSd = Field(default=MINUTE * 10, gt=0)
+    """Calibration. Sd of that coupling beforehand."""
+    heading_sd: AngleSd = Field(default=0.0, ge=0)
+    """Calibration. Sd of every reference heading, by itself."""
+    heading_offset_sd: AngleSd = Field(default=0.0, ge=0)
+    """Calibration. Sd of an error that all reference headings share."""
+    level_sd: AngleSd | None = Field(default=None, gt=0, examples=["1 arcmin"])
+    """How far from level it may stand, about each axis; needed without accelerometers."""
+    latitude_sd: AngleSd = Field(default=0.0, ge=0)
+    """Sd of the latitude in [site]."""
+    accel_bias_sd: Force = Field(default=units.parse("100 ug", "specific force"), ge=0)
+    """Sd of the accelerometers' biases, where no calibration on one vertical axis has found them.
+    """
+    accel_scale_sd: RatioSd = Field(default=200e-6, ge=0)
+    """Sd of the accelerometers' scale factors, which a level table does not show."""
+    accel_misalignment_sd: AngleSd = Field(default=MINUTE / 3, ge=0)
+    """Sd of the angle between the axes of tilt, which neither does."""
+    unknown_latitude: bool = False
+    """Fix. Estimate the latitude; [site] needs gravity then."""
+    hemisphere: Literal["north", "south"] | None = None
+    """Fix. Decides between two roots where latitude is unknown; north if left out."""
+    near: Angle | None = Field(default=None, examples=["120 deg"])
+    """Fix. Rough heading, where the stops leave more than one."""
+    near_sd: AngleSd = Field(default=NEAR_SD, gt=0)
+    """Fix. Sd of that rough heading."""
+    gyro_offset: Rate = 0.0
+    """Fix. The gyro's constant offset, if `gyro_offset_sd` is given."""
+    gyro_offset_sd: Rate | None = Field(default=None, gt=0, examples=["0.5 deg/h"])
+    """Fix. Its sd; left out, the offset is found from the readings."""
+    accuracy: Angle | None = Field(default=None, gt=0, examples=["0.1 deg"])
+    """Fix. Wanted sd of the heading; the result says how long it takes."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Settings:
@@ -181,44 +138,30 @@ class Settings(BaseModel):
         return self
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The calibration session that `simulate` makes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    headings: int = Field(default=12, ge=1, description="Headings of the turntable, evenly spread.")
-    order: Order = Field(
-        default="published",
-        description="Order of the stops of the base in each heading: published, sequential, "
-        'palindrome, or a list of { index = "0 deg", dwell = "75 s" }.',
-    )
-    dwell: Seconds = Field(
-        default=120.0, gt=0,
-        description="Length of the shortest stop, or of those in a list that say none.",
-    )  # fmt: skip
-    move: Seconds = Field(default=5.0, ge=0, description="Time from one stop to the next.")
-    tilts: tuple[str, ...] = Field(
-        default=("0 deg",),
-        description="Pitch of the table; the headings are gone through at each of them.",
-    )
-    offset_sd: Rate = Field(
-        default=MINUTE / 60, ge=0, description="Sd of the constant offset of the gyro."
-    )
-    twice_per_turn_sd: Rate = Field(
-        default=0.0, ge=0, examples=["0.01 deg/h"],
-        description="Sd of what repeats twice per turn of the base, as stops with biases of their "
-        "own do.",
-    )  # fmt: skip
-    gyro_drift: Ramp = Field(default=0.0, description="Linear drift of the gyro.")
-    accelerometers: Literal["base", "case", "none"] = Field(
-        default="base", description="One that turns with the gyro, two fixed to the case, or none."
-    )
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=10.0, gt=0, description="Sample rate."
-    )
-    rows: Literal["means", "samples"] = Field(
-        default="means", description="One mean per stop, or a row per sample."
-    )
+    headings: int = Field(default=12, ge=1)
+    """Headings of the turntable, evenly spread."""
+    order: Order = "published"
+    """Order of the stops of the base in each heading: published, sequential, palindrome, or a list
+    of { index = "0 deg", dwell = "75 s" }."""
+    dwell: Seconds = Field(default=120.0, gt=0)
+    """Length of the shortest stop, or of those in a list that say none."""
+    move: Seconds = Field(default=5.0, ge=0)
+    """Time from one stop to the next."""
+    tilts: tuple[str, ...] = ("0 deg",)
+    """Pitch of the table; the headings are gone through at each of them."""
+    offset_sd: Rate = Field(default=MINUTE / 60, ge=0)
+    """Sd of the constant offset of the gyro."""
+    twice_per_turn_sd: Rate = Field(default=0.0, ge=0, examples=["0.01 deg/h"])
+    """Sd of what repeats twice per turn of the base, as stops with biases of their own do."""
+    gyro_drift: Ramp = 0.0
+    """Linear drift of the gyro."""
+    accelerometers: Literal["base", "case", "none"] = "base"
+    """One that turns with the gyro, two fixed to the case, or none."""
+    rate: SampleRate = 10.0
+    rows: Rows = "means"
 
     @property
     def called(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.coefficients import Coefficient, Layout
 from foucault.diagnose.north.plan import Conditions
@@ -14,6 +14,7 @@ from foucault.plans.north.bound import Known
 from foucault.plans.north.moves import Rig, schedule
 from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
+from foucault.procedures.fields import Strict
 from foucault.procedures.north_seeking.foresight import silent
 from foucault.procedures.north_seeking.settings import Ramp, Session, Settings
 from foucault.procedures.record import Beforehand
@@ -23,34 +24,23 @@ SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),)
 """What a plan is made for."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What may be changed of the stops of the base in a set-up, and what is wanted."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    weights: dict[str, float] = Field(
-        default={}, description='How much each counts; here there is "heading" alone.'
-    )
-    time: Seconds | None = Field(
-        default=None, gt=0, examples=["300 s"],
-        description="Time of a set-up, moves included; left out, that of the stops in [simulate].",
-    )  # fmt: skip
-    stops: int = Field(default=24, ge=2, description="Most stops of a set-up.")
-    opposite: bool = Field(
-        default=True,
-        description="Every stop has its opposite, so that what repeats with the index angle "
-        "cancels.",
-    )
-    drift: Ramp | None = Field(
-        default=None, ge=0, examples=["0.1 deg/h/h"],
-        description="Linear drift of the gyro to expect, whose effect counts where the solution "
-        "does not estimate it; left out, gyro_drift of [simulate].",
-    )  # fmt: skip
-    rough_sd: AngleSd | None = Field(
-        default=None, gt=0, examples=["2 deg"],
-        description="Sd of a rough heading that will be known: then index angles count from it, "
-        "and the stops can look east and west.",
-    )  # fmt: skip
+    weights: dict[str, float] = Field(default={})
+    """How much each counts; here there is "heading" alone."""
+    time: Seconds | None = Field(default=None, gt=0, examples=["300 s"])
+    """Time of a set-up, moves included; left out, that of the stops in [simulate]."""
+    stops: int = Field(default=24, ge=2)
+    """Most stops of a set-up."""
+    opposite: bool = True
+    """Every stop has its opposite, so that what repeats with the index angle cancels."""
+    drift: Ramp | None = Field(default=None, ge=0, examples=["0.1 deg/h/h"])
+    """Linear drift of the gyro to expect, whose effect counts where the solution does not estimate
+    it; left out, gyro_drift of [simulate]."""
+    rough_sd: AngleSd | None = Field(default=None, gt=0, examples=["2 deg"])
+    """Sd of a rough heading that will be known: then index angles count from it, and the stops can
+    look east and west."""
 
 
 def space(b: Beforehand[Settings, Session]) -> NorthSpace:

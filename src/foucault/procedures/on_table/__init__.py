@@ -32,7 +32,7 @@ from foucault.estimate.table.likelihood import Options
 from foucault.logs.axes import spared
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings
 from foucault.models.references import with_references
@@ -44,7 +44,7 @@ from foucault.plans.table.plan import table_plan
 from foucault.procedures.on_table.session import TableSettings
 from foucault.procedures.record import Given
 from foucault.result import Result, Verdict
-from foucault.tables import AXES, Log
+from foucault.tables import Log
 
 Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
 
@@ -58,20 +58,6 @@ class Task:
     trust: Trust | None  # what is believed of the table; None for nothing
     # another way to the coefficients than the likelihood, which then only judges them
     variant: Variant | None = None
-    repeatability: bool = True  # estimate scatter that the noise does not explain
-
-
-def names_of(settings: TableSettings, gyro: bool = True) -> tuple[str, ...]:
-    """Return the coefficients that are estimated.
-
-    `gyro`: whether there are gyros, and spins for them.
-    """
-    names = [n for n in LINEAR_LOWER if gyro or n.startswith("accel.")]
-    if settings.accel_quadratic:
-        names += [f"accel.quadratic.{a}" for a in AXES]
-    if settings.g_sensitivity and gyro:
-        names += [n for n in LAYOUT.names if n.startswith("gyro.g_sensitivity.")]
-    return tuple(n for n in LAYOUT.names if n in names)
 
 
 def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
@@ -197,7 +183,7 @@ def options_of(
     `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
     of coefficients or groups of coefficients [SI].
     """
-    names = names_of(task.settings, readings.gyro is not None)
+    names = task.settings.estimated(gyro=readings.gyro is not None)
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))
     free = task.trust is None
@@ -212,8 +198,8 @@ def options_of(
         offset=spins and rests > 0 and at_rest and not readings.declared,
         prior=CoefficientVector.prior(LAYOUT.subset(names), prior) if prior else None,
         rate_sd=task.settings.rate_sd,
-        robust=task.settings.loss == "robust",
-        repeatability=task.repeatability,
+        robust=task.settings.robust,
+        repeatability=task.settings.repeatability,
         gyro_at_rest=at_rest,
     )
 

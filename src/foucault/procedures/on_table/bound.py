@@ -34,7 +34,7 @@ from foucault.models.table_state import State
 from foucault.models.turntable import TablePlan, chain
 from foucault.plans.table.information import without
 from foucault.plans.table.plan import table_plan
-from foucault.procedures.on_table import Task, common_rate_sd, names_of, options_of
+from foucault.procedures.on_table import Task, common_rate_sd, options_of
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.result import Linearised
 
@@ -74,7 +74,7 @@ class Bench:
     @property
     def layout(self) -> Layout:
         """The coefficients that will be estimated."""
-        return LAYOUT.subset(names_of(self.settings, self.gyro))
+        return LAYOUT.subset(self.settings.estimated(gyro=self.gyro))
 
     @cached_property
     def known(self) -> CoefficientVector:
@@ -135,7 +135,7 @@ class Bench:
     ) -> tuple[FloatArray, FloatArray]:
         """Add the scatter that errors of the table make, where a calibration estimates it."""
         trust, eye = self.task.trust, np.eye(3)
-        if not self.task.repeatability:
+        if not self.settings.repeatability:
             return accel, gyro
         if self.session.rate_jitter > self.settings.rate_sd:
             left = self.session.rate_jitter**2 - self.settings.rate_sd**2

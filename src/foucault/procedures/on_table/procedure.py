@@ -42,7 +42,7 @@ def table_procedure(
         Session=Session,
         solve=lambda log, given: on_table.solve(log, task_of(given.settings, given.site), given),
         simulation=simulate,
-        names=lambda settings, _: on_table.names_of(settings),
+        names=lambda settings, _: settings.estimated(),
         foresee=foresee,
         space=space,
         Wanted=Wanted,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
@@ -15,12 +15,11 @@ from foucault.plans.table.directions import Positions, canonical
 from foucault.plans.table.directions import positions as angles_of_positions
 from foucault.plans.table.efficiency import refuse_singular
 from foucault.plans.table.plan import table_plan
-from foucault.procedures.fields import EarthRate, Strict
-from foucault.procedures.validators import located
+from foucault.procedures import fields
 from foucault.simulate.table.log import Simulation, simulate_means
 from foucault.simulate.table.log import simulate as simulate_log
 from foucault.simulate.table.readings import Rig
-from foucault.units import Angle, AngleSd, Quantity, RatioSd, Seconds
+from foucault.units import Angle, AngleSd, Quantity
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per position:  averaged = { column = "averaged", unit = "s" }
@@ -36,90 +35,50 @@ position = "position"                   # number of the position, empty or -1 in
 """What the log of a session on a table has beside the instrument's columns."""
 
 
-class TableSettings(EarthRate):
+class TableSettings(fields.Robust, fields.EarthRate, fields.Terms):
     """What can be chosen of a session on a table; procedures add their own."""
 
-    plan: str = Field(
-        default="icosahedron 12",
-        description="Set of positions, as `foucault plans` lists them.",
-    )
+    plan: str = "icosahedron 12"
+    """Set of positions, as `foucault plans` lists them."""
     positions: list[list[str]] | None = Field(
         default=None,
         examples=[[["30 deg", "0 deg", "-31.7 deg"], ["60 deg", "0 deg", "211.7 deg"]]],
-        description="Positions of your own instead of a plan: outer, middle and inner angle each.",
     )
-    spin_rate: Annotated[float, Quantity("angular rate")] = Field(
-        default=float(np.radians(10.0)),
-        description="Rate of the outer axis in spins, counter-clockwise seen from above.",
-    )
-    both_senses: bool = Field(
-        default=False, description="Each spin is followed by one the other way."
-    )
-    four_positions: bool = Field(
-        default=False,
-        description="With the rests that the published unification of the frames needs.",
-    )
-    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
-    rate_sd: RatioSd = Field(
-        default=0.0, ge=0, description="Relative sd of the rate from one spin to the next."
-    )
-    table_rate_sd: RatioSd = Field(
-        default=0.0, ge=0, description="Relative sd of an error that all spin rates share."
-    )
-    plumb_sd: AngleSd = Field(
-        default=float(np.radians(1 / 60)),
-        ge=0,
-        description="Sd of the tilt of the outer axis, about each of two axes.",
-    )
-    lever_arm: bool = Field(
-        default=True,
-        description="Estimate how far the accelerometers are from the centre of the table.",
-    )
-    accel_quadratic: bool = Field(
-        default=False, description="Estimate the accelerometers' quadratic terms too."
-    )
-    g_sensitivity: bool = Field(
-        default=False, description="Estimate the gyros' g-sensitivity too (9 more)."
-    )
-    loss: Literal["robust", "squares"] = Field(
-        default="robust",
-        description="robust: a wrong reading is left out; squares: all count in full.",
-    )
-    cable_limit: Angle | None = Field(
-        default=None,
-        gt=0,
-        examples=["3 rev"],
-        description="Largest outer angle either way that a cable allows, turns counted; for "
-        "preflight and optimise, as the other limits of the table below.",
-    )
-    middle_range: tuple[Angle, Angle] | None = Field(
-        default=None,
-        examples=[["-95 deg", "95 deg"]],
-        description="Smallest and largest middle angle that the table reaches.",
-    )
-    inner_range: tuple[Angle, Angle] | None = Field(
-        default=None,
-        examples=[["0 deg", "360 deg"]],
-        description="Smallest and largest inner angle that the table reaches.",
-    )
-    angle_step: Angle | None = Field(
-        default=None,
-        gt=0,
-        examples=["15 deg"],
-        description="Angles are multiples of this, as on a dividing head.",
-    )
+    """Positions of your own instead of a plan: outer, middle and inner angle each."""
+    spin_rate: Annotated[float, Quantity("angular rate")] = float(np.radians(10.0))
+    """Rate of the outer axis in spins, counter-clockwise seen from above."""
+    both_senses: bool = False
+    """Each spin is followed by one the other way."""
+    four_positions: bool = False
+    """With the rests that the published unification of the frames needs."""
+    shortest: fields.Shortest = 5.0
+    rate_sd: fields.RateSd = 0.0
+    table_rate_sd: fields.TableRateSd = 0.0
+    plumb_sd: fields.PlumbSd = float(np.radians(1 / 60))
+    lever_arm: bool = True
+    """Estimate how far the accelerometers are from the centre of the table."""
+    repeatability: fields.Repeatability = True
+    cable_limit: Angle | None = Field(default=None, gt=0, examples=["3 rev"])
+    """Largest outer angle either way that a cable allows, turns counted; for preflight and
+    optimise, as the other limits of the table below."""
+    middle_range: tuple[Angle, Angle] | None = Field(default=None, examples=[["-95 deg", "95 deg"]])
+    """Smallest and largest middle angle that the table reaches."""
+    inner_range: tuple[Angle, Angle] | None = Field(default=None, examples=[["0 deg", "360 deg"]])
+    """Smallest and largest inner angle that the table reaches."""
+    angle_step: Angle | None = Field(default=None, gt=0, examples=["15 deg"])
+    """Angles are multiples of this, as on a dividing head."""
 
     @field_validator("plan", mode="after")
     @classmethod
     def _known(cls, name: str, info: ValidationInfo) -> str:
-        located(info, lambda: canonical(name))
+        fields.located(info, lambda: canonical(name))
         return name
 
     @field_validator("positions", mode="after")
     @classmethod
     def _angles(cls, rows: list[list[str]] | None, info: ValidationInfo) -> list[list[str]] | None:
         if rows is not None:
-            located(info, lambda: angles_of_positions(rows))
+            fields.located(info, lambda: angles_of_positions(rows))
         return rows
 
     @field_validator("spin_rate", mode="after")
@@ -142,59 +101,27 @@ class TableSettings(EarthRate):
         return self.plan if self.positions is None else self.positions
 
 
-class TableSession(Strict):
+class TableSession(fields.Strict):
     """The session on a table that `simulate` makes."""
 
-    rest_time: Seconds = Field(default=60.0, gt=0, description="Length of each rest.")
-    turns: int = Field(default=4, ge=1, description="Whole turns of each spin.")
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=20.0, gt=0, description="Sample rate."
-    )
-    kind: Literal["rate", "increment"] = Field(
-        default="rate", description="Instantaneous rates, or means over each interval."
-    )
-    rows: Literal["samples", "means"] = Field(
-        default="samples", description="A row per sample, or one mean per position."
-    )
-    plumb_sd: AngleSd = Field(
-        default=float(np.radians(30 / 3600)), ge=0, description="Sd of the tilt of the outer axis."
-    )
-    orthogonality_sd: AngleSd = Field(
-        default=float(np.radians(10 / 3600)),
-        ge=0,
-        description="Sd of the angles between the table's axes.",
-    )
-    zero_sd: AngleSd = Field(
-        default=float(np.radians(10 / 3600)),
-        ge=0,
-        description="Sd of the zero errors of the middle and inner angle.",
-    )
-    position_sd: AngleSd = Field(
-        default=float(np.radians(1 / 60)),
-        ge=0,
-        description="Sd of the middle and inner angle from one position to the next.",
-    )
-    rate_error_sd: RatioSd = Field(
-        default=0.0, ge=0, description="Relative sd of an error that all spin rates share."
-    )
-    rate_jitter: RatioSd = Field(
-        default=0.0, ge=0, description="Relative sd of the rate from one spin to the next."
-    )
-    mounting_sd: AngleSd = Field(
-        default=float(np.radians(10 / 60)),
-        ge=0,
-        description="Sd of the rotation of the instrument on the table, about each axis.",
-    )
-    lever_arm_sd: Annotated[float, Quantity("length")] = Field(
-        default=0.02,
-        ge=0,
-        le=100,
-        description="Sd of each coordinate of the accelerometers from the centre of the table.",
-    )
-    heading: Angle = Field(
-        default=float(np.radians(30.0)),
-        description="Azimuth of table y at outer angle zero, clockwise from North.",
-    )
+    rest_time: fields.RestTime = 60.0
+    turns: int = Field(default=4, ge=1)
+    """Whole turns of each spin."""
+    rate: fields.SampleRate = 20.0
+    kind: fields.Sampling = "rate"
+    rows: fields.Rows = "samples"
+    plumb_sd: fields.PlumbSd = float(np.radians(30 / 3600))
+    orthogonality_sd: fields.OrthogonalitySd = float(np.radians(10 / 3600))
+    zero_sd: fields.ZeroSd = float(np.radians(10 / 3600))
+    position_sd: fields.PositionSd = float(np.radians(1 / 60))
+    rate_error_sd: fields.TableRateSd = 0.0
+    rate_jitter: fields.RateSd = 0.0
+    mounting_sd: AngleSd = Field(default=float(np.radians(10 / 60)), ge=0)
+    """Sd of the rotation of the instrument on the table, about each axis."""
+    lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.02, ge=0, le=100)
+    """Sd of each coordinate of the accelerometers from the centre of the table."""
+    heading: Angle = float(np.radians(30.0))
+    """Azimuth of table y at outer angle zero, clockwise from North."""
 
 
 def plan_of(

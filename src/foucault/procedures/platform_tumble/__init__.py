@@ -20,7 +20,6 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.diagnose.compare.gravity import of_site
-from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.tumble import checks as judge
 from foucault.diagnose.tumble import input as tumble_input
 from foucault.diagnose.tumble import report as tumble_report
@@ -29,8 +28,8 @@ from foucault.errors import Finding
 from foucault.models.cluster import EQUATION, LAYOUT
 from foucault.models.earth import Site
 from foucault.plans.tumble.torquing import nominal
-from foucault.procedures.platform_tumble import foresight as tumble_foresight
 from foucault.procedures.platform_tumble import log as tumble_log
+from foucault.procedures.platform_tumble.foresight import foresee
 from foucault.procedures.platform_tumble.problem import noise_of, prior_of, tumble_of
 from foucault.procedures.platform_tumble.search import Wanted, space
 from foucault.procedures.platform_tumble.settings import (
@@ -44,12 +43,11 @@ from foucault.procedures.platform_tumble.settings import (
 from foucault.procedures.platform_tumble.solution import (
     Solution,
     coefficients,
-    owed_by,
     parts,
     public,
     solved,
 )
-from foucault.procedures.record import Beforehand, Given, Procedure
+from foucault.procedures.record import Given, Procedure
 from foucault.result import Result, Verdict
 from foucault.tables import Log, range_below_g
 
@@ -79,16 +77,6 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         findings=(*log.findings, *told, *said, *more, *result.findings),
         validity=range_below_g(log, site.gravity),
     )
-
-
-def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
-    """Return what the planned motion will show."""
-    arguments = b.settings, b.session, b.site, b.noise, b.prior
-    m = tumble_foresight.planned(*arguments)
-    owed = owed_by(m.tumble, m.prior, m.fit, b.settings, b.site, m.noise)
-    s = Solution(m.tumble, m.prior, m.fit, m.fit.cov, owed, b.settings, b.site, m.noise)
-    extras = tumble_foresight.more(m, *arguments)
-    return tumble_foresight.seen(m, coefficients(s), b.settings, extras)
 
 
 # -- the log ---------------------------------------------------------------------------------
@@ -154,7 +142,7 @@ PROCEDURE = Procedure(
     simulation=simulated,
     names=lambda *_: LAYOUT.names,
     layout=LAYOUT,
-    foresee=_foresee,
+    foresee=foresee,
     space=space,
     Wanted=Wanted,
     grade=GRADE,

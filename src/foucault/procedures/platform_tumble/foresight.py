@@ -17,6 +17,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import hardly
 from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.tumble import checks as tumble_checks
 from foucault.diagnose.tumble import input as tumble_input
@@ -40,6 +41,7 @@ from foucault.procedures.platform_tumble.settings import (
     simulated,
 )
 from foucault.procedures.platform_tumble.solution import Solution, coefficients, owed_by
+from foucault.procedures.record import Beforehand
 from foucault.simulate.tumble import TumbleSimulation
 from foucault.tables import AXES
 
@@ -51,6 +53,7 @@ FORETOLD = ("tumble.singular", "tumble.condition", "tumble.azimuth")
 class Planned:
     """The planned motion, linearised."""
 
+    given: Beforehand[Settings, Session]  # the plan, and how it will be sampled
     simulation: TumbleSimulation  # the motion, without noise
     noise: ImuNoise  # what is weighed [SI]
     tumble: Tumble  # the log of it
@@ -59,24 +62,38 @@ class Planned:
     at: str  # where that is, in words
     told: tuple[Finding, ...]  # what was noticed on the way
 
+    @property
+    def found(self) -> CoefficientVector:
+        """All 45 with the covariance that a calibration would state."""
+        b, t, fit = self.given, self.tumble, self.fit
+        owed = owed_by(t, self.prior, fit, b.settings, b.site, self.noise)
+        solution = Solution(t, self.prior, fit, fit.cov, owed, b.settings, b.site, self.noise)
+        return coefficients(solution)
 
-def planned(
-    settings: Settings, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]], errors: ClusterModel | None = None,
-) -> Planned:  # fmt: skip
+    @property
+    def sd(self) -> FloatArray:
+        """The sd of the 42 constants that a calibration would state, shape (42,) [SI]."""
+        return np.asarray(self.found.sd[: len(CONSTANTS)])
+
+
+def foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what the planned motion will show."""
+    p = planned(b)
+    return seen(p, more(p))
+
+
+def planned(b: Beforehand[Settings, Session], errors: ClusterModel | None = None) -> Planned:
     """Simulate the planned motion without noise, and linearise it.
 
-    `settings`: what was chosen: the plan, the published one if none; `session`: how it will be
-    sampled, and how far from `start` it will begin; `noise` or None: noise as declared [SI];
-    `prior`: mean and standard deviation of coefficients or groups of coefficients [SI]; `errors`:
-    errors of the cluster, None takes the means in `prior` and usual errors elsewhere.
+    `errors`: errors of the cluster, None takes the means in the prior and usual errors elsewhere.
     """
+    settings, session, site, prior = b.settings, b.session, b.site, b.prior
     told = []
     if settings.filter != "gauss-newton":
         if settings.delay_sd:
             raise error("tumble.filter_delay", filter=settings.filter)
         told.append(finding("preflight.filter", filter=settings.filter))
-    noise = noise or ImuNoise()
+    noise = b.noise or ImuNoise()
     if not noise.accel.white > 0:
         noise = replace(noise, accel=replace(noise.accel, white=NOISE.accel.white))
         given = f"{NOISE.accel.white / 9.80665e-6:.3g}"
@@ -91,7 +108,7 @@ def planned(
     away = ", ".join(session.attitude)
     usual = "means in [prior], usual errors elsewhere" if prior else "usual errors"
     at = f"{usual}, and an attitude ({away}) from `start`"
-    return Planned(made, used, tumble, known, fit, at, (*told, *said, *more))
+    return Planned(b, made, used, tumble, known, fit, at, (*told, *said, *more))
 
 
 def _simulated(
@@ -114,23 +131,16 @@ def _usual(prior: Mapping[str, tuple[float, float]]) -> ClusterModel:
     return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, values))
 
 
-def seen(
-    p: Planned, found: CoefficientVector, settings: Settings, extras: tuple[Extra, ...] = ()
-) -> Foresight:
-    """Return what the planned motion will show.
-
-    `found`: all 45 with their covariance, as a result has them.
-    """
+def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
+    """Return what the planned motion will show."""
+    settings, found = p.given.settings, p.found
     slow = is_slow(p.noise.accel) or is_slow(p.noise.gyro)
     e = Evidence(p.tumble, p.prior, p.fit, found, settings.angles, slow)
     shown = tumble_report.observability_json(e)
     told = [f for f in tumble_checks.findings(e) if f.code in FORETOLD]
-    share = found.sd / found.prior_sd
-    hardly = tuple(
-        n for n, s in zip(found.names, share, strict=True) if s > tumble_checks.HARDLY
-    )  # fmt: skip
-    if hardly:
-        told.insert(0, finding("preflight.unseen", count=len(hardly), names=", ".join(hardly)))
+    names = hardly(found)
+    if names:
+        told.insert(0, finding("preflight.unseen", count=len(names), names=", ".join(names)))
     plan, legs = p.simulation.plan, _legs(shown)
     return Foresight(
         coefficients=found,
@@ -145,7 +155,7 @@ def seen(
         legs=legs,
         limits=needs(plan, settings.limits),
         more=extras,
-        hardly=hardly,
+        hardly=tuple(names),
         unseen=tuple(shown["unseen"]),
         remaining=tuple(shown["remaining"]),
         weakest=tuple(shown["weakest"]),
@@ -159,16 +169,9 @@ LONGER = 300.0
 """How much longer a plan is made to see what that would buy [s]."""
 
 
-def more(
-    p: Planned, settings: Settings, session: Session, site: Site, noise: ImuNoise | None,
-    prior: Mapping[str, tuple[float, float]],
-) -> tuple[Extra, ...]:  # fmt: skip
-    """Return what five more minutes would buy: about the best axis, and at rest.
-
-    `noise` or None: noise as declared [SI]; `prior`: mean and standard deviation of coefficients
-    or groups of coefficients [SI].
-    """
-    plan, before = p.simulation.plan, stated(p, settings, site)
+def more(p: Planned) -> tuple[Extra, ...]:
+    """Return what five more minutes would buy: about the best axis, and at rest."""
+    settings, plan, before = p.given.settings, p.simulation.plan, p.sd
     fastest = float(np.abs(plan.rates).max())
     possible = _possible(plan, settings)
     moved, rest = list[Extra](), list[Extra]()
@@ -176,23 +179,16 @@ def more(
         longer = replace(plan, steps=(*plan.steps, Step(sign * fastest * np.eye(3)[axis], LONGER)))
         if possible and not _possible(longer, settings):
             continue
-        after = planned(with_plan(settings, longer), session, site, noise, prior)
+        after = planned(replace(p.given, settings=with_plan(settings, longer)))
         words = f"about {'+-'[sign < 0]}{AXES[axis]} at {np.degrees(fastest):.4g} deg/s"
         what = f"five more minutes {words if sign else 'at rest'}"
-        ratio = stated(after, settings, site) / before
+        ratio = after.sd / before
         (moved if sign else rest).append(Extra.of(what, LONGER, CONSTANTS.names, ratio))
     return (*sorted(moved, key=lambda extra: extra.ratio)[:1], *rest)
 
 
 def _possible(plan: TorquingPlan, settings: Settings) -> bool:
     return all(limit.kept for limit in needs(plan, settings.limits))
-
-
-def stated(p: Planned, settings: Settings, site: Site) -> FloatArray:
-    """Return the sd of the 42 constants that a calibration would state, shape (42,) [SI]."""
-    owed = owed_by(p.tumble, p.prior, p.fit, settings, site, p.noise)
-    s = Solution(p.tumble, p.prior, p.fit, p.fit.cov, owed, settings, site, p.noise)
-    return np.asarray(coefficients(s).sd[: len(CONSTANTS)])
 
 
 def with_plan(settings: Settings, plan: TorquingPlan) -> Settings:

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.models.cluster import CONSTANTS
-from foucault.models.earth import Site, earth_rate_n
-from foucault.models.noise import ImuNoise
+from foucault.models.earth import earth_rate_n
 from foucault.plans.tumble.limits import Allowed
 from foucault.plans.tumble.reach import needs
 from foucault.plans.tumble.search import Conditions, TorquingSpace
 from foucault.plans.tumble.torquing import TorquingPlan
 from foucault.plans.weights import weights_of
-from foucault.procedures.platform_tumble import foresight as tumble_foresight
-from foucault.procedures.platform_tumble.settings import (
-    Session,
-    Settings,
-    draw_errors,
-)
+from foucault.procedures.fields import Strict, located
+from foucault.procedures.platform_tumble.foresight import Planned, planned, with_plan
+from foucault.procedures.platform_tumble.settings import GRADE, Session, Settings, draw_errors
 from foucault.procedures.record import Beforehand
-from foucault.procedures.validators import located
 from foucault.units import Quantity, parse
 
 DEGREE = float(np.radians(1.0))
@@ -44,45 +38,33 @@ def _latitude(text: str) -> float:
     return latitude
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What a better motion may do."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    axes: Literal["x", "y", "z", "xy", "xz", "yz", "xyz"] = Field(
-        default="xyz", description="Axes of the cluster that may be turned."
-    )
-    rates: tuple[str, ...] = Field(
-        default=(), examples=[["0.1 deg/s", "0.2 deg/s"]],
-        description="Rates about an axis that may be chosen; left out, `rate_limit`, or the "
-        "largest rate of the plan to beat.",
-    )  # fmt: skip
-    together: bool = Field(
-        default=False, description="Whether several axes may turn at once, each at that rate."
-    )
+    axes: Literal["x", "y", "z", "xy", "xz", "yz", "xyz"] = "xyz"
+    """Axes of the cluster that may be turned."""
+    rates: tuple[str, ...] = Field(default=(), examples=[["0.1 deg/s", "0.2 deg/s"]])
+    """Rates about an axis that may be chosen; left out, `rate_limit`, or the largest rate of the
+    plan to beat."""
+    together: bool = False
+    """Whether several axes may turn at once, each at that rate."""
     total: Annotated[float, Quantity("time")] | None = Field(
-        default=None, gt=0, examples=["5400 s"],
-        description="Time there is; left out, that of the plan to beat.",
-    )  # fmt: skip
-    shortest: Annotated[float, Quantity("time")] = Field(
-        default=60.0, ge=0, description="Shortest time at one rate."
+        default=None, gt=0, examples=["5400 s"]
     )
-    worst: float = Field(
-        default=1.5,
-        gt=0,
-        description="No coefficient that counts should get worse than so many times its sd under "
-        "the plan to beat; ignored where the rig cannot do that plan.",
-    )
-    latitudes: tuple[str, ...] = Field(
-        default=LATITUDES, description="Where the plan found is compared, beside the site."
-    )
-    truths: int = Field(
-        default=4, ge=0, description="With so many drawn clusters the plan found is compared."
-    )
+    """Time there is; left out, that of the plan to beat."""
+    shortest: Annotated[float, Quantity("time")] = Field(default=60.0, ge=0)
+    """Shortest time at one rate."""
+    worst: float = Field(default=1.5, gt=0)
+    """No coefficient that counts should get worse than so many times its sd under the plan to beat;
+    ignored where the rig cannot do that plan."""
+    latitudes: tuple[str, ...] = LATITUDES
+    """Where the plan found is compared, beside the site."""
+    truths: int = Field(default=4, ge=0)
+    """With so many drawn clusters the plan found is compared."""
     weights: dict[str, float] = Field(
-        default={}, examples=[{"gyro.drift": 2.0, "accel.quadratic": 0.0}],
-        description="How much coefficients or groups of them count; 1 if left out.",
-    )  # fmt: skip
+        default={}, examples=[{"gyro.drift": 2.0, "accel.quadratic": 0.0}]
+    )
+    """How much coefficients or groups of them count; 1 if left out."""
 
     @field_validator("latitudes", mode="after")
     @classmethod
@@ -95,28 +77,22 @@ class Wanted(BaseModel):
 class Stated:
     """What a calibration would state at the site, at a latitude or for a drawn cluster."""
 
-    settings: Settings
-    session: Session  # how it is sampled
-    site: Site
-    noise: ImuNoise | None  # as declared [SI]
-    prior: Mapping[str, tuple[float, float]]  # what is known beforehand [SI]
+    given: Beforehand[Settings, Session]  # all but the plan
 
     def __call__(self, plan: TorquingPlan, case: str) -> FloatArray:
         """Return the sd of the 42 constants: bound, slow noise, latitude and gravity [SI]."""
-        p, site = self.planned(plan, case)
-        return tumble_foresight.stated(p, self.settings, site)
+        return self.planned(plan, case).sd
 
-    def planned(self, plan: TorquingPlan, case: str) -> tuple[tumble_foresight.Planned, Site]:
-        """Return the motion, linearised in the circumstances of `case`, and where that is."""
-        site, drawn = self.site, None
+    def planned(self, plan: TorquingPlan, case: str) -> Planned:
+        """Return the motion, linearised in the circumstances of `case`."""
+        site, drawn = self.given.site, None
         kind, _, number = case.partition(" ")
         if kind == "latitude":
             site = replace(site, latitude=_latitude(number))
         elif kind == "cluster":
-            drawn = draw_errors("navigation", int(number))
-        settings = tumble_foresight.with_plan(self.settings, plan)
-        arguments = (settings, self.session, site, self.noise, self.prior, drawn)
-        return tumble_foresight.planned(*arguments), site
+            drawn = draw_errors(GRADE, int(number))
+        settings = with_plan(self.given.settings, plan)
+        return planned(replace(self.given, settings=settings, site=site), drawn)
 
 
 def space(b: Beforehand[Settings, Session]) -> TorquingSpace:
@@ -134,8 +110,8 @@ def space(b: Beforehand[Settings, Session]) -> TorquingSpace:
         ramp=settings.ramp,
         limits=settings.limits,
     )
-    stated = Stated(settings, b.session, site, b.noise, b.prior)
-    p, _ = stated.planned(reference, HERE)
+    stated = Stated(b)
+    p = stated.planned(reference, HERE)
     assert site.latitude is not None
     t = p.tumble
     conditions = Conditions(

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from foucault import units
 from foucault.arrays import FloatArray
@@ -18,11 +18,11 @@ from foucault.models.noise import ImuNoise
 from foucault.plans.tumble import torquing
 from foucault.plans.tumble.reach import Limits
 from foucault.plans.tumble.torquing import TorquingPlan
+from foucault.procedures.fields import Strict, located
 from foucault.procedures.platform_tumble.usual import NOISE as NOISE
 from foucault.procedures.platform_tumble.usual import PRIOR as PRIOR
 from foucault.procedures.platform_tumble.usual import TYPICAL as TYPICAL
 from foucault.procedures.platform_tumble.usual import WHITE as WHITE
-from foucault.procedures.validators import located
 from foucault.simulate.tumble import (
     Acquisition,
     TumbleSimulation,
@@ -49,16 +49,13 @@ def _three(given: Three, kind: str, key: str) -> FloatArray:
     return np.array([units.parse(text, kind, key) for text in given])
 
 
-class PlanStep(BaseModel):
+class PlanStep(Strict):
     """One step of a torquing plan."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    rate: Three = Field(
-        description="Rate about x, y and z of the cluster, relative to East-North-Up.",
-        examples=[["-0.1 deg/s", "0 deg/s", "0 deg/s"]],
-    )
-    time: Seconds = Field(gt=0, description="How long it is held.")
+    rate: Three = Field(examples=[["-0.1 deg/s", "0 deg/s", "0 deg/s"]])
+    """Rate about x, y and z of the cluster, relative to East-North-Up."""
+    time: Seconds = Field(gt=0)
+    """How long it is held."""
 
     @field_validator("rate", mode="after")
     @classmethod
@@ -67,101 +64,59 @@ class PlanStep(BaseModel):
         return rate
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen; the defaults suit a cluster that starts level and pointed north."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    filter: Literal["gauss-newton", "published", "published literal"] = Field(
-        default="gauss-newton",
-        description="gauss-newton: the linearised filter repeated about its own solution; "
-        "published: one pass with annealed noise; published literal: one pass as printed, which "
-        "diverges.",
-    )
-    average: Seconds = Field(
-        default=1.0, ge=0, description="Residuals are averaged over so long; 0 s: every sample."
-    )
-    start: Three = Field(
-        default=("0 deg", "0 deg", "0 deg"),
-        description="Outer, middle and inner angle at the first row: all zero where x, y and z of "
-        "the cluster point north, up and east.",
-    )
-    start_sd: AngleSd = Field(
-        default=5 * DEGREE,
-        gt=0,
-        description="Sd of that attitude about East and about North.",
-    )
-    azimuth_sd: AngleSd = Field(default=5 * DEGREE, gt=0, description="Sd of it about Up.")
-    arms: tuple[Three, Three, Three] = Field(
-        default=(("0 m", "0 m", "0 m"),) * 3,
-        description="Position of the x, y and z accelerometer, along x, y and z of the cluster.",
-    )
-    mask_edges: Seconds = Field(
-        default=0.0,
-        ge=0,
-        description="Readings so long after a step of the command are left out, for there the "
-        "angular acceleration is not known.",
-    )
-    command_holds: Literal["auto", "from its time", "until its time"] = Field(
-        default="auto",
-        description="Whether the command of a row begins or ends at the time of the row; auto: it "
-        "ends there where readings are means over the interval before, and begins there if not.",
-    )
-    delay_sd: Seconds = Field(
-        default=0.0,
-        ge=0,
-        le=MINUTE,
-        description="Sd of the time by which readings are older than the row says; above 0 it is "
-        "estimated.",
-    )
-    latitude_sd: AngleSd = Field(
-        default=1e-3 * DEGREE,
-        ge=0,
-        le=DEGREE,
-        description="Sd of the latitude in [site]: 0.001 deg are 110 m. A latitude 0.01 deg off "
-        "moves a drift by 8 sd, and no residual shows it.",
-    )
-    plan: str | None = Field(
-        default=None, examples=["-x -z -y +z"],
-        description="What was commanded: published, or signed axes in equal segments. The log has "
-        "the command itself; a plan is compared with it, and is what `foucault simulate` does "
-        "(published, if neither plan nor steps are given).",
-    )  # fmt: skip
-    rate: Rate | None = Field(
-        default=None, gt=0, examples=["0.1 deg/s"],
-        description="Rate of that plan; 0.1 deg/s, or less where the rig allows less, if left out.",
-    )  # fmt: skip
-    segment: Seconds | None = Field(
-        default=None, gt=0, examples=["900 s"],
-        description="Time of each segment of a sequence of axes; left out, all take 5400 s.",
-    )  # fmt: skip
-    steps: tuple[PlanStep, ...] = Field(
-        default=(),
-        description="Instead of `plan`, any rates: a list of "
-        '{ rate = ["-0.1 deg/s", "0 deg/s", "0 deg/s"], time = "1800 s" }.',
-    )
-    ramp: Seconds = Field(
-        default=0.0, ge=0, description="Time in which each rate of the plan is reached."
-    )
-    rate_limit: Rate | None = Field(
-        default=None, gt=0, examples=["0.2 deg/s"],
-        description="Largest rate about an axis that the rig allows.",
-    )  # fmt: skip
-    tilt_limit: Angle | None = Field(
-        default=None, gt=0, examples=["60 deg"],
-        description="Largest tilt of the cluster from `start` that the rig allows. Preflight "
-        "judges a plan by it, and a search for plans keeps it.",
-    )  # fmt: skip
-    middle_limit: Angle | None = Field(
-        default=None, gt=0, examples=["60 deg"],
-        description="Largest middle angle, either way, that the gimbals allow; likewise.",
-    )  # fmt: skip
-    cable_limit: Angle | None = Field(
-        default=None, gt=0, examples=["400 deg"],
-        description="Largest turn of the outer and of the inner gimbal from `start`, either way, "
-        "that cables or stops allow; likewise.",
-    )  # fmt: skip
-    passes: int = Field(default=20, ge=1, description="Most passes of gauss-newton.")
+    filter: Literal["gauss-newton", "published", "published literal"] = "gauss-newton"
+    """gauss-newton: the linearised filter repeated about its own solution; published: one pass with
+    annealed noise; published literal: one pass as printed, which diverges."""
+    average: Seconds = Field(default=1.0, ge=0)
+    """Residuals are averaged over so long; 0 s: every sample."""
+    start: Three = ("0 deg", "0 deg", "0 deg")
+    """Outer, middle and inner angle at the first row: all zero where x, y and z of the cluster
+    point north, up and east."""
+    start_sd: AngleSd = Field(default=5 * DEGREE, gt=0)
+    """Sd of that attitude about East and about North."""
+    azimuth_sd: AngleSd = Field(default=5 * DEGREE, gt=0)
+    """Sd of it about Up."""
+    arms: tuple[Three, Three, Three] = (("0 m", "0 m", "0 m"),) * 3
+    """Position of the x, y and z accelerometer, along x, y and z of the cluster."""
+    mask_edges: Seconds = Field(default=0.0, ge=0)
+    """Readings so long after a step of the command are left out, for there the angular acceleration
+    is not known."""
+    command_holds: Literal["auto", "from its time", "until its time"] = "auto"
+    """Whether the command of a row begins or ends at the time of the row; auto: it ends there where
+    readings are means over the interval before, and begins there if not."""
+    delay_sd: Seconds = Field(default=0.0, ge=0, le=MINUTE)
+    """Sd of the time by which readings are older than the row says; above 0 it is estimated."""
+    latitude_sd: AngleSd = Field(default=1e-3 * DEGREE, ge=0, le=DEGREE)
+    """Sd of the latitude in [site]: 0.001 deg are 110 m. A latitude 0.01 deg off moves a drift by 8
+    sd, and no residual shows it."""
+    plan: str | None = Field(default=None, examples=["-x -z -y +z"])
+    """What was commanded: published, or signed axes in equal segments. The log has the command
+    itself; a plan is compared with it, and is what `foucault simulate` does (published, if neither
+    plan nor steps are given)."""
+    rate: Rate | None = Field(default=None, gt=0, examples=["0.1 deg/s"])
+    """Rate of that plan; 0.1 deg/s, or less where the rig allows less, if left out."""
+    segment: Seconds | None = Field(default=None, gt=0, examples=["900 s"])
+    """Time of each segment of a sequence of axes; left out, all take 5400 s."""
+    steps: tuple[PlanStep, ...] = ()
+    """Instead of `plan`, any rates: a list of { rate = ["-0.1 deg/s", "0 deg/s", "0 deg/s"], time =
+    "1800 s" }."""
+    ramp: Seconds = Field(default=0.0, ge=0)
+    """Time in which each rate of the plan is reached."""
+    rate_limit: Rate | None = Field(default=None, gt=0, examples=["0.2 deg/s"])
+    """Largest rate about an axis that the rig allows."""
+    tilt_limit: Angle | None = Field(default=None, gt=0, examples=["60 deg"])
+    """Largest tilt of the cluster from `start` that the rig allows. Preflight judges a plan by it,
+    and a search for plans keeps it."""
+    middle_limit: Angle | None = Field(default=None, gt=0, examples=["60 deg"])
+    """Largest middle angle, either way, that the gimbals allow; likewise."""
+    cable_limit: Angle | None = Field(default=None, gt=0, examples=["400 deg"])
+    """Largest turn of the outer and of the inner gimbal from `start`, either way, that cables or
+    stops allow; likewise."""
+    passes: int = Field(default=20, ge=1)
+    """Most passes of gauss-newton."""
 
     @field_validator("start", mode="after")
     @classmethod
@@ -243,42 +198,27 @@ class Settings(BaseModel):
         return torquing.starting(plan, self.angles, self.ramp)
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The tumble that `simulate` makes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    integrator: Literal["exponential", "published"] = Field(
-        default="exponential",
-        description="exponential: one rotation per sample, at any attitude; published: the three "
-        "angles in steps of 2 ms, which must keep away from middle = 90 deg.",
-    )
-    interval: Seconds = Field(default=0.2, gt=0, le=HOUR, description="Time between samples.")
-    command_interval: Seconds = Field(
-        default=1.0, gt=0, le=HOUR, description="Time between commands, a multiple of `interval`."
-    )
-    kind: Literal["rate", "increment"] = Field(
-        default="rate",
-        description="Readings at the time of a row, or their means over the interval before it.",
-    )
-    attitude: Three = Field(
-        default=("2 deg", "3 deg", "5 deg"),
-        description="By how much outer, middle and inner angle differ from `start`, on average.",
-    )
-    attitude_sd: AngleSd = Field(default=0.1 * DEGREE, ge=0, description="Sd of that.")
-    delay: Seconds = Field(
-        default=0.0,
-        ge=-MINUTE,
-        le=MINUTE,
-        description="By how much readings are older than the row says; 0 s: drawn with `delay_sd`.",
-    )
-    edge: Seconds = Field(
-        default=0.0,
-        ge=0,
-        le=MINUTE,
-        description="Time in which the cluster follows a step of the command: readings taken then "
-        "feel the angular acceleration.",
-    )
+    integrator: Literal["exponential", "published"] = "exponential"
+    """exponential: one rotation per sample, at any attitude; published: the three angles in steps
+    of 2 ms, which must keep away from middle = 90 deg."""
+    interval: Seconds = Field(default=0.2, gt=0, le=HOUR)
+    """Time between samples."""
+    command_interval: Seconds = Field(default=1.0, gt=0, le=HOUR)
+    """Time between commands, a multiple of `interval`."""
+    kind: Literal["rate", "increment"] = "rate"
+    """Readings at the time of a row, or their means over the interval before it."""
+    attitude: Three = ("2 deg", "3 deg", "5 deg")
+    """By how much outer, middle and inner angle differ from `start`, on average."""
+    attitude_sd: AngleSd = Field(default=0.1 * DEGREE, ge=0)
+    """Sd of that."""
+    delay: Seconds = Field(default=0.0, ge=-MINUTE, le=MINUTE)
+    """By how much readings are older than the row says; 0 s: drawn with `delay_sd`."""
+    edge: Seconds = Field(default=0.0, ge=0, le=MINUTE)
+    """Time in which the cluster follows a step of the command: readings taken then feel the angular
+    acceleration."""
 
     @field_validator("attitude", mode="after")
     @classmethod

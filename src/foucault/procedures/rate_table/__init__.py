@@ -117,8 +117,7 @@ def _evidence(
     prior = CoefficientVector.prior(LAYOUT.subset(names), given) if given else None
     trust = Trust(settings.table_rate_sd, settings.rate_sd, settings.fixture_sd, site.latitude)
     require_determined(steps, names, build(steps, names, trust, prior))
-    robust = settings.loss == "robust"
-    loss = gauss_newton.huber if robust else gauss_newton.least_squares
+    loss = gauss_newton.huber if settings.robust else gauss_newton.least_squares
     unknown = any(f.code == UNKNOWN for f in _told(readings))
     # Noise, scatter and outliers are those of the steps alone: a prior that they contradict would
     # be taken for scatter.

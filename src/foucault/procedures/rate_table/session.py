@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
@@ -13,8 +13,7 @@ from foucault.arrays import FloatArray
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.procedures.fields import EarthRate, Strict
-from foucault.procedures.validators import located
+from foucault.procedures import fields
 from foucault.simulate.rate_table import (
     RatePlan,
     RateTableSimulation,
@@ -22,7 +21,7 @@ from foucault.simulate.rate_table import (
     simulate_rate_table,
 )
 from foucault.tables import AXES
-from foucault.units import AngleSd, Quantity, RatioSd, Seconds
+from foucault.units import AngleSd, RatioSd, Seconds
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per step:  averaged = { column = "averaged", unit = "s" }
@@ -44,60 +43,38 @@ def in_si(rates: tuple[str, ...]) -> FloatArray:
     return np.array([units.parse(text, "angular rate", "rates") for text in rates])
 
 
-class _Rates(Strict):
+class _Rates(fields.Strict):
     """A list of rates as text, each checked where it stands."""
 
     @field_validator("rates", mode="after", check_fields=False)
     @classmethod
     def _are_rates(cls, rates: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        located(info, lambda: in_si(rates))
+        fields.located(info, lambda: in_si(rates))
         return rates
 
 
-class Settings(_Rates, EarthRate):
+class Settings(_Rates, fields.Robust, fields.EarthRate):
     """What can be chosen; the defaults suit most tables."""
 
-    rates: tuple[str, ...] = Field(
-        default=(),
-        description="Rates of the table in each placement, in order, counter-clockwise seen from "
-        "above positive; needed where the log carries no rate of the table. Rests between rates "
-        "above 0.2 deg/s need not be listed.",
-    )
-    axes: tuple[Axis, ...] = Field(
-        default=(),
-        description="Placements in order, such as x up; needed where the log has no "
-        "accelerometers, checked where it has. An axis that is not named is not estimated.",
-    )
-    asymmetry: bool = Field(
-        default=True, description="Estimate the asymmetry of each scale factor (3 more)."
-    )
-    cubic: bool = Field(
-        default=True, description="Estimate the cubic term of each scale factor (3 more)."
-    )
-    g_sensitivity: bool = Field(
-        default=False,
-        description="Estimate the gyros' g-sensitivity too (9 more); needs every axis up and down.",
-    )
-    rate_sd: RatioSd = Field(
-        default=0.0, ge=0, description="Relative sd of the rate from one step to the next."
-    )
-    table_rate_sd: RatioSd = Field(
-        default=0.0, ge=0, description="Relative sd of an error that all rates share."
-    )
-    fixture_sd: AngleSd = Field(
-        default=0.0,
-        ge=0,
-        description="Sd of the tilt of the instrument in each placement, about each level axis.",
-    )
-    loss: Literal["robust", "squares"] = Field(
-        default="robust",
-        description="robust: a step beyond 3 sd is weighted down; squares: all count in full.",
-    )
-    repeatability: bool = Field(
-        default=True,
-        description="Estimate the scatter between steps that the noise does not explain.",
-    )
-    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
+    rates: tuple[str, ...] = ()
+    """Rates of the table in each placement, in order, counter-clockwise seen from above positive;
+    needed where the log carries no rate of the table. Rests between rates above 0.2 deg/s need not
+    be listed."""
+    axes: tuple[Axis, ...] = ()
+    """Placements in order, such as x up; needed where the log has no accelerometers, checked where
+    it has. An axis that is not named is not estimated."""
+    asymmetry: bool = True
+    """Estimate the asymmetry of each scale factor (3 more)."""
+    cubic: bool = True
+    """Estimate the cubic term of each scale factor (3 more)."""
+    g_sensitivity: bool = False
+    """Estimate the gyros' g-sensitivity too (9 more); needs every axis up and down."""
+    rate_sd: fields.RateSd = 0.0
+    table_rate_sd: fields.TableRateSd = 0.0
+    fixture_sd: AngleSd = Field(default=0.0, ge=0)
+    """Sd of the tilt of the instrument in each placement, about each level axis."""
+    repeatability: fields.Repeatability = True
+    shortest: fields.Shortest = 5.0
 
     @property
     def placed(self) -> tuple[str, ...]:
@@ -108,37 +85,29 @@ class Settings(_Rates, EarthRate):
 class Session(_Rates):
     """The session that `simulate` makes."""
 
-    rates: tuple[str, ...] = Field(
-        default=(
-            "10 deg/s", "-10 deg/s", "25 deg/s", "-25 deg/s", "50 deg/s", "-50 deg/s",
-            "100 deg/s", "-100 deg/s",
-        ),
-        description="Rates in each placement, unless [procedure] lists them.",
-    )  # fmt: skip
-    axes: tuple[Axis, ...] = Field(
-        default=("x up", "x down", "y up", "y down", "z up", "z down"),
-        description="Placements, unless [procedure] lists them.",
+    rates: tuple[str, ...] = (
+        "10 deg/s",
+        "-10 deg/s",
+        "25 deg/s",
+        "-25 deg/s",
+        "50 deg/s",
+        "-50 deg/s",
+        "100 deg/s",
+        "-100 deg/s",
     )
-    step_time: Seconds = Field(
-        default=30.0, gt=0, description="Each rate is held for whole turns, at least so long."
-    )
-    rest_time: Seconds = Field(
-        default=0.0,
-        ge=0,
-        description="Length of a rest before each rate and after the last; 0: no rests.",
-    )
-    asymmetry_sd: RatioSd = Field(
-        default=100e-6, ge=0, description="Sd of the asymmetry of the scale factors."
-    )
-    cubic_sd: RatioSd = Field(
-        default=50e-6, ge=0, description="Sd of the cubic term at the fastest rate."
-    )
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=20.0, gt=0, description="Sample rate."
-    )
-    rows: Literal["samples", "means"] = Field(
-        default="samples", description="A row per sample, or one mean per step."
-    )
+    """Rates in each placement, unless [procedure] lists them."""
+    axes: tuple[Axis, ...] = ("x up", "x down", "y up", "y down", "z up", "z down")
+    """Placements, unless [procedure] lists them."""
+    step_time: Seconds = Field(default=30.0, gt=0)
+    """Each rate is held for whole turns, at least so long."""
+    rest_time: Seconds = Field(default=0.0, ge=0)
+    """Length of a rest before each rate and after the last; 0: no rests."""
+    asymmetry_sd: RatioSd = Field(default=100e-6, ge=0)
+    """Sd of the asymmetry of the scale factors."""
+    cubic_sd: RatioSd = Field(default=50e-6, ge=0)
+    """Sd of the cubic term at the fastest rate."""
+    rate: fields.SampleRate = 20.0
+    rows: fields.Rows = "samples"
 
 
 def simulated(

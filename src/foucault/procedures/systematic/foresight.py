@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import HARDLY, hardly
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.information import largest_shares, terms
 from foucault.diagnose.systematic import checks as judge
@@ -57,7 +58,7 @@ def foresee(b: Beforehand[Settings, Session]) -> Foresight:
         rank=len(states) - len(blind),
         fastest=max((a.rate for a in sequence.actions if isinstance(a, Rotate)), default=0.0),
         rate_limit=settings.rate_limit,
-        hardly=tuple(judge.hardly(states)),
+        hardly=tuple(hardly(states)),
         unseen=tuple(blind),
         remaining=tuple(r.words for r in alone.remaining(states.prior_sd)),
         correlated=alone.with_prior(states.prior_sd).correlated(),
@@ -75,8 +76,8 @@ def _blind(states: CoefficientVector) -> list[str]:
     assert states.cov is not None
     unit = states.prior_sd
     values, vectors = np.linalg.eigh(states.cov / np.outer(unit, unit))
-    hardly = vectors[:, values > judge.HARDLY**2].T
-    return [terms(largest_shares(states.layout, v), dots=True) for v in hardly]
+    blind = vectors[:, values > HARDLY**2].T
+    return [terms(largest_shares(states.layout, v), dots=True) for v in blind]
 
 
 def _told(found: Foreseen, settings: Settings, prior: Prior) -> list[Finding]:
@@ -151,7 +152,7 @@ def shown(
     """
     kept = {} if kept is None else kept
     plain = _quick_states(sequence, Settings(), site, noise, kept)
-    seen = int(np.count_nonzero(plain.sd <= judge.HARDLY * plain.prior_sd))
+    seen = int(np.count_nonzero(plain.sd <= HARDLY * plain.prior_sd))
     models = {}
     for name in MODELS:
         given = Settings.model_validate({"deflection": name})

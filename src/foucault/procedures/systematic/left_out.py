@@ -11,6 +11,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.systematic.checks import LIKE, WANTED, only_sums
 from foucault.diagnose.systematic.deflection_choice import Choice
 from foucault.diagnose.systematic.deflection_verdict import likely
+from foucault.diagnose.words import check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM
 from foucault.procedures.systematic.choice import Decided, compared, widened, with_settings
@@ -57,19 +58,13 @@ def left_out(decision: Decided, given: Given) -> tuple[list[Finding], list[Check
         shown.append(_curves(wide, found, left))
     if decision.choice is None:  # models of deflection were not compared yet
         shown.append(_bends(compared(p, settings, found, given), found))
-    some = sorted((one for one in shown if one.chance < RATE), key=lambda s: (s.chance, -s.gain))
-    return [*out, *(one.finding for one in some[:1])], _checks(shown, some)
-
-
-def _checks(shown: list[Shown], some: list[Shown]) -> list[Check]:
-    """Return the check `left out`: other coefficients have taken in what is not estimated."""
     if not shown:
-        return []
-    chance = min(one.chance for one in shown)
-    words = "No error that is left out shows."
-    if some:
-        words = f"{some[0].finding.message} {some[0].finding.cure}"
-    return [Check("left out", chance, RATE, None, not some, words)]
+        return out, []
+    least = min(shown, key=lambda s: (s.chance, -s.gain))
+    said = {"message": f"{least.finding.message} {least.finding.cure}"}
+    # Other coefficients have taken in what is not estimated.
+    judged = check("errors left out", "left out", least.chance, RATE, None, said)
+    return [*out, *(() if judged.passed else (least.finding,))], [judged]
 
 
 def foreseen_of(

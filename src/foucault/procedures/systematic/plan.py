@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
@@ -20,6 +20,7 @@ from foucault.plans.systematic.moves import Allowed
 from foucault.plans.systematic.search import SystematicSpace, sd_limit
 from foucault.plans.systematic.sequence import RATE, CalibrationSequence
 from foucault.plans.weights import weights_of
+from foucault.procedures.fields import Shortest, Strict, located
 from foucault.procedures.record import Beforehand
 from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen
 from foucault.procedures.systematic.problem import steady
@@ -33,7 +34,6 @@ from foucault.procedures.systematic.settings import (
     draw_errors,
     planned,
 )
-from foucault.procedures.validators import located
 from foucault.units import Quantity, Seconds, parse
 
 HERE = "the site"
@@ -44,41 +44,29 @@ SPINS = 6
 """Spins that a model of deflection takes [1]."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What a better sequence may do."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    total: Seconds | None = Field(
-        default=None, gt=0, examples=["45 min"],
-        description="Time there is; left out, that of the plan to beat, or any with `accuracy`.",
-    )  # fmt: skip
-    accuracy: dict[str, str] = Field(
-        default={}, examples=[{"deflection": "0.0085 arcsec/g"}],
-        description="Largest standard deviation that is wanted of coefficients or groups of them: "
-        "the shortest sequence that reaches it is sought. Left out, the smallest uncertainty.",
-    )  # fmt: skip
-    first: str | None = Field(
-        default=None, examples=["19 positions"],
-        description="Built-in sequence of quarter turns to begin with; left out, that of the plan.",
-    )  # fmt: skip
-    poses: int | None = Field(
-        default=None, ge=0, le=24, examples=[6],
-        description="Number of spins; left out, six where there is a model of deflection.",
-    )  # fmt: skip
-    most_turns: int = Field(default=40, ge=1, description="Most turns of a spin.")
-    shortest: Seconds = Field(default=20.0, gt=0, description="Shortest rest.")
-    longest: Seconds = Field(default=600.0, gt=0, description="Longest rest.")
-    move_rate: Annotated[float, Quantity("angular rate")] = Field(
-        default=RATE, gt=0, description="Rate of all turns but the spins."
-    )
-    alike: bool = Field(
-        default=True, description="Whether the rests between quarter turns are alike."
-    )
-    weights: dict[str, float] = Field(
-        default={}, examples=[{"deflection": 3.0, "accel": 0.0}],
-        description="How much coefficients or groups of them count; 1 if left out.",
-    )  # fmt: skip
+    total: Seconds | None = Field(default=None, gt=0, examples=["45 min"])
+    """Time there is; left out, that of the plan to beat, or any with `accuracy`."""
+    accuracy: dict[str, str] = Field(default={}, examples=[{"deflection": "0.0085 arcsec/g"}])
+    """Largest standard deviation that is wanted of coefficients or groups of them: the shortest
+    sequence that reaches it is sought. Left out, the smallest uncertainty."""
+    first: str | None = Field(default=None, examples=["19 positions"])
+    """Built-in sequence of quarter turns to begin with; left out, that of the plan."""
+    poses: int | None = Field(default=None, ge=0, le=24, examples=[6])
+    """Number of spins; left out, six where there is a model of deflection."""
+    most_turns: int = Field(default=40, ge=1)
+    """Most turns of a spin."""
+    shortest: Shortest = 20.0
+    longest: Seconds = Field(default=600.0, gt=0)
+    """Longest rest."""
+    move_rate: Annotated[float, Quantity("angular rate")] = Field(default=RATE, gt=0)
+    """Rate of all turns but the spins."""
+    alike: bool = True
+    """Whether the rests between quarter turns are alike."""
+    weights: dict[str, float] = Field(default={}, examples=[{"deflection": 3.0, "accel": 0.0}])
+    """How much coefficients or groups of them count; 1 if left out."""
 
     @field_validator("accuracy", mode="after")
     @classmethod

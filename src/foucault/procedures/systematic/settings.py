@@ -7,11 +7,11 @@ from functools import reduce
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from foucault import units
 from foucault.coefficients import Layout
-from foucault.errors import FoucaultError, error
+from foucault.errors import error
 from foucault.models import imu
 from foucault.models.deflection import MODELS, DeflectionModel, deflection_model
 from foucault.models.earth import Site
@@ -24,6 +24,7 @@ from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.built_in import built_in
 from foucault.plans.systematic.file import ActionTable
 from foucault.plans.systematic.sequence import REST, CalibrationSequence, orientation
+from foucault.procedures.fields import Quadratic, SampleRate, Shortest, Strict, located
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
 from foucault.units import Angle, AngleSd, Quantity, Seconds
@@ -104,127 +105,81 @@ ENDS = 0.5
 """A rest that is planned is found shorter by less than this [s]."""
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen; the defaults suit an instrument on a table in a laboratory."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     sequence: tuple[str, ...] = Field(
-        default=("19 positions",),
-        examples=[("19 positions", "spins, simple 6")],
-        description="Built-in sequences that were done, in order; the log is compared with them. "
-        "An empty list takes the rests as the log has them.",
+        default=("19 positions",), examples=[("19 positions", "spins, simple 6")]
     )
-    start: tuple[str, str, str] = Field(
-        default=("east", "north", "up"),
-        description="Where x, y and z pointed at first in a sequence of your own.",
-    )
-    actions: tuple[ActionTable, ...] = Field(
-        default=(),
-        description="A sequence of your own in place of built-in ones: a list of "
-        '{ rest = "150 s" }, { turn = "90 deg", about = "y" }, { spin = 10, about = "north", '
-        'rate = "18 deg/s" }.',
-    )
+    """Built-in sequences that were done, in order; the log is compared with them. An empty list
+    takes the rests as the log has them."""
+    start: tuple[str, str, str] = ("east", "north", "up")
+    """Where x, y and z pointed at first in a sequence of your own."""
+    actions: tuple[ActionTable, ...] = ()
+    """A sequence of your own in place of built-in ones: a list of { rest = "150 s" }, { turn = "90
+    deg", about = "y" }, { spin = 10, about = "north", rate = "18 deg/s" }."""
     deflection: Deflection = Field(
         default="none",
         description="How the input axes of dithered gyros bend under specific force: "
         f"none, {', '.join(MODELS)}; choose: whether they do and which of these it is, by "
         "likelihood. It takes spins to see it.",
     )
-    chirality: Literal[-1, 1] = Field(
-        default=-1,
-        description="Sense of the spokes of the dither wheel, where the model has one; choose "
-        "tries both.",
-    )
-    accel_quadratic: bool = Field(
-        default=False, description="Estimate the accelerometers' quadratic terms too."
-    )
-    accel_asymmetry: bool = Field(
-        default=True,
-        description="Estimate the accelerometers' scale factor asymmetry: a scale factor for each "
-        "sign, which at right angles alone looks like a quadratic term.",
-    )
-    gyro_asymmetry: bool = Field(
-        default=False, description="Estimate the gyros' scale factor asymmetry too."
-    )
-    lever_arms: bool = Field(
-        default=False,
-        description="Estimate where the x and y accelerometer sit, from the z accelerometer.",
-    )
-    delay: bool = Field(
-        default=False, description="Estimate how much later the accelerometers read than the gyros."
-    )
-    steps: Literal["joint", "published"] = Field(
-        default="joint",
-        description="joint: all states from the beginning; published: those of the deflection only "
-        "after the first part, whose result starts the second with the published uncertainties.",
-    )
-    passes: int = Field(
-        default=6,
-        ge=1,
-        le=20,
-        description="Most passes through the session, each linear about the result before; 1: the "
-        "first alone, which a wide prior spoils.",
-    )
-    velocity_sd: Annotated[float, Quantity("velocity")] = Field(
-        default=1e-4,
-        gt=0,
-        le=100,
-        description="How still the instrument stands at rest, each component.",
-    )
-    position_sd: Annotated[float, Quantity("length")] = Field(
-        default=1e-2,
-        gt=0,
-        le=1e4,
-        description="How near the same place it comes to rest after every turn.",
-    )
+    chirality: Literal[-1, 1] = -1
+    """Sense of the spokes of the dither wheel, where the model has one; choose tries both."""
+    accel_quadratic: Quadratic = False
+    accel_asymmetry: bool = True
+    """Estimate the accelerometers' scale factor asymmetry: a scale factor for each sign, which at
+    right angles alone looks like a quadratic term."""
+    gyro_asymmetry: bool = False
+    """Estimate the gyros' scale factor asymmetry too."""
+    lever_arms: bool = False
+    """Estimate where the x and y accelerometer sit, from the z accelerometer."""
+    delay: bool = False
+    """Estimate how much later the accelerometers read than the gyros."""
+    steps: Literal["joint", "published"] = "joint"
+    """joint: all states from the beginning; published: those of the deflection only after the first
+    part, whose result starts the second with the published uncertainties."""
+    passes: int = Field(default=6, ge=1, le=20)
+    """Most passes through the session, each linear about the result before; 1: the first alone,
+    which a wide prior spoils."""
+    velocity_sd: Annotated[float, Quantity("velocity")] = Field(default=1e-4, gt=0, le=100)
+    """How still the instrument stands at rest, each component."""
+    position_sd: Annotated[float, Quantity("length")] = Field(default=1e-2, gt=0, le=1e4)
+    """How near the same place it comes to rest after every turn."""
     turning_sd: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None,
-        gt=0,
-        le=100,
-        examples=["2 mm/s"],
-        description="How still it stays while it turns about itself, each component: velocity is "
-        "measured in turns too. Left out: at rest alone.",
+        default=None, gt=0, le=100, examples=["2 mm/s"]
     )
-    interval: Seconds = Field(default=1.0, gt=0, description="Time between updates.")
-    decorrelate: bool | None = Field(
-        default=None,
-        examples=[True],
-        description="Start every rest anew with velocity and position, so that what the lever arms "
-        "of the accelerometers do in turns is not taken for errors of the gyros. Left out: unless "
-        "the lever arms are estimated.",
-    )
+    """How still it stays while it turns about itself, each component: velocity is measured in turns
+    too. Left out: at rest alone."""
+    interval: Seconds = Field(default=1.0, gt=0)
+    """Time between updates."""
+    decorrelate: bool | None = Field(default=None, examples=[True])
+    """Start every rest anew with velocity and position, so that what the lever arms of the
+    accelerometers do in turns is not taken for errors of the gyros. Left out: unless the lever arms
+    are estimated."""
     gyro_bias_repeatability: Annotated[float, Quantity("angular rate")] = Field(
         default=units.parse("0.01 deg/h", "angular rate"),
         ge=units.parse("0.00001 deg/h", "angular rate"),
-        description="Of several recordings: sd of what the gyro biases differ by from one to the "
-        "next, such as from switch-on to switch-on.",
-    )  # fmt: skip
+    )
+    """Of several recordings: sd of what the gyro biases differ by from one to the next, such as
+    from switch-on to switch-on."""
     accel_bias_repeatability: Annotated[float, Quantity("specific force")] = Field(
-        default=units.parse("50 ug", "specific force"),
-        ge=units.parse("0.01 ug", "specific force"),
-        description="The same of the accelerometers.",
+        default=units.parse("50 ug", "specific force"), ge=units.parse("0.01 ug", "specific force")
     )
-    shortest: Seconds = Field(default=5.0, gt=0, description="Shortest rest.")
+    """The same of the accelerometers."""
+    shortest: Shortest = 5.0
     rate_limit: Annotated[float, Quantity("angular rate")] | None = Field(
-        default=None, gt=0, examples=["90 deg/s"], description="Highest rate of the table."
+        default=None, gt=0, examples=["90 deg/s"]
     )
-    angle_step: Angle | None = Field(
-        default=None, gt=0, le=float(np.pi), examples=["45 deg"],
-        description="Angles at which the instrument can be put are multiples of this (90 deg: "
-        "never slanting); left out, any.",
-    )  # fmt: skip
+    """Highest rate of the table."""
+    angle_step: Angle | None = Field(default=None, gt=0, le=float(np.pi), examples=["45 deg"])
+    """Angles at which the instrument can be put are multiples of this (90 deg: never slanting);
+    left out, any."""
 
     @field_validator("sequence", mode="after")
     @classmethod
     def _known(cls, names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        try:
-            for name in names:
-                built_in(name)
-        except FoucaultError as problem:
-            if "locate" in (info.context or ()):
-                raise ValueError(problem) from None
-            raise
+        located(info, lambda: [built_in(name) for name in names])
         return names
 
     @model_validator(mode="after")
@@ -299,36 +254,20 @@ class Settings(BaseModel):
         return with_size_effect(sensors, lever=self.lever_arms, delay=self.delay)
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The session that `simulate` makes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    rest_time: Seconds | None = Field(
-        default=None, gt=0, examples=["60 s"],
-        description="Length of every rest; left out, as the sequence has it.",
-    )  # fmt: skip
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=50.0, gt=0, description="Sample rate."
-    )
-    angle_sd: AngleSd = Field(
-        default=float(np.radians(1 / 60)),
-        ge=0,
-        description="Sd of the error of every turn of the table; errors add up.",
-    )
-    start_sd: AngleSd = Field(
-        default=float(np.radians(0.5)),
-        ge=0,
-        description="Sd of the attitude at the start from the one of the sequence, each axis.",
-    )
-    arms: Annotated[float, Quantity("length")] = Field(
-        default=0.0,
-        ge=0,
-        description="Sd of the place of the x and y accelerometer from the z accelerometer.",
-    )
-    delay: Seconds = Field(
-        default=0.0, description="How much later accelerometers read than gyros."
-    )
+    rest_time: Seconds | None = Field(default=None, gt=0, examples=["60 s"])
+    """Length of every rest; left out, as the sequence has it."""
+    rate: SampleRate = 50.0
+    angle_sd: AngleSd = Field(default=float(np.radians(1 / 60)), ge=0)
+    """Sd of the error of every turn of the table; errors add up."""
+    start_sd: AngleSd = Field(default=float(np.radians(0.5)), ge=0)
+    """Sd of the attitude at the start from the one of the sequence, each axis."""
+    arms: Annotated[float, Quantity("length")] = Field(default=0.0, ge=0)
+    """Sd of the place of the x and y accelerometer from the z accelerometer."""
+    delay: Seconds = 0.0
+    """How much later accelerometers read than gyros."""
 
 
 def draw_errors(grade: str, seed: int) -> ImuModel:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
@@ -17,6 +17,7 @@ from foucault.plans.transfer.moves import Flyable
 from foucault.plans.transfer.profiles import TransferProfile
 from foucault.plans.transfer.search import POSITION, TransferSpace
 from foucault.plans.weights import weights_of
+from foucault.procedures.fields import Strict
 from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.foresight import Shown, shown
 from foucault.procedures.transfer_alignment.session import Session, moved
@@ -39,52 +40,37 @@ FASTER = 0.2
 """Part of the speed at the start by which it may be left, where nothing is said [1]."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What a better motion may do."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    aim: Literal["coefficients", "position"] = Field(
-        default="coefficients",
-        description="What is to be known best: coefficients, or the position after the outage.",
-    )
-    total: Annotated[float, Quantity("time")] | None = Field(
-        default=None, gt=0, examples=["4 min"],
-        description="Time until the hand-over; left out, that of the motion to beat.",
-    )  # fmt: skip
-    most: int = Field(
-        default=8, ge=1, le=40, description="Most manoeuvres, straight runs among them."
-    )
-    shortest: Annotated[float, Quantity("time")] = Field(
-        default=8.0, ge=1, description="Shortest manoeuvre."
-    )
+    aim: Literal["coefficients", "position"] = "coefficients"
+    """What is to be known best: coefficients, or the position after the outage."""
+    total: Annotated[float, Quantity("time")] | None = Field(default=None, gt=0, examples=["4 min"])
+    """Time until the hand-over; left out, that of the motion to beat."""
+    most: int = Field(default=8, ge=1, le=40)
+    """Most manoeuvres, straight runs among them."""
+    shortest: Annotated[float, Quantity("time")] = Field(default=8.0, ge=1)
+    """Shortest manoeuvre."""
     slowest: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None, gt=0, examples=["40 m/s"],
-        description="Lowest speed; left out, a fifth below that at the start.",
-    )  # fmt: skip
+        default=None, gt=0, examples=["40 m/s"]
+    )
+    """Lowest speed; left out, a fifth below that at the start."""
     fastest: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None, gt=0, examples=["55 m/s"],
-        description="Highest speed; left out, a fifth above that at the start.",
-    )  # fmt: skip
-    bank: Annotated[float, Quantity("angle")] = Field(
-        default=float(np.radians(45.0)), gt=0, lt=1.4,
-        description="Largest angle of bank; of a flat turn, of the force that is felt sideways.",
-    )  # fmt: skip
-    acceleration: Annotated[float, Quantity("specific force")] = Field(
-        default=0.15 * 9.80665, gt=0, description="Largest acceleration along the path."
+        default=None, gt=0, examples=["55 m/s"]
     )
-    climb: Annotated[float, Quantity("angle")] = Field(
-        default=float(np.radians(8.0)), ge=0, lt=1.4,
-        description="Largest angle of climb; 0 for a vehicle that does not.",
-    )  # fmt: skip
-    height: Annotated[float, Quantity("length")] = Field(
-        default=100.0, ge=0, description="How far above and below the start it may go."
-    )
-    flat: bool = Field(default=False, description="Whether it turns without rolling, as ships do.")
-    weights: dict[str, float] = Field(
-        default={}, examples=[{"gyro.bias": 3.0, "accel": 0.0}],
-        description="How much coefficients or groups of them count; 1 if left out.",
-    )  # fmt: skip
+    """Highest speed; left out, a fifth above that at the start."""
+    bank: Annotated[float, Quantity("angle")] = Field(default=float(np.radians(45.0)), gt=0, lt=1.4)
+    """Largest angle of bank; of a flat turn, of the force that is felt sideways."""
+    acceleration: Annotated[float, Quantity("specific force")] = Field(default=0.15 * 9.80665, gt=0)
+    """Largest acceleration along the path."""
+    climb: Annotated[float, Quantity("angle")] = Field(default=float(np.radians(8.0)), ge=0, lt=1.4)
+    """Largest angle of climb; 0 for a vehicle that does not."""
+    height: Annotated[float, Quantity("length")] = Field(default=100.0, ge=0)
+    """How far above and below the start it may go."""
+    flat: bool = False
+    """Whether it turns without rolling, as ships do."""
+    weights: dict[str, float] = Field(default={}, examples=[{"gyro.bias": 3.0, "accel": 0.0}])
+    """How much coefficients or groups of them count; 1 if left out."""
 
 
 @dataclass

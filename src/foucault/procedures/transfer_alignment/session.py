@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault import logs
 from foucault.arrays import FloatArray
@@ -22,6 +22,7 @@ from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise, grade
 from foucault.plans.manoeuvre_table import ManoeuvreTable
 from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
+from foucault.procedures.fields import SampleRate, Strict
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.simulate.transfer.link import Link, MasterNoise
@@ -50,69 +51,53 @@ ROWS = 10.0
 """Rows of the tables of truth in a second [Hz]."""
 
 
-class Session(BaseModel):
+class Session(Strict):
     """The session that `simulate` makes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    profile: str = Field(
-        default="flight",
-        description="What the vehicle does: flight, survey, straight, uav or ship.",
-    )
+    profile: str = "flight"
+    """What the vehicle does: flight, survey, straight, uav or ship."""
     manoeuvres: tuple[ManoeuvreTable, ...] = Field(
-        default=(),
-        examples=[[{"straight": "20 s"}, {"s_turn": "25 deg", "time": "40 s"}]],
-        description="Your own, in the place of the profile's until the hand-over: straight, turn, "
-        "s_turn, accelerate, climb or sway.",
+        default=(), examples=[[{"straight": "20 s"}, {"s_turn": "25 deg", "time": "40 s"}]]
     )
-    heading: Angle | None = Field(
-        default=None, examples=["40 deg"],
-        description="Heading at the start; left out, that of the profile.",
-    )  # fmt: skip
+    """Your own, in the place of the profile's until the hand-over: straight, turn, s_turn,
+    accelerate, climb or sway."""
+    heading: Angle | None = Field(default=None, examples=["40 deg"])
+    """Heading at the start; left out, that of the profile."""
     speed: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None, ge=0, examples=["40 m/s"],
-        description="Speed at the start; left out, that of the profile.",
-    )  # fmt: skip
-    rate: Annotated[float, Quantity("frequency")] = Field(
-        default=200.0, gt=0, description="Sample rate of the slave."
+        default=None, ge=0, examples=["40 m/s"]
     )
-    message_rate: Annotated[float, Quantity("frequency")] = Field(
-        default=10.0, gt=0, description="Messages of the master in a second."
-    )
-    message_delay: Seconds = Field(default=0.1, ge=0, description="How late they arrive.")
-    jitter: Seconds = Field(default=0.0, ge=0, description="Sd of that.")
-    lost: float = Field(default=0.0, ge=0, lt=1, description="Part of the messages that is lost.")
-    repeated: float = Field(
-        default=0.0, ge=0, le=1, description="Part of the messages that comes twice."
-    )
-    stamped: Literal["arrival", "validity", "both"] = Field(
-        default="arrival", description="What the stamps are."
-    )
-    clock_drift: float = Field(
-        default=0.0, gt=-1e-3, lt=1e-3, description="Part by which the master's clock is fast."
-    )
-    master_velocity_sd: Annotated[float, Quantity("velocity")] = Field(
-        default=0.05, ge=0, le=100, description="Noise of the master's velocity, each component."
-    )
-    master_attitude_sd: AngleSd = Field(
-        default=float(np.radians(1 / 60)),
-        ge=0,
-        description="Noise of its heading, pitch and roll.",
-    )
-    installation_sd: AngleSd = Field(
-        default=INSTALLATION, ge=0, description="Sd of the installation about each axis."
-    )
-    compliance_sd: AngleSd = Field(
-        default=0.0, ge=0, description="Sd of the compliance of the mount, per g, about each axis."
-    )
-    flexure: Angle = Field(default=0.0, ge=0, description="Sd of a random bending.")
-    flexure_memory: Seconds = Field(default=5.0, gt=0, description="Its correlation time.")
-    vibration: Annotated[float, Quantity("specific force")] = Field(
-        default=0.0, ge=0, description="Vibration, root mean square along each axis."
-    )
-    with_outage: bool = Field(
-        default=True, description="Simulate the outage after the hand-over too."
-    )
+    """Speed at the start; left out, that of the profile."""
+    rate: SampleRate = 200.0
+    message_rate: Annotated[float, Quantity("frequency")] = Field(default=10.0, gt=0)
+    """Messages of the master in a second."""
+    message_delay: Seconds = Field(default=0.1, ge=0)
+    """How late they arrive."""
+    jitter: Seconds = Field(default=0.0, ge=0)
+    """Sd of that."""
+    lost: float = Field(default=0.0, ge=0, lt=1)
+    """Part of the messages that is lost."""
+    repeated: float = Field(default=0.0, ge=0, le=1)
+    """Part of the messages that comes twice."""
+    stamped: Literal["arrival", "validity", "both"] = "arrival"
+    """What the stamps are."""
+    clock_drift: float = Field(default=0.0, gt=-1e-3, lt=1e-3)
+    """Part by which the master's clock is fast."""
+    master_velocity_sd: Annotated[float, Quantity("velocity")] = Field(default=0.05, ge=0, le=100)
+    """Noise of the master's velocity, each component."""
+    master_attitude_sd: AngleSd = Field(default=float(np.radians(1 / 60)), ge=0)
+    """Noise of its heading, pitch and roll."""
+    installation_sd: AngleSd = Field(default=INSTALLATION, ge=0)
+    """Sd of the installation about each axis."""
+    compliance_sd: AngleSd = Field(default=0.0, ge=0)
+    """Sd of the compliance of the mount, per g, about each axis."""
+    flexure: Angle = Field(default=0.0, ge=0)
+    """Sd of a random bending."""
+    flexure_memory: Seconds = Field(default=5.0, gt=0)
+    """Its correlation time."""
+    vibration: Annotated[float, Quantity("specific force")] = Field(default=0.0, ge=0)
+    """Vibration, root mean square along each axis."""
+    with_outage: bool = True
+    """Simulate the outage after the hand-over too."""
 
     @property
     def motion(self) -> TransferProfile:

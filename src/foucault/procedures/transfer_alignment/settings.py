@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
@@ -16,6 +16,7 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.transfer import LOAD, Matching, Mount
+from foucault.procedures.fields import Strict
 from foucault.units import Angle, AngleSd, Quantity, Seconds, parse
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
@@ -76,126 +77,79 @@ PRIOR_LINES = """\
 """[prior] of the template."""
 
 
-class Settings(BaseModel):
+class Settings(Strict):
     """What can be chosen; the defaults suit a slave fixed firmly to the structure of its master."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    matching: Literal["velocity+attitude", "velocity", "attitude"] = Field(
-        default="velocity+attitude", description="What of the master's messages is used."
-    )
-    attitude_form: Literal["vector", "angles"] = Field(
-        default="vector",
-        description="Attitudes are compared as a rotation vector, or as heading, pitch and roll, "
-        "which fail with the nose up or down.",
-    )
-    vertical: bool = Field(
-        default=True,
-        description="Use vertical velocity too: without it the bias of the accelerometer that "
-        "points up rests on turns alone. It is not used without accel_bias_z, which it shows.",
-    )
-    velocity_sd: Annotated[float, Quantity("velocity")] = Field(
-        default=0.05,
-        gt=0,
-        le=100,
-        description="Sd of the difference of velocities, each component.",
-    )
-    attitude_sd: AngleSd = Field(
-        default=float(np.radians(1 / 60)),
-        gt=0,
-        description="Sd of the difference of attitudes, each component: the master's noise, and "
-        "what bends between the two faster than is modelled.",
-    )
-    mounting_heading: Angle = Field(
-        default=0.0,
-        description="Nominal mounting: where y of the slave points, clockwise from the master's "
-        "forward axis, seen from above.",
-    )
-    mounting_pitch: Angle = Field(default=0.0, description="Its y above the master's level.")
-    mounting_roll: Angle = Field(default=0.0, description="Its right side down.")
-    lever_arm: tuple[str, str, str] = Field(
-        default=("0 m", "0 m", "0 m"),
-        description="From the master to the slave: right, forward, up of the master.",
-    )
-    delay: str = Field(
-        default="estimate",
-        description='How late messages arrive: "estimate", "none" (they are taken as if they held '
-        'when they arrive), or a time such as "80 ms".',
-    )
-    delay_method: Literal["rate matching", "likelihood", "state"] = Field(
-        default="rate matching",
-        description="Where a delay to be estimated starts from: what the gyros and the master's "
-        "attitudes turned, the likeliest of many, or the middle of its bracket. From there on it "
-        "is a state of the filter.",
-    )
-    longest_delay: Seconds = Field(
-        default=0.2, gt=0, description="The delay is looked for from 0 to this."
-    )
-    shift: Literal["interpolated", "sample"] = Field(
-        default="interpolated",
-        description="Look at the slave between its samples, or at the sample before, as published.",
-    )
-    filter: Literal["kalman", "h_infinity"] = Field(
-        default="kalman", description="h_infinity inflates the covariance as its bound demands."
-    )
-    gamma: float | None = Field(
-        default=None,
-        gt=0,
-        examples=[600.0],
-        description="Bound of the H-infinity filter. Left out: gamma_factor times the least.",
-    )
-    gamma_factor: float = Field(default=1.2, gt=1, description="Times the least gamma.")
-    wanted: Literal["prior", "navigation"] = Field(
-        default="prior",
-        description="What the bound is of: every state in units of its prior, or the horizontal "
-        "position after the outage.",
-    )
-    outage: Seconds = Field(
-        default=600.0, gt=0, description="How long the slave goes on alone afterwards."
-    )
-    accel_bias_z: bool = Field(
-        default=True,
-        description="Estimate the bias of the z accelerometer; without it the states are the "
-        "published sixteen.",
-    )
-    misalignments: bool = Field(
-        default=False,
-        description="Put misalignments of gyros and accelerometers and scale factors of the "
-        "accelerometers into the result: twelve coefficients, most of which a motion does not "
-        "show.",
-    )
-    left_out: bool = Field(
-        default=True,
-        description="Count with errors of the slave that are not in the result, of the size that "
-        "[prior] says: misalignments, scale factors of the accelerometers, g-sensitivity of the "
-        "gyros. false takes them as none, for a slave that is calibrated otherwise.",
-    )
-    load: bool = Field(default=False, description="The mount gives way under load: three states.")
-    estimate_flexure: bool = Field(
-        default=False,
-        description="Find flexure_sd, flexure_time and attitude_sd from the innovations: what "
-        "makes them likeliest. What is said of them is where the search starts.",
-    )
-    flexure_sd: AngleSd = Field(
-        default=0.0, ge=0, description="Sd of a bending that comes and goes; 0: none. Six states."
-    )
-    flexure_time: Seconds = Field(default=5.0, gt=0, description="Its correlation time.")
-    wander: Annotated[float, Quantity("angle random walk")] = Field(
-        default=0.0, ge=0, description="Random walk of the installation."
-    )
-    passes: int = Field(
-        default=6,
-        ge=1,
-        le=10,
-        description="At most so many passes, each linear about what the one before has found; "
-        "fewer where nothing moves any more.",
-    )
-    hand_over: Seconds | None = Field(
-        default=None,
-        examples=["240 s"],
-        description="When the slave goes on alone, by its clock; later messages are not used. "
-        "Left out: when the last message arrives.",
-    )
+    matching: Literal["velocity+attitude", "velocity", "attitude"] = "velocity+attitude"
+    """What of the master's messages is used."""
+    attitude_form: Literal["vector", "angles"] = "vector"
+    """Attitudes are compared as a rotation vector, or as heading, pitch and roll, which fail with
+    the nose up or down."""
+    vertical: bool = True
+    """Use vertical velocity too: without it the bias of the accelerometer that points up rests on
+    turns alone. It is not used without accel_bias_z, which it shows."""
+    velocity_sd: Annotated[float, Quantity("velocity")] = Field(default=0.05, gt=0, le=100)
+    """Sd of the difference of velocities, each component."""
+    attitude_sd: AngleSd = Field(default=float(np.radians(1 / 60)), gt=0)
+    """Sd of the difference of attitudes, each component: the master's noise, and what bends between
+    the two faster than is modelled."""
+    mounting_heading: Angle = 0.0
+    """Nominal mounting: where y of the slave points, clockwise from the master's forward axis, seen
+    from above."""
+    mounting_pitch: Angle = 0.0
+    """Its y above the master's level."""
+    mounting_roll: Angle = 0.0
+    """Its right side down."""
+    lever_arm: tuple[str, str, str] = ("0 m", "0 m", "0 m")
+    """From the master to the slave: right, forward, up of the master."""
+    delay: str = "estimate"
+    """How late messages arrive: "estimate", "none" (they are taken as if they held when they
+    arrive), or a time such as "80 ms"."""
+    delay_method: Literal["rate matching", "likelihood", "state"] = "rate matching"
+    """Where a delay to be estimated starts from: what the gyros and the master's attitudes turned,
+    the likeliest of many, or the middle of its bracket. From there on it is a state of the filter.
+    """
+    longest_delay: Seconds = Field(default=0.2, gt=0)
+    """The delay is looked for from 0 to this."""
+    shift: Literal["interpolated", "sample"] = "interpolated"
+    """Look at the slave between its samples, or at the sample before, as published."""
+    filter: Literal["kalman", "h_infinity"] = "kalman"
+    """h_infinity inflates the covariance as its bound demands."""
+    gamma: float | None = Field(default=None, gt=0, examples=[600.0])
+    """Bound of the H-infinity filter. Left out: gamma_factor times the least."""
+    gamma_factor: float = Field(default=1.2, gt=1)
+    """Times the least gamma."""
+    wanted: Literal["prior", "navigation"] = "prior"
+    """What the bound is of: every state in units of its prior, or the horizontal position after the
+    outage."""
+    outage: Seconds = Field(default=600.0, gt=0)
+    """How long the slave goes on alone afterwards."""
+    accel_bias_z: bool = True
+    """Estimate the bias of the z accelerometer; without it the states are the published sixteen."""
+    misalignments: bool = False
+    """Put misalignments of gyros and accelerometers and scale factors of the accelerometers into
+    the result: twelve coefficients, most of which a motion does not show."""
+    left_out: bool = True
+    """Count with errors of the slave that are not in the result, of the size that [prior] says:
+    misalignments, scale factors of the accelerometers, g-sensitivity of the gyros. false takes them
+    as none, for a slave that is calibrated otherwise."""
+    load: bool = False
+    """The mount gives way under load: three states."""
+    estimate_flexure: bool = False
+    """Find flexure_sd, flexure_time and attitude_sd from the innovations: what makes them
+    likeliest. What is said of them is where the search starts."""
+    flexure_sd: AngleSd = Field(default=0.0, ge=0)
+    """Sd of a bending that comes and goes; 0: none. Six states."""
+    flexure_time: Seconds = Field(default=5.0, gt=0)
+    """Its correlation time."""
+    wander: Annotated[float, Quantity("angle random walk")] = Field(default=0.0, ge=0)
+    """Random walk of the installation."""
+    passes: int = Field(default=6, ge=1, le=10)
+    """At most so many passes, each linear about what the one before has found; fewer where nothing
+    moves any more."""
+    hand_over: Seconds | None = Field(default=None, examples=["240 s"])
+    """When the slave goes on alone, by its clock; later messages are not used. Left out: when the
+    last message arrives."""
 
     @field_validator("lever_arm", "delay", mode="after")
     @classmethod
