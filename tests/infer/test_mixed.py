@@ -182,3 +182,15 @@ class Priced(Line):
     def linearise(self, state: FloatArray) -> Linearisation:
         at = super().linearise(state)
         return replace(at, sources=(at.sources[0], replace(at.sources[1], price=mixed.SIGNIFICANT)))
+
+
+@pytest.mark.parametrize("sd", [5e-4, 1e-3, 3e-3])
+def test_a_source_as_large_as_the_known_noise_is_widened_by_its_share(sd: float) -> None:
+    square = 0.0
+    for seed in range(600):
+        at = mixed.fit(drawn(np.random.default_rng(seed), placements=16, each=1, sd=sd)).estimate
+        error = at.coefficients.values - [0.01, 0.002]
+        assert at.coefficients.cov is not None
+        square += float(error @ np.linalg.solve(at.coefficients.cov, error))
+    low, high = chi2.ppf([0.005, 0.995], 1200)
+    assert low < square < high

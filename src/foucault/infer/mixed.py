@@ -425,6 +425,10 @@ def repeatability(
     Of the readings only the contrasts count that no unknown explains; what they say of the sizes
     does not hang on the estimate.
 
+    Its degrees of freedom ``v tr(S V)`` are the contrasts, each by the share that the source has in
+    its variance: a variance v that is this share s of the whole has a relative error of
+    ``sqrt(2 / n) / s``, the whole one of ``sqrt(2 / n)``, and Student's factor makes up for that.
+
     `state`: near the solution; `weights` (n,): what a reading counts [1]. Returns source -> size,
     0 where it does not gain its price, and source -> degrees of freedom that it was found from.
     """
@@ -448,8 +452,7 @@ def repeatability(
             break
         del kept[worst]
     S = _inverse(z, V, var)
-    SV = {n: S @ (v * V[n]) for n, v in var.items() if v}
-    dof = {n: float(np.sum(x * x.T)) for n, x in SV.items()}
+    dof = {n: v * float(np.sum(S * V[n])) for n, v in var.items()}
     return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
 
 
