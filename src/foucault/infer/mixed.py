@@ -328,7 +328,8 @@ def fit(
     repeatability [1]; `near` or None: a solution whose outliers are settled, and which is near.
     """
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
-    begin = _first_sizes(model)
+    first = near.at if near else model.linearise(model.start)
+    begin = _first_sizes(first)
     estimate = near.estimate if near else gauss_newton.solve(stated(model, begin), loss=loss)
     if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
         problem = stated(model, begin, prior)
@@ -345,7 +346,7 @@ def fit(
             break
         estimate = _solved(model, found, estimate, weights)
     after = components(model, estimate)
-    alone = {s.name: 0.0 for s in model.linearise(estimate.state).sources if s.unexplained}
+    alone = {s.name: 0.0 for s in first.sources if s.unexplained}
     before = after
     if any(found.get(name) for name in alone) and not any(begin.values()):
         same = near is not None and not any(near.sds.values()) and alone.keys() == found.keys()
@@ -370,9 +371,8 @@ def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
     return replace(now, found=at.found, dof=at.dof, before=at.before, after=at.after)
 
 
-def _first_sizes(model: Model) -> dict[str, float]:
+def _first_sizes(at: Linearisation) -> dict[str, float]:
     """Return what sources of unknown size begin with: nothing, but where nothing else is known."""
-    at = model.linearise(model.start)
     names = {s.name for s in at.sources if s.sd is None}
     unknown = _silent(at, names).any()
     return dict.fromkeys(sorted(names), 1.0 if unknown else 0.0)

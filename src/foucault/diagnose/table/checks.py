@@ -43,6 +43,9 @@ LARGE = {"accel": 0.05, "gyro": np.radians(0.1), "rate": 1e-2}
 """Scatter beyond the noise that is no longer a calibration: 5 mg [m/s^2], 0.1 deg/s [rad/s], 1 %
 of the rate [1]."""
 
+QUADRATIC = "quadratic terms of the accelerometers"
+"""Name of the check of terms that were left out."""
+
 _LIMITS = {
     source: Limit(
         f"The {what}", LARGE[triad], *UNITS[triad],
@@ -76,7 +79,7 @@ def checks(e: TableFit) -> tuple[Check, ...]:
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)
     out += left_out_check(
-        _quadratic(judged, e), LAYOUT, "quadratic terms of the accelerometers",
+        _quadratic(judged, e), LAYOUT, QUADRATIC,
         "Set accel_quadratic = true, in a plan that shows them.",
     )  # fmt: skip
     return tuple(out)

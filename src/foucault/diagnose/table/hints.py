@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from foucault.diagnose.table.checks import name_of, reading_name, rest_slope
+from foucault.diagnose.table.checks import QUADRATIC, name_of, reading_name, rest_slope
 from foucault.errors import Finding, finding
 from foucault.estimate.table.fit import TableFit
 from foucault.estimate.table.likelihood import FORCES
 from foucault.infer import mixed
+from foucault.result import Check
 from foucault.tables import AXES
 from foucault.units import plain
 
 
-def hints(e: TableFit) -> list[Finding]:
-    """Return findings about the session: outliers, scatter, a wrong g."""
+def hints(e: TableFit, checks: Iterable[Check]) -> list[Finding]:
+    """Return findings about the session: outliers, scatter, a wrong g.
+
+    `checks`: of the same fit.
+    """
+    left_out = any(c.name == QUADRATIC and not c.passed for c in checks)
     out = []
     for row in e.fit.outliers:
         what = name_of(e.model.readings, int(e.model.rows[row]))
@@ -32,7 +38,7 @@ def hints(e: TableFit) -> list[Finding]:
         if abs(mean) > COMMON and float(np.ptp(values)) < abs(mean) / 3:
             words = {"ppm": f"{mean * 1e6:.0f}", "gravity": f"{e.model.site.gravity:.5f}"}
             out.append(finding(code, **words))
-    return out + _g_sensitivity(e) + _quadratic(e)
+    return out + _g_sensitivity(e) + (_quadratic(e) if left_out else [])
 
 
 def _wrong_angles(e: TableFit) -> list[Finding]:

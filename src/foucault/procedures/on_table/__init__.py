@@ -284,7 +284,7 @@ def _result(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*readings.findings, *found, *table_hints.hints(solution)),
+        findings=(*readings.findings, *found, *table_hints.hints(solution, checks)),
         status=estimate.status,
         site=site.as_dict(),
         diagnostics=_diagnostics(solution, task, covered) | seen_best,
