@@ -194,3 +194,14 @@ def test_a_source_as_large_as_the_known_noise_is_widened_by_its_share(sd: float)
         square += float(error @ np.linalg.solve(at.coefficients.cov, error))
     low, high = chi2.ppf([0.005, 0.995], 1200)
     assert low < square < high
+
+
+def test_what_only_a_prior_tells_has_the_scatter_of_the_readings_in_its_uncertainty() -> None:
+    model = drawn(np.random.default_rng(1), placements=16, each=1, sd=5e-3)
+    model = replace(model, inputs=np.full(16, 9.8), y=model.y - model.inputs + 9.8)
+    prior = CoefficientVector.prior(model.layout, {"accel.scale.x": (0.002, 1e-5)})
+    at = mixed.fit(model, prior)
+    assert at.estimate.coefficients.cov is not None
+    sd = np.hypot(np.hypot(1e-3, at.sds["placement"]) / 4, 9.8e-5)
+    assert at.found["placement"] > 3e-3
+    assert at.estimate.coefficients.sd[0] == pytest.approx(sd, rel=1e-3)

@@ -302,11 +302,9 @@ def solve(
     `sds`: source -> size, those to be found are nothing where it is not given [SI]; `weights`
     (n,): what a reading counts, None for 1 [1]; `near`: state to start from, None for the model's.
     """
-    sds = {} if sds is None else sds
-    problem = stated(model, sds)
-    problem = problem if near is None else replace(problem, start=near)
+    sds, problem = sds or {}, stated(model, sds)
     weights = np.ones(problem.n_blocks) if weights is None else weights
-    estimate = gauss_newton.solve(problem, loss=partial(_held, weights), weights=weights)
+    estimate = _solved(model, sds, model.start if near is None else near, weights)
     return _fit_of(model, problem, estimate, sds)
 
 
@@ -332,29 +330,32 @@ def fit(
     begin = _first_sizes(first)
     estimate = near.estimate if near else gauss_newton.solve(stated(model, begin), loss=loss)
     if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
-        problem = stated(model, begin, prior)
-        return _fit_of(model, problem, gauss_newton.solve(problem, loss=loss), begin)
+        found, dof = repeatability(model, estimate.state, estimate.weights)
+        sds = {name: sd * student(dof[name]) for name, sd in found.items()}
+        problem = stated(model, sds, prior)
+        now = _fit_of(model, problem, gauss_newton.solve(problem, loss=loss), sds)
+        return replace(now, found=found, dof=dof)
     weights = _outliers(model, estimate, few) if robust else estimate.weights
     found, dof, settled = begin, begin, not begin and not robust
     for _ in range(0 if settled else 4):
         found, dof = repeatability(model, estimate.state, weights)
         if near and not any(found.values()) and not any(near.sds.values()):
             return with_prior(replace(near, found=found, dof=dof), prior)
-        estimate = _solved(model, found, estimate, weights)
+        estimate = _solved(model, found, estimate.state, weights)
         kept, weights = weights, _outliers(model, estimate, few) if robust else weights
         if np.array_equal(kept, weights):
             break
-        estimate = _solved(model, found, estimate, weights)
+        estimate = _solved(model, found, estimate.state, weights)
     after = components(model, estimate)
     alone = {s.name: 0.0 for s in first.sources if s.unexplained}
-    before = after
+    before: Mapping[str, Component] = after
     if any(found.get(name) for name in alone) and not any(begin.values()):
-        same = near is not None and not any(near.sds.values()) and alone.keys() == found.keys()
-        before = near.before if same and near else components(
-            model, _solved(model, found | alone, estimate, weights)
-        )  # fmt: skip
+        if near and not any(near.sds.values()) and alone.keys() == found.keys():
+            before = near.before
+        else:
+            before = components(model, _solved(model, found | alone, estimate.state, weights))
     sds = {name: sd * student(dof[name]) for name, sd in found.items()}
-    estimate = _solved(model, sds, estimate, weights) if any(sds.values()) else estimate
+    estimate = _solved(model, sds, estimate.state, weights) if any(sds.values()) else estimate
     whole = _fit_of(model, stated(model, sds), estimate, sds)
     whole = replace(whole, found=found, dof=dof, before=before, after=after)
     return with_prior(whole, prior)
@@ -393,10 +394,8 @@ def _fit_of(model: Model, problem: Problem, estimate: Estimate, sds: Mapping[str
     return Fit(model, problem, estimate, at, white, sds, before=now, after=now)
 
 
-def _solved(
-    model: Model, sds: Mapping[str, float], near: Estimate, weights: FloatArray
-) -> Estimate:
-    problem = replace(stated(model, sds), start=near.state)
+def _solved(model: Model, sds: Mapping[str, float], near: Any, weights: FloatArray) -> Estimate:
+    problem = replace(stated(model, sds), start=near)
     held = partial(_held, weights)
     return gauss_newton.solve(problem, loss=held, weights=weights)
 
