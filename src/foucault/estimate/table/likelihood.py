@@ -199,7 +199,8 @@ class TableModel:
             IN_SPINS: self._own(spin, eye), ALONG: turning,
         }  # fmt: skip
         # Noise that was measured within readings is a lower limit of what differs between them:
-        # what is more is always added, where enough of them tell it. Nobody's noise is all scatter.
+        # what is more is always added, where enough of them tell it. A noise that nobody knows is
+        # all scatter.
         tested = {"declared": set(scatter), "measured": self.tested, "unknown": set()}
         out += [
             Source(
@@ -234,8 +235,9 @@ class TableModel:
         """Return the horizontal part of the Earth's rotation at rest, where the heading is unknown.
 
         Its size is known, half its square along each axis. It is one vector for the table: where
-        the angles tell how the table was turned between rests, to a few degrees, all share it;
-        else every rest has one of its own.
+        the angles tell how the table was turned between rests, to a few degrees, all share it.
+        Else every rest has one of its own, with the whole square along each axis, because the
+        directions of several rests may be alike.
         """
         r, start = self.readings, self.start
         j, mine = self.rows % len(self.readings), self.kind == 2
@@ -247,10 +249,10 @@ class TableModel:
             across = wahba(o[~r.spin], at.up_k[~r.spin]) @ np.swapaxes(at.C_tk[:, :2], 1, 2)
         # As the gyros see it: a percent of it is more than the noise of a good gyro.
         seen = self._own(mine, (start.model.gyro_matrix @ across)[j])
-        size = EARTH_RATE * np.cos(self.site.latitude or 0.0) / np.sqrt(2)
+        size = EARTH_RATE * np.cos(self.site.latitude or 0.0)
         name, basis = "unknown heading", "heading not given: the whole circle"
         if tied:
-            return Source(name, shared=seen, sd=size, basis=basis)
+            return Source(name, shared=seen, sd=size / np.sqrt(2), basis=basis)
         return Source(name, seen, sd=size, basis=basis)
 
     def retract(self, state: State, step: FloatArray) -> State:
