@@ -16,7 +16,7 @@ BUDGET = {
     "diagnose": 20_949,
     "estimate": 9_693,
     "export": 2_475,
-    "infer": 652,
+    "infer": 835,
     "kernels": 4_288,
     "logs": 6_267,
     "models": 5_076,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ class Line:
 
     def linearise(self, state: FloatArray) -> Linearisation:
         J = np.column_stack([np.ones_like(self.inputs), self.inputs])[:, None, :]
-        miss = self.y - self.inputs - J[:, 0] @ state
+        miss = self.y - self.inputs - J[:, 0] @ state[:2]
         placed = (self.group[:, None] == np.unique(self.group))[:, None, :].astype(float)
         return Linearisation(miss[:, None], J, (
             Source("noise", each=np.ones((len(self.y), 1, 1)), sd=self.noise, noise=True),
@@ -135,6 +136,67 @@ def test_causes_that_readings_share_are_found_as_unknowns_with_a_prior_are() -> 
     assert mixed.causes(mixed.fit(model), "noise").size == 0
 
 
+def test_a_held_out_reading_that_the_others_do_not_determine_is_not_predicted() -> None:
+    """Two placements share one input: of the third alone the others say nothing."""
+    model = replace(drawn(np.random.default_rng(8), 3, 2), placement=2e-3)
+    alone = replace(model, inputs=np.array([1.0, 1.0, 1.0, 1.0, 5.0, 5.0]))
+    found = mixed.held_out(mixed.fit(alone), [np.array([4, 5])])
+    assert np.isnan(found.error[4:]).all() and np.isinf(found.sd[4:]).all()
+    assert found.count == 1  # how much they differ
+    parts, at = [np.array([0, 4]), np.array([1])], mixed.fit(model)
+    twice, whole = mixed.held_out(at, parts, np.full((6, 1, 1), 2.0)), mixed.held_out(at, parts)
+    np.testing.assert_allclose(twice.error, 2 * whole.error)
+    np.testing.assert_allclose(twice.sd, 2 * whole.sd)
+    assert twice.score == pytest.approx(whole.score) and twice.count == whole.count == 3
+
+
+@dataclass(frozen=True)
+class Tilted(Line):
+    """A line whose inputs are turned by an angle that is known beforehand."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        J = np.concatenate([at.jacobian, self.inputs[:, None, None] ** 2], axis=2)
+        rows = np.zeros((1, 3))
+        rows[0, 2] = 1e4
+        miss = at.residuals - J[:, :, 2] * state[2]
+        known = (np.array([-1e4 * state[2]]), rows)
+        return replace(at, residuals=miss, jacobian=J, known=known, known_from=("tilt",))
+
+    @property
+    def start(self) -> FloatArray:
+        return np.zeros(3)
+
+    def values(self, state: FloatArray) -> FloatArray:
+        return state[:2]
+
+
+def test_what_is_known_of_a_nuisance_is_a_row_of_the_budget() -> None:
+    at = mixed.fit(Tilted(**vars(replace(drawn(np.random.default_rng(9)), placement=2e-3))))
+    parts = mixed.budget(at)
+    assert set(parts) == {"noise", "placement", "tilt"}
+    np.testing.assert_allclose(sum(parts.values()), np.diag(at.estimate.state_cov)[:2], rtol=1e-9)
+
+
+def test_a_model_is_linearised_once_at_a_state() -> None:
+    at = mixed.fit(model := drawn(np.random.default_rng(10)))
+    seen: list[FloatArray] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> object:
+            return getattr(model, name)
+
+        def linearise(self, state: FloatArray) -> Linearisation:
+            seen.append(state)
+            return model.linearise(state)
+
+    found = mixed.fit(Counting())
+    np.testing.assert_array_equal(found.state, at.state)
+    assert all(a is not b for a, b in pairwise(seen))
+    mixed.noise_alone(found).linearise(found.state, np.ones(48))
+    assert sum(state is found.state for state in seen) == 1
+
+
 def test_what_is_left_out_says_nothing_of_what_it_shares() -> None:
     model = replace(drawn(np.random.default_rng(4)), placement=2e-3)
     whole = mixed.fit(
@@ -184,16 +246,78 @@ class Priced(Line):
         return replace(at, sources=(at.sources[0], replace(at.sources[1], price=mixed.SIGNIFICANT)))
 
 
-@pytest.mark.parametrize("sd", [5e-4, 1e-3, 3e-3])
-def test_a_source_as_large_as_the_known_noise_is_widened_by_its_share(sd: float) -> None:
-    square = 0.0
-    for seed in range(600):
-        at = mixed.fit(drawn(np.random.default_rng(seed), placements=16, each=1, sd=sd)).estimate
-        error = at.coefficients.values - [0.01, 0.002]
-        assert at.coefficients.cov is not None
-        square += float(error @ np.linalg.solve(at.coefficients.cov, error))
-    low, high = chi2.ppf([0.005, 0.995], 1200)
-    assert low < square < high
+class Twice(Priced):
+    """Nothing tells the priced source from one that is always added."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        named = replace(at.sources[1], name="named", price=0.0)
+        return replace(at, sources=(*at.sources, named))
+
+
+def test_what_another_source_explains_as_well_gains_nothing() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        model = Twice(**vars(drawn(rng, placements=30)))
+        found, _ = mixed.repeatability(model, np.zeros(2), np.ones(120))
+        alone, _ = mixed.repeatability(Line(**vars(model)), np.zeros(2), np.ones(120))
+        assert found["placement"] == 0.0
+        assert found["named"] == pytest.approx(alone["placement"], rel=1e-3)
+
+
+@pytest.mark.parametrize("bad", [0, 1, 7])
+def test_what_is_off_is_left_out_and_not_what_shares_its_placement(bad) -> None:
+    model = replace(drawn(np.random.default_rng(8)), placement=1.0)
+    at = mixed.fit(
+        replace(model, y=model.y + np.where(np.arange(48) == bad, 0.1, 0.0)), robust=True
+    )
+    assert at.outliers.tolist() == [bad]
+    kept = np.arange(48) != bad
+    C = 1e-6 * np.eye(48) + 1.0 * (model.group[:, None] == model.group)
+    r = at.at.residuals[:, 0]
+    left = r[bad] - C[bad, kept] @ np.linalg.solve(C[np.ix_(kept, kept)], r[kept])
+    var = C[bad, bad] - C[bad, kept] @ np.linalg.solve(C[np.ix_(kept, kept)], C[kept, bad])
+    assert mixed.norms(at.at, at.covariance)[bad] == pytest.approx(abs(left) / var**0.5, rel=1e-3)
+
+
+def test_the_likeliest_model_is_the_one_that_it_was_drawn_from() -> None:
+    rng = np.random.default_rng(9)
+    right = drawn(rng)
+    wrong = replace(right, group=rng.permutation(right.group))
+    assert mixed.likeliest([wrong, right], np.zeros(2), np.ones(48)) is right
+
+
+def test_causes_that_readings_share_are_found_and_drawn_to_nothing() -> None:
+    model = replace(drawn(np.random.default_rng(10)), placement=2e-3)
+    at = mixed.fit(model)
+    means = at.at.residuals[:, 0].reshape(12, 4).mean(axis=1)
+    want = means * 4e-6 / (4e-6 + 1e-6 / 4)
+    np.testing.assert_allclose(mixed.causes(at, "placement"), want, rtol=1e-6)
+    assert not mixed.causes(at, "noise").size
+
+
+def test_noise_that_nobody_knows_is_told_from_much_larger_errors_that_readings_share() -> None:
+    rng = np.random.default_rng(11)
+    found = [
+        mixed.repeatability(Unknown(**vars(drawn(rng, sd=sd)), unit=unit), np.zeros(2), np.ones(48))
+        for sd, unit in ((1.0, 1.0), (1.0, 1e-9), (1e-3, 1e6))
+    ]
+    for (size, dof), unit in zip(found, (1.0, 1e-9, 1e6), strict=True):
+        assert size["noise"] * unit == pytest.approx(1e-3, rel=0.3)
+        assert dof["noise"] == pytest.approx(36, abs=3)
+
+
+@dataclass(frozen=True)
+class Unknown(Line):
+    unit: float = 1.0
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        noise, placed = at.sources
+        each = self.unit * np.ones((len(self.y), 1, 1))
+        return replace(
+            at, sources=(replace(noise, each=each, sd=None, price=0.0), replace(placed, sd=1.0))
+        )
 
 
 def test_what_only_a_prior_tells_has_the_scatter_of_the_readings_in_its_uncertainty() -> None:

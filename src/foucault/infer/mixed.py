@@ -23,6 +23,7 @@ References
 .. [1] H. D. Patterson, R. Thompson, "Recovery of inter-block information when block sizes are
    unequal", Biometrika 58(3), 1971; D. A. Harville, JASA 72, 1977.
 .. [2] W. Baarda, "A testing procedure for use in geodetic networks", 1968.
+.. [3] A. R. Gilmour, R. Thompson, B. R. Cullis, "Average information REML", Biometrics 51, 1995.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -53,6 +54,9 @@ SETTLED = 1e-3
 
 NEARLY = 2.0
 """A mean square of residuals that is not far from that of the noise [1]."""
+
+LEAST = 1e-13
+"""Least variance of a reading for itself, as a part of its whole variance [1]."""
 
 SEEN = 0.01
 """A direction of a reading of which less than this share is redundant is not predicted [1]."""
@@ -132,6 +136,9 @@ class Model(Protocol):
         ...
 
 
+AModel = TypeVar("AModel", bound=Model)
+
+
 @dataclass(frozen=True)
 class Component:
     """How one kind of reading fits."""
@@ -169,7 +176,7 @@ class Covariance:
         `weights` (n,): what a reading counts: its own variance grows by as much [1].
         """
         n, d = shape
-        self.own, self.tied = np.zeros((n, d, d)), np.zeros((0, 0))
+        self.own, self.tied, self.weights = np.zeros((n, d, d)), np.zeros((0, 0)), weights
         for source, sd in ((s, size_of(s, sds)) for s in sources):
             if source.each is not None and sd:
                 self.own += sd**2 * source.each @ np.swapaxes(source.each, 1, 2)
@@ -177,9 +184,12 @@ class Covariance:
                 rows = source.shared.reshape(n * d, -1)
                 self.tied = self.tied if self.tied.size else np.zeros((n * d, n * d))
                 self.tied += sd**2 * rows @ rows.T
-        # What every reading has for itself keeps an inverse, also where there is no noise.
-        least = 1e-13 * np.trace(self.own, axis1=1, axis2=2)[:, None, None]
-        self.own = (self.own + least * np.eye(d)) / weights[:, None, None]
+        # What every reading has for itself keeps an inverse, also where there is no noise, and
+        # where what readings share is so much larger that rounding would hide it.
+        least = LEAST * np.trace(self.own, axis1=1, axis2=2)
+        if self.tied.size:
+            least = np.maximum(least, LEAST * np.diag(self.tied).reshape(n, d).sum(axis=1))
+        self.own = (self.own + least[:, None, None] * np.eye(d)) / weights[:, None, None]
 
     @cached_property
     def whole(self) -> FloatArray:
@@ -219,6 +229,21 @@ def size_of(source: Source, sds: Mapping[str, float]) -> float:
     return sds.get(source.name, source.sd or 0.0)
 
 
+class _Once:
+    """A model that remembers its last linearisation: weights and sizes change more often."""
+
+    def __init__(self, model: Model, *last: Any) -> None:
+        self._model, self._last = model, cast("tuple[Any, Linearisation]", last or (None, None))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._model, name)
+
+    def linearise(self, state: Any) -> Linearisation:
+        if self._last[0] is not state:
+            self._last = state, self._model.linearise(state)
+        return self._last[1]
+
+
 def stated(
     model: Model,
     sds: Mapping[str, float] | None = None,
@@ -231,13 +256,10 @@ def stated(
     `sds`: source -> size [SI]; `prior` or None: what is known of the coefficients [SI];
     `noise_alone`: leave all sources out that are not noise of the sensors.
     """
-    sds = sds or {}
-    last: list[tuple[Any, Linearisation]] = []  # weights change more often than the state
+    sds, once = sds or {}, model if isinstance(model, _Once) else _Once(model)
 
     def linearise(state: Any, weights: FloatArray) -> Linearised:
-        if not last or last[0][0] is not state:
-            last[:] = [(state, model.linearise(state))]
-        at = last[0][1]
+        at = once.linearise(state)
         n, d = at.residuals.shape
         some = [s for s in at.sources if s.noise or not noise_alone]
         both = np.concatenate([at.jacobian, at.residuals[:, :, None]], axis=2)
@@ -302,9 +324,11 @@ def solve(
     `sds`: source -> size, those to be found are nothing where it is not given [SI]; `weights`
     (n,): what a reading counts, None for 1 [1]; `near`: state to start from, None for the model's.
     """
-    sds, problem = sds or {}, stated(model, sds)
+    sds = {} if sds is None else sds
+    problem = stated(model, sds)
+    problem = problem if near is None else replace(problem, start=near)
     weights = np.ones(problem.n_blocks) if weights is None else weights
-    estimate = _solved(model, sds, model.start if near is None else near, weights)
+    estimate = gauss_newton.solve(problem, loss=partial(_held, weights), weights=weights)
     return _fit_of(model, problem, estimate, sds)
 
 
@@ -325,44 +349,49 @@ def fit(
     `gauss_newton.ROBUST_LIMIT`, unless a larger share than `few` of their kind are: that is
     repeatability [1]; `near` or None: a solution whose outliers are settled, and which is near.
     """
+    stating, model = model, cast("Model", _Once(model))
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
-    first = near.at if near else model.linearise(model.start)
-    begin = _first_sizes(first)
-    estimate = near.estimate if near else gauss_newton.solve(stated(model, begin), loss=loss)
+    begin = _first_sizes(model)
+    first = near.estimate if near else gauss_newton.solve(stated(model, begin), loss=loss)
+    estimate = first
     if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
         found, dof = repeatability(model, estimate.state, estimate.weights)
-        sds = {name: sd * student(dof[name]) for name, sd in found.items()}
-        problem = stated(model, sds, prior)
-        now = _fit_of(model, problem, gauss_newton.solve(problem, loss=loss), sds)
-        return replace(now, found=found, dof=dof)
-    weights = _outliers(model, estimate, few) if robust else estimate.weights
-    found, dof, settled = begin, begin, not begin and not robust
-    for _ in range(0 if settled else 4):
+        wide = {name: sd * student(dof[name]) for name, sd in found.items()}
+        problem = stated(model, wide, prior)
+        whole = _fit_of(stating, problem, gauss_newton.solve(problem, loss=loss), wide)
+        return replace(whole, found=found, dof=dof)
+    weights = _outliers(model, begin, estimate, few) if robust else estimate.weights
+    known = dict(near.sds) if near else begin
+    sds, found, dof = known, begin, begin  # `sds`: those that `estimate` was solved with
+    for _ in range(4 if begin or robust else 0):
         found, dof = repeatability(model, estimate.state, weights)
-        if near and not any(found.values()) and not any(near.sds.values()):
-            return with_prior(replace(near, found=found, dof=dof), prior)
-        estimate = _solved(model, found, estimate.state, weights)
-        kept, weights = weights, _outliers(model, estimate, few) if robust else weights
+        if found != sds or not np.array_equal(weights, estimate.weights):
+            estimate, sds = _solved(model, found, estimate, weights), found
+        kept, weights = weights, _outliers(model, found, estimate, few) if robust else weights
         if np.array_equal(kept, weights):
             break
-        estimate = _solved(model, found, estimate.state, weights)
-    after = components(model, estimate)
-    alone = {s.name: 0.0 for s in first.sources if s.unexplained}
-    before: Mapping[str, Component] = after
-    if any(found.get(name) for name in alone) and not any(begin.values()):
-        if near and not any(near.sds.values()) and alone.keys() == found.keys():
-            before = near.before
-        else:
-            before = components(model, _solved(model, found | alone, estimate.state, weights))
-    sds = {name: sd * student(dof[name]) for name, sd in found.items()}
-    estimate = _solved(model, sds, estimate.state, weights) if any(sds.values()) else estimate
-    whole = _fit_of(model, stated(model, sds), estimate, sds)
-    whole = replace(whole, found=found, dof=dof, before=before, after=after)
+        estimate = _solved(model, found, estimate, weights)
+    after = before = components(model, estimate)
+    sources = model.linearise(estimate.state).sources
+    alone = {s.name: 0.0 for s in sources if s.unexplained and found.get(s.name)}
+    if alone and not any(begin.values()):
+        # Where nothing else was found either, that is what was solved first.
+        same = np.array_equal(first.weights, weights)
+        same &= not any(known.values()) and not any((found | alone).values())
+        bare = first if same else _solved(model, found | alone, estimate, weights)
+        before = components(model, bare)
+    wide = {name: sd * student(dof[name]) for name, sd in found.items()}
+    estimate = _solved(model, wide, estimate, weights) if wide != sds else estimate
+    whole = _fit_of(model, stated(model, wide), estimate, wide)
+    whole = replace(whole, model=stating, found=found, dof=dof, before=before, after=after)
     return with_prior(whole, prior)
 
 
 def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
-    """Add what is known of the coefficients to a solution whose sizes and outliers are settled."""
+    """Add what is known of the coefficients to a solution whose sizes and outliers are settled.
+
+    `prior` or None: mean and standard deviation of the coefficients [SI].
+    """
     if prior is None:
         return at
     problem, estimate = stated(at.model, at.sds, prior), at.estimate
@@ -372,8 +401,9 @@ def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
     return replace(now, found=at.found, dof=at.dof, before=at.before, after=at.after)
 
 
-def _first_sizes(at: Linearisation) -> dict[str, float]:
+def _first_sizes(model: Model) -> dict[str, float]:
     """Return what sources of unknown size begin with: nothing, but where nothing else is known."""
+    at = model.linearise(model.start)
     names = {s.name for s in at.sources if s.sd is None}
     unknown = _silent(at, names).any()
     return dict.fromkeys(sorted(names), 1.0 if unknown else 0.0)
@@ -394,8 +424,10 @@ def _fit_of(model: Model, problem: Problem, estimate: Estimate, sds: Mapping[str
     return Fit(model, problem, estimate, at, white, sds, before=now, after=now)
 
 
-def _solved(model: Model, sds: Mapping[str, float], near: Any, weights: FloatArray) -> Estimate:
-    problem = replace(stated(model, sds), start=near)
+def _solved(
+    model: Model, sds: Mapping[str, float], near: Estimate, weights: FloatArray
+) -> Estimate:
+    problem = replace(stated(model, sds), start=near.state)
     held = partial(_held, weights)
     return gauss_newton.solve(problem, loss=held, weights=weights)
 
@@ -405,15 +437,45 @@ def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
     return weights
 
 
-def _outliers(model: Model, estimate: Estimate, few: float) -> FloatArray:
+def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: float) -> FloatArray:
     """Return weights that leave out what is far off, unless so much is that it is no outlier."""
-    norms = gauss_newton.block_norms(estimate.residuals, estimate.blocks, estimate.weights)
-    out = norms > gauss_newton.ROBUST_LIMIT
-    for rows in model.kinds.values():
-        mine = rows.any(axis=1)
-        if out[mine].sum() > few * mine.sum():
-            out[mine] = False
-    return np.where(out, gauss_newton.LEFT_OUT, 1.0)
+    at = model.linearise(estimate.state)
+    n, d = at.residuals.shape
+    weights, scatters = np.ones(n), np.zeros(n, bool)
+    while True:
+        covariance = Covariance(at.sources, sds, (n, d), weights)
+        far = norms(at, covariance) * ((weights > 0.5) & ~scatters)
+        out = far > gauss_newton.ROBUST_LIMIT
+        if covariance.tied.size:  # a reading that is wrong makes those look wrong that it shares
+            out &= far == far.max()
+        if not out.any():
+            return weights
+        weights[out] = gauss_newton.LEFT_OUT
+        for rows in model.kinds.values():
+            mine = rows.any(axis=1)
+            if np.sum(weights[mine] < 0.5) > few * mine.sum():
+                weights[mine], scatters[mine] = 1.0, True
+
+
+def norms(at: Linearisation, covariance: Covariance) -> FloatArray:
+    """Return how far each reading is from what the others say, as its sd, rms of its components.
+
+    ``(C^-1)_kk^-1 (C^-1 r)_k`` is what the others leave of the residual of reading k, and its
+    covariance is ``(C^-1)_kk^-1``. Where readings share errors that are larger than their noise,
+    L^-1 r blames the second one for what is wrong with the first.
+
+    Returns (n,): with the weight of each reading undone [1].
+    """
+    n, d = at.residuals.shape
+    if not covariance.tied.size:
+        left, cov = at.residuals, covariance.own
+    else:
+        inverse = np.linalg.inv(covariance.whole)
+        cov = np.linalg.inv(inverse.reshape(n, d, n, d)[np.arange(n), :, np.arange(n)])
+        left = np.einsum("nij,nj->ni", cov, (inverse @ at.residuals.ravel()).reshape(n, d))
+    cov = cov - (1 - covariance.weights)[:, None, None] * covariance.own
+    square = np.einsum("ni,ni->n", left, np.linalg.solve(cov, left[:, :, None])[:, :, 0])
+    return np.asarray(np.sqrt(square / d))
 
 
 def repeatability(
@@ -424,35 +486,57 @@ def repeatability(
     Of the readings only the contrasts count that no unknown explains; what they say of the sizes
     does not hang on the estimate.
 
-    Its degrees of freedom ``v tr(S V)`` are the contrasts, each by the share that the source has in
-    its variance: a variance v that is this share s of the whole has a relative error of
-    ``sqrt(2 / n) / s``, the whole one of ``sqrt(2 / n)``, and Student's factor makes up for that.
+    The degrees of freedom of a variance v are ``v tr(S V)``, the contrasts, each by the share that
+    the source has in its variance. As a share s of the whole v has a relative error of
+    ``sqrt(2 / n) / s``; the whole has one of ``sqrt(2 / n)``, and Student's factor on v makes up
+    for that.
 
     `state`: near the solution; `weights` (n,): what a reading counts [1]. Returns source -> size,
     0 where it does not gain its price, and source -> degrees of freedom that it was found from.
     """
+    found, dof, _ = _sizes(model, state, weights)
+    return found, dof
+
+
+def likeliest(models: Sequence[AModel], state: Any, weights: FloatArray) -> AModel:
+    """Choose the most likely of models that differ in what a source of unknown size does.
+
+    By the restricted likelihood of each, with the sizes that make it largest, every source at its
+    price.
+
+    `state`: near the solution; `weights` (n,): what a reading counts [1].
+    """
+    return min(models, key=lambda model: _sizes(model, state, weights)[2])
+
+
+def _sizes(
+    model: Model, state: Any, weights: FloatArray
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Return sizes, their degrees of freedom, and how unlikely the contrasts are with them."""
     at = model.linearise(state)
     free = {s.name: s.price for s in at.sources if s.sd is None}
-    z, V = _contrasts(at, free, weights)
     none = dict.fromkeys(free, 0.0)
-    if not len(z) or not free:
-        return none, none
-    kept = dict(free)
-    # Where the known noise explains the residuals as a whole nothing is the better start.
-    size = float(z @ z) / len(z)
-    var = {n: size * len(z) / max(float(np.trace(V[n])), 1e-300) for n in kept if size > NEARLY}
+    if not free:
+        return none, none, 0.0
+    z, V = _contrasts(at, free, weights)
+    if not len(z):
+        return none, none, 0.0
+    kept, var = dict(free), _most_likely(z, V)
     while True:  # one that does not gain its price gives what it explained back to the others
-        var = _most_likely(z, {name: V[name] for name in kept}, var)
-        kept = {n: price for n, price in kept.items() if var[n] or not price}
-        var, now = {n: var[n] for n in kept}, _unlikely(z, V, var)
-        gains = {n: _unlikely(z, V, var | {n: 0.0}) - now for n in kept if kept[n]}
-        worst = min(gains, key=lambda n: gains[n] - kept[n], default=None)
-        if worst is None or gains[worst] >= kept[worst]:
+        kept = {name: price for name, price in kept.items() if var[name] or not price}
+        priced = [name for name, price in kept.items() if price]
+        best = {name: _most_likely(z, {n: V[n] for n in kept if n != name}) for name in priced}
+        lost = {name: _unlikely(z, V, best[name]) - kept[name] for name in priced}
+        worst = min(lost, key=lambda name: lost[name], default=None)
+        if worst is None or lost[worst] >= _unlikely(z, V, var):
             break
+        var = best[worst]
         del kept[worst]
+    var = {name: var[name] for name in kept}
     S = _inverse(z, V, var)
     dof = {n: v * float(np.sum(S * V[n])) for n, v in var.items()}
-    return none | {n: float(np.sqrt(v)) for n, v in var.items()}, none | dof
+    found = none | {n: float(np.sqrt(v)) for n, v in var.items()}
+    return found, none | dof, _unlikely(z, V, var) + sum(kept.values())
 
 
 def _contrasts(
@@ -460,12 +544,17 @@ def _contrasts(
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return what no unknown explains, white by what is known, and its covariance by each source.
 
-    Where nothing is known of the noise it is a millionth of what is to be found.
+    Where nothing is known of the noise it is a thousandth of the residuals, which are to be told
+    from what readings share.
     """
     from scipy.linalg import qr
 
     n, d, _ = at.jacobian.shape
-    little = dict.fromkeys(free, 1e-6 if _silent(at, free).any() else 0.0)
+    silent, little = _silent(at, free) & (weights > 0.5), dict.fromkeys(free, 0.0)
+    for s in at.sources:
+        if s.name in free and s.each is not None and s.each[silent].any():
+            ratio = np.linalg.norm(at.residuals[silent]) / np.linalg.norm(s.each[silent])
+            little[s.name] = max(little[s.name], 1e-3 * float(ratio), 1e-9)
     known = Covariance(at.sources, little, (n, d), weights)
     J, r = known.whiten(at.jacobian), known.whiten(at.residuals[:, :, None])[:, 0]
     if at.known is not None:
@@ -488,40 +577,53 @@ def _contrasts(
     return left @ r, V
 
 
+def _root(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
+    """Return the Cholesky factor of the covariance of the contrasts, shape (k, k) [1]."""
+    total = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
+    least = LEAST * np.trace(total)  # without any noise what is found is all there is
+    return np.asarray(np.linalg.cholesky(total + least * np.eye(len(z))))
+
+
 def _inverse(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
-    return np.asarray(np.linalg.inv(np.eye(len(z)) + sum(v * V[n] for n, v in var.items())))
+    from scipy.linalg.lapack import dpotri
+
+    lower = np.tril(dpotri(_root(z, V, var), lower=1)[0])
+    return np.asarray(lower + np.tril(lower, -1).T)
 
 
 def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> float:
     """Twice the negative restricted log-likelihood, but for a constant."""
-    S = np.eye(len(z)) + sum(v * V[n] for n, v in var.items())
-    root = np.linalg.cholesky(S)
-    white = np.linalg.solve(root, z)
+    from scipy.linalg import solve_triangular
+
+    root = _root(z, V, var)
+    white = solve_triangular(root, z, lower=True, check_finite=False)
     return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
 
 
-def _most_likely(
-    z: FloatArray, V: Mapping[str, FloatArray], start: Mapping[str, float]
-) -> dict[str, float]:
+def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]:
     """Return the variances that are most likely: z' S V S z = tr(S V) for each, or none at all.
 
-    Fisher scoring from `start`, held above zero; each step is halved until the likelihood does not
-    fall.
+    Newton's method with the mean of observed and expected information, ``z' S V_a S V_b S z`` [3],
+    held above zero; each step is halved until the likelihood does not fall.
     """
+    if not V:
+        return {}
     unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
-    var = {n: start.get(n, 0.0) for n in V}
+    size = float(z @ z) / len(z)
+    # Where the known noise nearly explains the residuals nothing is the better start.
+    var = {n: size * u if size > NEARLY else 0.0 for n, u in unit.items()}
     now = _unlikely(z, V, var)
     for _ in range(100):
         S = _inverse(z, V, var)
-        q = S @ z
-        score = np.array([q @ v @ q - np.sum(S * v) for v in V.values()])
+        VSz = np.stack([v @ (S @ z) for v in V.values()], axis=1)
+        score = z @ S @ VSz - np.array([np.sum(S * v) for v in V.values()])
+        info = VSz.T @ S @ VSz
         # What is at its bound, and would go below, stays there.
-        held = np.array([v <= 0 for v in var.values()], bool) & (score < 0)
+        held = np.array([var[n] <= 0 for n in V], bool) & (score < 0)
         step = np.zeros(len(V))
         if not held.all():
-            SV = [S @ v for v, stays in zip(V.values(), held, strict=True) if not stays]
-            info = np.array([[np.sum(a * b.T) for b in SV] for a in SV])
-            step[~held] = np.linalg.lstsq(info, score[~held], rcond=None)[0]
+            go = np.ix_(~held, ~held)
+            step[~held] = np.linalg.lstsq(info[go], score[~held], rcond=None)[0]
         share = 1.0
         for _ in range(12):
             new = {n: max(v + share * s, 0.0) for (n, v), s in zip(var.items(), step, strict=True)}
@@ -556,13 +658,14 @@ def components(model: Model, estimate: Estimate) -> dict[str, Component]:
     return out
 
 
-def budget(at: Fit) -> dict[str, FloatArray]:
+def budget(at: Fit, gain: FloatArray | None = None) -> dict[str, FloatArray]:
     """Return the variance of every coefficient by source; what is left came from the prior [GUM].
 
-    Returns source -> variances, shape (p,) [SI]; what is nothing is left out.
+    `gain` (p, n d): of another estimate from the same readings, None: of the fit. Returns source
+    -> variances, shape (p,) [SI]; what is nothing is left out.
     """
     n, d = at.at.residuals.shape
-    gain = at.gain.reshape(len(at.gain), n, d)
+    other, gain = gain is not None, (at.gain if gain is None else gain).reshape(-1, n, d)
     out: dict[str, FloatArray] = {}
     for source in at.at.sources:
         sd = size_of(source, at.sds)
@@ -572,12 +675,13 @@ def budget(at: Fit) -> dict[str, FloatArray]:
         if source.shared is not None:
             part += sd**2 * np.sum(np.einsum("pnd,ndk->pk", gain, source.shared) ** 2, axis=1)
         out[source.name] = out.get(source.name, np.zeros(len(gain))) + part
-    if at.at.known is not None:
-        parts = (at.estimate.state_cov[: len(gain)] @ at.at.known[1].T) ** 2
-        for name, known in zip(at.at.known_from, parts.T, strict=False):
-            out[name] = out.get(name, np.zeros(len(gain))) + known
-    total = np.diag(at.estimate.state_cov)[: len(gain)]
-    out["prior"] = np.maximum(total - sum(out.values()), 0.0)
+    if at.at.known is not None and not other:
+        rows = (at.estimate.state_cov[: len(gain)] @ at.at.known[1].T) ** 2
+        for name, column in zip(at.at.known_from, rows.T, strict=False):
+            out[name] = out.get(name, np.zeros(len(gain))) + column
+    explained = np.sum(list(out.values()), axis=0)
+    total = explained if other else np.diag(at.estimate.state_cov)[: len(gain)]
+    out["prior"] = np.maximum(total - explained, 0.0)
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
 
 
@@ -603,15 +707,16 @@ def bases(at: Fit) -> dict[str, list[str]]:
 
 def noise_alone(at: Fit) -> Problem:
     """Return the problem whose information is the Cramer-Rao bound: sensor noise, no prior."""
-    return stated(at.model, at.sds, noise_alone=True)
+    once = cast("Model", _Once(at.model, at.state, at.at))
+    return stated(once, at.sds, noise_alone=True)
 
 
 @dataclass(frozen=True)
 class HeldOut:
     """Readings predicted from the others."""
 
-    # error, sd: (n, d) read minus predicted, and the standard deviation of that; NaN where a
-    # reading was not left out [SI]
+    # error, sd: (n, q) read minus predicted, and the standard deviation of that; NaN where a
+    # reading was not left out, NaN and infinite where the others do not determine it [SI]
     error: FloatArray
     sd: FloatArray
     score: float  # sum of squares of the errors, white within each part [1]
@@ -631,49 +736,66 @@ class HeldOut:
         return self.scale * chi_square_limits(max(self.dof, 1e-3), 2 * FALSE_ALARM)[1]
 
 
-def held_out(at: Fit, parts: Sequence[IntArray]) -> HeldOut:
+def held_out(
+    at: Fit, parts: Sequence[IntArray], onto: FloatArray | None = None, seen: float = SEEN
+) -> HeldOut:
     """Predict readings from all others, part by part, as if they had not been seen.
 
     With ``W = C^-1 - C^-1 J P J' C^-1``, C the covariance of the readings, what the others leave of
     the readings F is ``e = W_FF^-1 (W r)_F`` and has the covariance ``W_FF^-1`` [2]. Directions
     that the others do not determine do not count.
 
-    `parts`: numbers of the readings that are left out together, each reading once [1].
+    `parts`: numbers of the readings that are left out together, each reading once [1]; `onto`
+    (n, q, d) or None: what is predicted of each reading, None: all of its components [1]; `seen`:
+    least share that is redundant of a direction of a reading [1].
     """
+    from scipy.linalg import block_diag
+
     n, d = at.at.residuals.shape
+    q = d if onto is None else onto.shape[1]
     rows = [(d * part[:, None] + np.arange(d)).ravel() for part in parts]
     every = np.concatenate(rows)
-    eye = np.zeros((n * d, len(every)))
-    eye[every, np.arange(len(every))] = 1.0
-    E = at.covariance.whiten(eye.reshape(n, d, -1))
-    values, vectors = np.linalg.eigh(at.estimate.state_cov)
-    B = E.T @ at.white.jacobian[: n * d] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    one = np.zeros((n * d, len(every)))
+    one[every, np.arange(len(every))] = 1.0
+    E = at.covariance.whiten(one.reshape(n, d, -1))
+    wide = np.sqrt(np.diag(at.estimate.state_cov))
+    wide[wide == 0] = 1.0  # a heading that nobody knows beside biases: each in units of its sd
+    values, vectors = np.linalg.eigh(at.estimate.state_cov / np.outer(wide, wide))
+    root = wide[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    B = E.T @ at.white.jacobian[: n * d] @ root
     W = E.T @ E - B @ B.T
     v = E.T @ at.white.residuals[: n * d]
-    error, sd = np.full((2, n * d), np.nan)
+    error, sd = np.full((2, n, q), np.nan)
     white, first, counts = [], 0, []
-    for mine in rows:
+    for part, mine in zip(parts, rows, strict=True):
         own = slice(first, first + len(mine))
         first += len(mine)
         unit = np.sqrt(np.sum(E[:, own] ** 2, axis=0))
         size, axes = np.linalg.eigh(W[own, own] / np.outer(unit, unit))
-        seen = size > SEEN
-        half = axes[:, seen] / np.sqrt(size[seen]) / unit[:, None]
-        error[mine] = half @ (half.T @ v[own])
-        sd[mine] = np.sqrt(np.sum(half**2, axis=1))
-        wide = np.zeros((len(every), int(seen.sum())))
+        told = size > seen
+        half = axes[:, told] / np.sqrt(size[told]) / unit[:, None]  # W_FF^-1 = half half'
+        P = np.eye(len(mine)) if onto is None else block_diag(*onto[part])
+        lost = np.sum((P / unit @ axes[:, ~told]) ** 2, axis=1) > seen * np.sum(
+            (P / unit) ** 2, axis=1
+        )
+        A = P @ half
+        error[part] = np.where(lost, np.nan, A @ (half.T @ v[own])).reshape(-1, q)
+        sd[part] = np.where(lost, np.inf, np.sqrt(np.sum(A**2, axis=1))).reshape(-1, q)
+        if onto is not None:  # the directions that are predicted
+            _, s, V = np.linalg.svd(A, full_matrices=False)
+            half = half @ V[s > 1e-9 * s.max(initial=0.0)].T
+        wide = np.zeros((len(every), half.shape[1]))
         wide[own] = half
         white.append(wide)
-        counts.append(int(seen.sum()))
+        counts.append(half.shape[1])
     A = np.concatenate(white, axis=1)
     z, M = A.T @ v, A.T @ W @ A
     square = float(np.sum(M**2))
     count = len(z)
-    part = np.repeat(np.arange(len(parts)), counts)
+    where = np.repeat(np.arange(len(parts)), counts)
     return HeldOut(
-        error.reshape(n, d), sd.reshape(n, d), float(z @ z), count,
-        count**2 / max(square, 1e-300), square / max(count, 1),
-        np.array([z[part == k] @ z[part == k] for k in range(len(parts))]), np.array(counts),
+        error, sd, float(z @ z), count, count**2 / max(square, 1e-300), square / max(count, 1),
+        np.array([z[where == k] @ z[where == k] for k in range(len(parts))]), np.array(counts),
     )  # fmt: skip
 
 
