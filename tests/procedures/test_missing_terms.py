@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from foucault.errors import FoucaultError
 from foucault.estimate.table.likelihood import ALONG
@@ -56,6 +57,24 @@ def test_g_sensitivity_is_noticed_where_it_hurts(both: bool):
     # With spins both ways the scale factors are right; with one sense they are not.
     assert passed["g-sensitivity [deg/h per g]"] is both
     assert level == "doubtful"
+
+
+def test_an_unknown_heading_is_in_the_uncertainty_and_is_nothing_beside_the_plan():
+    plan = table_plan("dodecahedron 20", spin_rate=np.radians(10.0), rest_time=60.0, turns=4)
+    model = draw_errors("navigation", 3)
+    made = simulate_readings(
+        plan, models=model, noise=grade("navigation").noise, site=SITE, seed=1, rig=Rig(heading=2.0)
+    )
+    r = replace(made.readings(0), declared=True)
+    settings = norm_observation.Settings(plan="dodecahedron 20", g_sensitivity=True)
+    result = on_table.from_readings(r, norm_observation.task_of(settings), site=SITE)
+    budget, c = result.diagnostics["budget"], result.coefficients
+    share = np.array(budget["unknown heading"]) / c.sd**2
+    assert share[c.names.index("gyro.g_sensitivity.xy")] > 0.9
+    assert result.diagnostics["sources"]["unknown heading"][0] == "B"
+    assert all(check.passed for check in result.checks)
+    error = c.values - model.coefficients(c.names).values
+    assert error @ np.linalg.solve(c.cov, error) < chi2.isf(1e-3, len(c))
 
 
 def test_g_sensitivity_asked_for_is_found():

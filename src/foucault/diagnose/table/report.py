@@ -41,6 +41,16 @@ def bound(fit: Fit) -> dict[str, Any]:
     return information.bound(mixed.noise_alone(fit), fit.state)
 
 
+def allowed(fit: Fit) -> FloatArray:
+    """Return the standard deviations that everything declared allows, shape (p,) [SI].
+
+    Sensor noise, jitter of the rate and an unknown heading, without scatter and without a prior.
+    """
+    problem = mixed.stated(fit.model)
+    at = problem.linearise(fit.state, np.ones(problem.n_blocks))
+    return information.information(at, problem.layout).sd
+
+
 def budget(fit: Fit, site: Site, table_rate_sd: float) -> dict[str, object]:
     """Split the variance of the coefficients by source, for result.json.
 

@@ -234,26 +234,18 @@ class TableModel:
     def _earth(self) -> Source:
         """Return the horizontal part of the Earth's rotation at rest, where the heading is unknown.
 
-        Its size is known, half its square along each axis. It is one vector for the table: where
-        the angles tell how the table was turned between rests, to a few degrees, all share it.
-        Else every rest has one of its own, with the whole square along each axis, because the
-        directions of several rests may be alike.
+        A vector of known size, another one in every rest: nothing tells how a table was turned of
+        which nothing is believed. It gets a variance of the size squared along each axis, twice
+        that of a random direction, because the directions of several rests may be alike.
         """
-        r, start = self.readings, self.start
-        j, mine = self.rows % len(self.readings), self.kind == 2
-        o = start.geometry.directions()
-        across = tangents(o)
-        tied = bool(np.isfinite(r.angles[~r.spin]).all())
-        if tied:
-            at = turntable.chain(np.nan_to_num(r.angles))
-            across = wahba(o[~r.spin], at.up_k[~r.spin]) @ np.swapaxes(at.C_tk[:, :2], 1, 2)
+        start, j = self.start, self.rows % len(self.readings)
         # As the gyros see it: a percent of it is more than the noise of a good gyro.
-        seen = self._own(mine, (start.model.gyro_matrix @ across)[j])
-        size = EARTH_RATE * np.cos(self.site.latitude or 0.0)
-        name, basis = "unknown heading", "heading not given: the whole circle"
-        if tied:
-            return Source(name, shared=seen, sd=size / np.sqrt(2), basis=basis)
-        return Source(name, seen, sd=size, basis=basis)
+        across = start.model.gyro_matrix @ tangents(start.geometry.directions())
+        return Source(
+            "unknown heading", self._own(self.kind == 2, across[j]),
+            sd=EARTH_RATE * np.cos(self.site.latitude or 0.0),
+            basis="heading not given: the whole circle",
+        )  # fmt: skip
 
     def retract(self, state: State, step: FloatArray) -> State:
         """Apply `step` (m,) to a state [SI]."""

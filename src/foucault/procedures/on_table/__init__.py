@@ -274,7 +274,7 @@ def _result(
         checks += (table_checks.agreement(estimate.coefficients, likelihood),)
     seen_best = table_report.bound(solution.fit)
     if seen_best:
-        checks += (foreseen_check(estimate.coefficients, seen_best["bound"]),)
+        checks += (foreseen_check(estimate.coefficients, table_report.allowed(solution.fit)),)
     rate_sd = common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,

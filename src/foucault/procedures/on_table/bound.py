@@ -169,8 +169,6 @@ class Bench:
         read = self.readings(plan, state)
         if whole and self.declared:
             read = replace(read, slow=slow_part(self.noise))
-        if not whole and self.task.trust is None:  # nor does an unknown heading tie its rests
-            read = replace(read, angles=np.full_like(read.angles, np.nan))
         stated = TableModel(read, self.site, state, replace(self.options, repeatability=False))
         at = mixed.foreseen(stated)
         return replace(at, blocks=np.where(at.blocks < 0, -1, stated.rows[at.blocks]))
