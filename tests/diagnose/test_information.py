@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
-from foucault.diagnose.hand_rotated.budget import session_budget
 from foucault.diagnose.information import information
-from foucault.estimate.hand_rotated import likelihood
+from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
 from foucault.estimate.hand_rotated.start import first_guess
+from foucault.infer import mixed
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.references import gravity_slope
-from foucault.models.rests_and_turns import Session, predict
+from foucault.models.rests_and_turns import Session
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
+from foucault.procedures import hand_rotated
 from foucault.result import Linearised
 from foucault.simulate.hand_rotated import draw_errors, simulate
 
@@ -75,42 +76,24 @@ def test_budget_adds_up_to_the_covariance(latitude: float | None, noise: ImuNois
         hand_plan(14, 2.0, 1.5, 3.0), model=draw_errors("mems", 2), noise=noise,
         site=site, rate=50.0,
     )  # fmt: skip
-    data = Session.reduce(simulation.log, simulation.first, simulation.last, site)
-    session_noise = replace(
-        SessionNoise.declared(noise, simulation.log.interval),
-        accel_repeatability=1e-3,
-        turn_repeatability=1e-3,
+    prior = {f"gyro.bias.{axis}": (0.0, 1e-2) for axis in "xyz"}
+    alone, given = (
+        hand_rotated.calibrate(simulation.log, site=site, noise=noise, prior=p)
+        for p in (None, prior)
     )
-    start = first_guess(data)
-    assert start is not None
-    sd = np.where([n.startswith("gyro.bias") for n in LINEAR_LOWER], 1e-2, np.inf)
-    prior = CoefficientVector(
-        simulation.model.coefficients(LINEAR_LOWER).layout, np.zeros(21), prior_sd=sd
-    )
-    estimate, used, _ = likelihood.fit(
-        data, LINEAR_LOWER, start, session_noise, prior=prior, repeatability=False
-    )
-    at = predict(data, LINEAR_LOWER, estimate.state, used.turn_psd)
-    budget = session_budget(data, at, estimate, used)
+    budget = {k: np.array(v) for k, v in given.diagnostics["budget"].items()}
     assert ("unknown Earth rate" in budget) == (latitude is None)
-    gravity = budget.pop("local gravity")
-    expected = (gravity_slope(estimate.coefficients) * 3e-4 / 9.81) ** 2
-    np.testing.assert_allclose(gravity, expected)
-    # The share of the priors is what remains, so the sum of the others is what is tested: with
-    # the priors it is smaller than the variance, without any prior equal to it.
-    budget.pop("prior")
-    own = estimate.coefficients.sd**2
-    assert (np.sum(list(budget.values()), axis=0) <= own * (1 + 1e-9)).all()
-    no_prior, _, _ = likelihood.fit(data, LINEAR_LOWER, start, session_noise, repeatability=False)
-    at = predict(data, LINEAR_LOWER, no_prior.state, used.turn_psd)
-    budget = session_budget(data, at, no_prior, used)
-    budget.pop("local gravity")
-    heading = budget.pop("unknown heading", np.zeros(21))
-    total = np.sum(list(budget.values()), axis=0)
-    own = no_prior.coefficients.sd**2
-    # Where the Earth's rotation is modelled but hardly visible, the heading's prior is felt.
-    np.testing.assert_allclose(total, own, rtol=1e-2 if latitude is not None else 1e-6)
-    np.testing.assert_allclose(total + heading, own, rtol=1e-9)
+    assert set(given.diagnostics["sources"]) == set(budget)
+    slow = {"slow noise of accelerometers", "slow noise of gyros"}
+    assert slow <= set(budget) if noise is NOISE else not slow & set(budget)
+    expected = (gravity_slope(given.coefficients) * 3e-4 / 9.81) ** 2
+    np.testing.assert_allclose(budget["local gravity"], expected)
+    for result in (alone, given):
+        parts = [np.array(v) for v in result.diagnostics["budget"].values()]
+        own = result.coefficients.sd**2
+        np.testing.assert_allclose(np.sum(parts, axis=0), own, rtol=1e-6)
+    # The share of a prior is what remains; without one nothing does.
+    assert "prior" in budget and "prior" not in alone.diagnostics["budget"]
 
 
 def test_a_wrong_gravity_changes_the_coefficients_as_the_slope_says() -> None:
@@ -126,7 +109,7 @@ def test_a_wrong_gravity_changes_the_coefficients_as_the_slope_says() -> None:
         data = Session.reduce(simulation.log, simulation.first, simulation.last, where)
         start = first_guess(data)
         assert start is not None
-        return likelihood.fit(data, LINEAR_LOWER, start, noise)[0].coefficients
+        return mixed.fit(RestsAndTurns(data, LINEAR_LOWER, start, noise)).estimate.coefficients
 
     step = 1e-5
     change = (fitted(9.81 * (1 + step)).values - fitted(9.81 * (1 - step)).values) / (2 * step)

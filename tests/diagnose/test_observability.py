@@ -12,8 +12,9 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.information import Information, information
 from foucault.diagnose.observability import LinearSegment, growth, observability
 from foucault.errors import FoucaultError
-from foucault.estimate.hand_rotated import likelihood
+from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
 from foucault.estimate.hand_rotated.start import first_guess
+from foucault.infer import mixed
 from foucault.models import cluster
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import LINEAR_LOWER
@@ -369,7 +370,7 @@ def test_growth_of_a_session_turned_by_hand() -> None:
     start = first_guess(session)
     assert start is not None
     known = SessionNoise.declared(noise, made.log.interval)
-    problem = likelihood.build(session, LINEAR_LOWER, start, known)
+    problem = mixed.stated(RestsAndTurns(session, LINEAR_LOWER, start, known))
     at = problem.linearise(start, np.ones(problem.n_blocks))
     n = len(session.accel_mean)
     rests = {f"rest {j + 1}": [j, n + j, *([2 * n + j - 1] if j else [])] for j in range(n)}

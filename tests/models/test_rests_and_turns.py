@@ -121,6 +121,22 @@ def test_unknown_latitude_leaves_the_turn_of_the_earth_in_the_residuals(sampled)
     np.testing.assert_allclose(r[n : 2 * n], want, atol=1200 * 2.2e-16 * 1e-4)
 
 
+def test_the_rate_of_the_earth_moves_rates_and_turns_as_it_says():
+    simulation = quiet_session(400.0)
+    model = _errors()
+    session, state = reduced(simulation, seen_by(model, simulation), SITE)
+    state = Attitudes(model, state.C_nb)
+    step, n = 0.1, len(state.C_nb)
+    there = replace(session, site=replace(SITE, latitude=SITE.latitude + step))
+    at, moved = _predict(session, state, ()), _predict(there, state, ())
+    change = at.earth @ (there.earth - session.earth)
+    seen = (at.residuals - moved.residuals)[n:]
+    np.testing.assert_allclose(seen[:n], change[:n], atol=1e-15)
+    # Second order: the angle that the Earth turns in a turn, 1e-4 rad, of itself.
+    np.testing.assert_allclose(seen[n:], change[n:], atol=1e-8)
+    assert np.abs(change[n:]).max() > 1e-6
+
+
 def test_noise_and_bias_of_a_turn_move_it_as_they_say():
     simulation = quiet_session(400.0)
     model = _errors()

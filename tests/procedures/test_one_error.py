@@ -15,14 +15,15 @@ import pytest
 from foucault.diagnose.rests import find_rests
 from foucault.errors import Status
 from foucault.estimate.gauss_newton import solve
-from foucault.estimate.hand_rotated.likelihood import build
+from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
 from foucault.estimate.hand_rotated.start import first_guess
+from foucault.infer import mixed
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rests_and_turns import Attitudes, Session, predict
 from foucault.models.rotation import exp, log
-from foucault.models.session_noise import SessionNoise, blocks, whiten
+from foucault.models.session_noise import SessionNoise
 from foucault.procedures.hand_rotated import Settings, calibrate
 from foucault.result import Level
 from make_session import BLIND, SITE, model_of, quiet_session, reduced, seen_by
@@ -52,8 +53,10 @@ def _tolerance(names, sampled="rate", site=SITE, values=()):
     found = find_rests(log_)
     session = Session.reduce(log_, found.first, found.last, site)
     noise = SessionNoise.declared(ImuNoise(), log_.interval)
-    at = predict(session, names, Attitudes(model, simulation.C_nb), noise.turn_psd)
-    r, J = whiten(at.residuals, at.jacobian, blocks(session, noise, at), None)
+    truth = Attitudes(model, simulation.C_nb)
+    problem = mixed.stated(RestsAndTurns(session, names, truth, noise), {"unknown Earth rate": 0.0})
+    at = problem.linearise(truth, np.ones(problem.n_blocks))
+    r, J = at.residuals, at.jacobian
     scale = np.linalg.norm(J, axis=0)
     gain = np.linalg.pinv(J / scale, rcond=1e-13) / scale[:, None]
     # The iteration stops at 1e-4 sd.
@@ -119,7 +122,8 @@ def test_the_heading_is_found_where_the_earth_shows_it(latitude):
     simulation = quiet_session(400.0, "rate", site)
     session, _ = reduced(simulation, seen_by(model_of(_all_errors(LINEAR_LOWER)), simulation), site)
     noise = SessionNoise.declared(ImuNoise(), session.log.interval)
-    estimate = solve(build(session, LINEAR_LOWER, first_guess(session), noise))
+    start = first_guess(session)
+    estimate = solve(mixed.stated(RestsAndTurns(session, LINEAR_LOWER, start, noise)))
     assert estimate.status is Status.CONVERGED
     error = log(np.swapaxes(simulation.C_nb, 1, 2) @ estimate.state.C_nb)
     # Discretisation of the turns, 1e-8 rad, over an Earth turning 1e-4 rad in the same time.

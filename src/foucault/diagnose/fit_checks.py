@@ -60,10 +60,15 @@ class Judged:
     readings: str = "readings"
     cure: str = "Add readings."
     more: str = "repeat the readings"
+    overstated: str = "the noise is"  # what is, where the residuals are too small
+    too_much: float = TOO_MUCH  # residuals so many times the noise are no scatter [1]
     silent: bool = False  # a log without any noise says nothing of what is too much
     cause: Mapping[str, str] = field(default_factory=dict)  # kind -> why it does not fit
     held_out: HeldOut | None = None
     held_out_size: str = ""  # how large its errors are, in words that follow a comma
+    predicted: str = ""  # what was held out, where not all `readings` are
+    # with fewer degrees of freedom one wrong reading looks like scatter of all [1]
+    told_apart: float = TOLD_APART
 
 
 def checks(e: Judged) -> list[Check]:
@@ -108,11 +113,12 @@ def explained(e: Judged, kind: str) -> Check:
     if c.redundancy < 0.5:
         return check("noise untested", name, float("nan"), None, None, told)
     ratio = float(np.sqrt(c.ratio))
-    given = told | {"ratio": ratio, "then": _then(e, kind, ratio, added, c.redundancy)}
+    then = _then(e, kind, ratio, added, c.redundancy)
+    given = told | {"ratio": ratio, "then": then, "overstated": e.overstated}
     if e.noise == "declared":
         return check("noise", name, c.chi_square, c.low, c.high, given)
-    known = added and c.redundancy >= TOLD_APART
-    high = max(c.high, TOO_MUCH**2 * c.redundancy) if known else c.high
+    known = added and c.redundancy >= e.told_apart
+    high = max(c.high, e.too_much**2 * c.redundancy) if known else c.high
     careful = c.chi_square < c.low or c.chi_square <= high or (added and e.silent)
     return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful)
 
@@ -129,16 +135,16 @@ def _then(e: Judged, kind: str, ratio: float, added: bool, dof: float) -> str:
     if e.noise == "declared":
         cause = cause or "the declared noise is too small"
         return f": {cause}. The uncertainties include the scatter."
-    if dof < TOLD_APART:
+    if dof < e.told_apart:
         return (
             "; so few readings are redundant that one wrong reading would look like this too. "
             "The scatter is part of the uncertainties; measure more to tell."
         )
-    if ratio > TOO_MUCH and not e.silent:
+    if ratio > e.too_much and not e.silent:
         return (
-            f", more than {TOO_MUCH:g} times: something is wrong that is no scatter, such as lost "
-            "samples, a wrong sample rate, or a term that is not estimated. The scatter is part of "
-            "the uncertainties, but such errors do not average out."
+            f", more than {e.too_much:g} times: something is wrong that is no scatter, such as "
+            "lost samples, a wrong sample rate, or a term that is not estimated. The scatter is "
+            "part of the uncertainties, but such errors do not average out."
         )
     return "; the scatter was estimated and is part of the uncertainties."
 
@@ -159,7 +165,7 @@ def _even(e: Judged) -> list[Check]:
     """Compare the residuals of the first and the second half of each kind of reading."""
     from scipy.special import fdtri
 
-    if e.time is None:
+    if e.time is None or e.silent:  # without noise, halves differ for other reasons than chance
         return []
     estimate, out = e.fit.estimate, []
     used = estimate.blocks >= 0
@@ -193,11 +199,12 @@ def _held_out(e: Judged) -> list[Check]:
     found = e.held_out
     if found is None or found.count == 0:
         return []
+    what = e.predicted or e.readings
     given = {
-        "what": e.readings.capitalize(), "size": e.held_out_size,
+        "what": what.capitalize(), "size": e.held_out_size,
         "ratio": float(np.sqrt(found.score / found.count)),
     }  # fmt: skip
-    return [check("held out", f"held-out {e.readings}", found.score, None, found.high, given)]
+    return [check("held out", f"held-out {what}", found.score, None, found.high, given)]
 
 
 def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:
@@ -247,13 +254,17 @@ def sizes_json(fit: Fit) -> dict[str, float]:
     return {name: float(sd) for name, sd in fit.found.items()}
 
 
-def budget_json(fit: Fit, more: Mapping[str, tuple[FloatArray, str, str]]) -> dict[str, object]:
+def budget_json(
+    fit: Fit,
+    more: Mapping[str, tuple[FloatArray, str, str]],
+    gain: FloatArray | None = None,
+) -> dict[str, object]:
     """Return budget and what its rows rest on, for result.json.
 
     `more`: source -> variance, type and basis of what is added to the covariance afterwards, such
-    as local gravity [SI^2].
+    as local gravity [SI^2]; `gain` (p, n d) or None: of another estimate from the same readings.
     """
-    parts = mixed.budget(fit)
+    parts = mixed.budget(fit, gain)
     rest = {"prior": ["B", "prior as given in the campaign"]} | mixed.bases(fit)
     for name, (variance, kind, basis) in more.items():
         parts[name] = parts.get(name, 0.0) + variance

@@ -254,6 +254,36 @@ WORDS = {
         above="... The instrument changed, or an uncertainty is too small.",
     ),
     "own verdict": Words("{label}: its own verdict is {level}.{reason}"),
+    # -- finding north -------------------------------------------------------------------------
+    "sees the Earth": Words(
+        "The Earth's horizontal rate is {ratio} times the uncertainty of the rates.",
+        "...: the gyro is too noisy by a factor of {factor:.2g}; dwell {times:.2g} times as long, "
+        "or take a better gyro.",
+    ),
+    "rate and latitude": Words(
+        "The Earth's rate as measured fits the latitude to {sd:.2f} sd.",
+        above="...: latitude, scale factor or sign of the accelerometer may be wrong.",
+    ),
+    "one heading": Words(
+        "No other heading fits.",
+        "Heading {heading:.3f} deg, at latitude {latitude:.2f} deg, fits as well.",
+    ),
+    "tilt": Words(
+        "The tilt is {value:.2f} deg.", above="...: heading is hardly defined there."
+    ),
+    "accuracy": Words(
+        "The heading has a standard deviation of {value:.4g} deg.",
+        above="...; {high:.4g} deg was wanted.",
+    ),
+    "worst": Words(
+        "The {what} that fits worst is {size:.1f} standard deviations from the others.",
+        above="...: more than chance gives.",
+    ),
+    "level": Words(
+        "The {what} stands {ratio:.2f} times level_sd off level.",
+        above="...: it is less level than was said.",
+    ),
+    "calibration used": Words("The calibration that was used is {level}."),
     # -- every mixed model ---------------------------------------------------------------------
     "redundancy": Words(
         "{n} {readings} leave {value:.3g} numbers more than the unknowns need.",
@@ -262,14 +292,14 @@ WORDS = {
     "noise": Words(
         "The residuals of {what} are {ratio:.2f} times what the noise says ({dof} redundant).",
         "The residuals of {what} are only {ratio:.2f} times what the noise says ({dof} redundant): "
-        "the noise is overstated and so are the uncertainties.",
+        "{overstated} overstated and so are the uncertainties.",
         "The residuals of {what} are {ratio:.1f} times what the noise explains ({dof} redundant)"
         "{then}",
     ),
-    "noise untested": Words("Nothing tests the noise of the {what}: no reading is redundant."),
+    "noise untested": Words("Nothing tests the noise of {what}: no reading is redundant."),
     "noise unknown": Words(
-        "The noise of the {what} is unknown and was taken from its residuals ({dof} redundant).",
-        "The noise of the {what} is unknown and the residuals do not tell it ({dof} redundant, "
+        "The noise of {what} is unknown and was taken from its residuals ({dof} redundant).",
+        "The noise of {what} is unknown and the residuals do not tell it ({dof} redundant, "
         "{low:g} needed): the uncertainties mean little. Declare [noise], or {more}.",
     ),
     "repeatability": Words(
@@ -286,6 +316,72 @@ WORDS = {
         "{what} that the fit did not see are predicted to {ratio:.2f} times their predicted "
         "uncertainty{size}.",
         above="...: the model lacks something, or some of them do not belong to the others.",
+    ),
+    "prediction": Words(
+        "A rest that the fit did not see is known {value:.1f} times worse than one that was "
+        "measured.",
+        above="..., more than {high:g} times: without any few of the rests the others hardly "
+        "determine the accelerometers. Add rests in other orientations.",
+    ),
+    "rests": Words(
+        "{value} rests were used.",
+        "Only {value} rests: at least {low} are needed to notice a bad one.",
+    ),
+    "half-space": Words(
+        "The orientations lie on all sides.",
+        above="All rests lie in one half-space: bias and scale are hard to tell apart. Add rests "
+        "with {missing}.",
+    ),
+    "condition": Words(
+        "The orientations determine the accelerometer coefficients well (condition {value:.0f}).",
+        above="The orientations determine the accelerometer coefficients poorly (condition "
+        "{value:.0f}, even coverage has 2). Add rests with {missing}.",
+    ),
+    "shaken rests": Words(
+        "{shaken} of {n} rests are more than {limit:g} times as noisy as the quietest part of the "
+        "log.",
+        above="...: the instrument was held or shaken there, and the noise measured in the rests, "
+        "with every uncertainty that follows from it, is that of the hand. Put it down for each "
+        "rest; for this log set threshold = {quieter:g} in [procedure], so that only what is "
+        "quieter than that counts as rest.",
+    ),
+    "vertical Earth rate": Words(
+        "The vertical Earth rate is seen as {seen:+.1f} +- {sd:.1f} deg/h, expected {want:+.1f}.",
+        "... Its sign is reversed: {cause}.",
+        "..., more than twice that: g-sensitivity, or a bias that drifts.",
+    ),
+    # -- on faces ------------------------------------------------------------------------------
+    "single faces": Words(
+        "{n} rests on {faces} faces leave {free} of {equations} equations of specific force over. "
+        "They test whether opposite faces have the same bias; scale factors and misalignments are "
+        "not tested: an error there would not be seen."
+    ),
+    "repeated faces": Words(
+        "{n} rests on {faces} faces leave {free} of {equations} equations of specific force over. "
+        "They test whether opposite faces have the same bias, and whether rests on the same face "
+        "agree."
+    ),
+    "turns untested": Words(
+        "{n} turns determine nine gyro coefficients and nothing is left over: a turn that was not "
+        "as declared would not be seen. Turn about each axis twice to test it."
+    ),
+    "whole turns": Words(
+        "The turns, as the data show: {turns}. They are as whole as the scale factors of the gyros "
+        "allow to say; they count as exact to {sd} arcmin (sd), {where}.",
+        above="The turn about {axis} is {value:+.1f} % off: a scale factor error of the gyro, or "
+        "{off:.0f} deg that were turned too much or too little. {alone}Turn against a stop, and "
+        "twice about each axis, or declare `angle_sd`.",
+    ),
+    "placement exact": Words("The placements count as exact{where}."),
+    "placement": Words(
+        "The placements are off by {size} arcmin (sd), {where}; they are part of the "
+        "uncertainties.",
+        above="... That is too much: use a block with square faces on a level support.",
+    ),
+    "placement beyond": Words(
+        "The placements are off by {size} arcmin (sd), more than the {high:.2g} arcmin that "
+        "`placement_sd` says, or a rest is wrong; it is part of the uncertainties. Leave "
+        "`placement_sd` out to have it estimated."
     ),
 }  # fmt: skip
 """Key of a check -> its sentences."""

@@ -123,6 +123,8 @@ class Prediction:
     turn_noise: FloatArray
     # (n - 1, 3, 3) rotation error per constant rate error of the gyro output, in s [s]
     turn_bias: FloatArray
+    # (2 n - 1, 3, 3) what the Earth's rate, frame n, does to mean rates and turns [SI]
+    earth: FloatArray
     turn_path: FloatArray  # (n - 1,) angle travelled [rad]
     C_se: FloatArray  # (n - 1, 3, 3) integrated rotation of each turn [1]
 
@@ -153,21 +155,26 @@ def predict(
     )
     if session.gyro_mean is None:
         empty = np.zeros((0, 3, 3))
-        return Prediction(r, J, empty, empty, np.zeros(0), empty)
+        return Prediction(r, J, empty, empty, empty, np.zeros(0), empty)
 
     r[n : 2 * n] = session.gyro_mean - gyro
     J[n : 2 * n, :, :p] = slopes.gyro
     J[n + rest[:, None, None], np.arange(3)[:, None], tilt[:, None, :]] = (
         slopes.gyro_by_rate @ cross_matrix(w) + slopes.gyro_by_force @ cross_matrix(f)
     )
-    r[2 * n :], noise, bias, path, C_se = _turns(session, names, state, gyro_psd, J[2 * n :])
-    return Prediction(r, J, noise, bias, path, C_se)
+    r[2 * n :], noise, bias, by_rate, path, C_se = _turns(
+        session, names, state, gyro_psd, J[2 * n :]
+    )
+    C_bn = np.swapaxes(C_nb, 1, 2)
+    turned = by_rate @ C_bn[:-1] * session.turn_time[:, None, None]
+    earth = np.concatenate([slopes.gyro_by_rate @ C_bn, turned])
+    return Prediction(r, J, noise, bias, earth, path, C_se)
 
 
 def _turns(
     session: Session, names: Sequence[str], state: Attitudes, gyro_psd: FloatArray, J: FloatArray
 ) -> tuple[FloatArray, ...]:
-    """Fill the Jacobian of the turns in place; return residuals, noise, bias, path, C_se."""
+    """Fill the Jacobian of the turns in place; return residuals, noise, slopes, path, C_se."""
     model, C_nb = state.model, state.C_nb
     log_, first, last = session.turns
     n, p = len(C_nb), len(names)
@@ -206,4 +213,4 @@ def _turns(
     at = (turn[:, None, None], np.arange(3)[:, None])
     J[(*at, start[:, None, :])] = -right
     J[(*at, start[:, None, :] + 3)] = right @ modelled
-    return rho, noise, bias_s, path, C_se
+    return rho, noise, bias_s, right, path, C_se

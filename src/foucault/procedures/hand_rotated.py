@@ -20,20 +20,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 from pydantic import Field
 
-from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose import information
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.coverage import coverage, coverage_json
 from foucault.diagnose.earth_rate import no_latitude
+from foucault.diagnose.fit_checks import budget_json, chi_square_json
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated import report as session_report
-from foucault.diagnose.hand_rotated.budget import session_budget
 from foucault.diagnose.hand_rotated.earth import vertical_check
 from foucault.diagnose.hand_rotated.held_out import hold_out
 from foucault.diagnose.hand_rotated.input import check_input, enough_rests
@@ -47,15 +45,15 @@ from foucault.diagnose.rests import (
 )
 from foucault.diagnose.spikes import without_spikes
 from foucault.errors import Finding
-from foucault.estimate import gauss_newton
-from foucault.estimate.hand_rotated import likelihood
+from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
 from foucault.estimate.hand_rotated.start import first_guess
+from foucault.infer import mixed
+from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
 from foucault.logs.axes import spared
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge, ImuModel
+from foucault.models.imu import EQUATION, FRAME, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.models.references import with_references
-from foucault.models.rests_and_turns import Prediction, predict
+from foucault.models.references import gravity_error, with_references
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.models.session_noise import SessionNoise
 from foucault.plans.hand_rotated import hand_plan
@@ -64,7 +62,7 @@ from foucault.procedures.on_table import Task
 from foucault.procedures.on_table.poses import solve_poses
 from foucault.procedures.on_table.session import TableSettings
 from foucault.procedures.record import Given, Procedure
-from foucault.result import Estimate, Problem, Result, Verdict
+from foucault.result import Result, Verdict
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
 from foucault.tables import Log
@@ -206,30 +204,28 @@ def _likelihood(
     given: Mapping[str, tuple[float, float]],
     progress: Progress,
 ) -> Result:
-    names = settings.estimated(gyro=data.gyro_mean is not None)
-    prior = CoefficientVector.prior(LAYOUT.subset(names), given)
-    loss = gauss_newton.huber if settings.robust else gauss_newton.least_squares
     start = first_guess(data)
     assert start is not None  # check_input has solved the same equations
-    estimate, noise, before = likelihood.fit(
-        data, names, start, _noise(data, rests, declared),
-        prior=prior, loss=loss, repeatability=settings.repeatability,
-        pretest=declared is not None,
+    # Noise measured in rests is a lower limit of what differs between them: scatter beyond it is
+    # always estimated, for a test would leave moderate scatter out of the covariance.
+    price = SIGNIFICANT if declared is not None else 0.0
+    model = RestsAndTurns(
+        data, settings.estimated(gyro=data.gyro_mean is not None), start,
+        _noise(data, rests, declared), NOISE_BASIS["measured" if declared is None else "declared"],
+        price if settings.repeatability else None,
     )  # fmt: skip
+    prior = CoefficientVector.prior(model.layout, given)
+    fit = mixed.fit(model, prior, robust=settings.robust)
+    estimate, prediction = fit.estimate, model.predict(fit.state)
     progress(0.7, "predicting held-out rests")
-    prediction = predict(data, names, estimate.state, noise.turn_psd)
-    problem = likelihood.build(data, names, estimate.state, noise, prior)
-    held_out = _held_out(data, problem, estimate, noise, settings)
-    up_b = estimate.state.C_nb[:, 2, :]
-    evidence = judge.Evidence(
-        data, estimate, noise, declared is not None, before,
-        likelihood.components(estimate, data, clipped=True), coverage(up_b), up_b, held_out,
-        rest_levels(rests),
-        likelihood.clearest_drift(problem, estimate, data, noise, prediction),
-    )  # fmt: skip
+    count = min(settings.held_out, len(data.accel_mean) - NEEDED)
+    held_out = hold_out(fit, count) if count > 1 else None
+    around, level = coverage(fit.state.C_nb[:, 2, :]), rest_levels(rests)
+    judged = judge.judged(fit, declared is not None, level, held_out)
     vertical = vertical_check(data, estimate)
-    checks = judge.checks(evidence) + ((vertical,) if vertical else ())
+    checks = judge.checks(judged, around, level) + ((vertical,) if vertical else ())
     turned_round = vertical is not None and not vertical.passed
+    gravity = gravity_error(estimate.coefficients, data.site) ** 2
     return Result(
         procedure="hand_rotated",
         coefficients=with_references(estimate.coefficients, data.site),
@@ -238,45 +234,22 @@ def _likelihood(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=tuple(session_report.hints(evidence, prediction, turned_round)),
+        findings=tuple(session_report.hints(fit, prediction, turned_round)),
         status=estimate.status,
-        diagnostics=_diagnostics(evidence, prediction),
-        tables=session_report.tables(evidence, prediction, rest_table(data.log, rests)),
+        diagnostics={
+            "iterations": estimate.iterations,
+            "noise": session_report.noise_json(model.noise, declared is not None, fit.found),
+            "chi_square": chi_square_json(fit.after),
+            "chi_square_of_noise_alone": chi_square_json(fit.before),
+            "coverage": coverage_json(around, len(data.accel_mean)),
+            "heading_sd": session_report.heading_sd(estimate) if data.earth.any() else None,
+            **information.bound(mixed.noise_alone(fit), fit.state),
+            **budget_json(
+                fit, {"local gravity": (gravity, "B", "standard uncertainty of local gravity")}
+            ),
+        },
+        tables=session_report.tables(fit, prediction, held_out, rest_table(data.log, rests)),
     )
-
-
-def _diagnostics(e: judge.Evidence, prediction: Prediction) -> dict[str, Any]:
-    data, estimate, noise = e.session, e.estimate, e.noise
-    budget = session_budget(data, prediction, estimate, noise)
-    names = estimate.coefficients.names
-    sd = session_report.heading_sd(estimate, len(names)) if data.earth.any() else None
-    return {
-        "iterations": estimate.iterations,
-        "noise": session_report.noise_json(noise, e.declared),
-        "chi_square": session_report.chi_square_json(e.after),
-        "chi_square_of_noise_alone": session_report.chi_square_json(e.before),
-        "coverage": coverage_json(e.coverage, len(e.up_b)),
-        "heading_sd": sd,
-        **session_report.bound(data, names, estimate, noise),
-        "budget": {source: variance.tolist() for source, variance in budget.items()},
-    }
-
-
-def _held_out(
-    data: SessionData,
-    problem: Problem,
-    estimate: Estimate,
-    noise: SessionNoise,
-    settings: Settings,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    n = len(data.accel_mean)
-    folds = min(settings.held_out, n - NEEDED)
-    if folds < 2:
-        none = np.full(n, np.nan)
-        return none, none, none
-    at = problem.linearise(estimate.state, estimate.weights)
-    refit = partial(gauss_newton.leave_out, problem, estimate, at)
-    return hold_out(data, noise, refit, folds, estimate.weights[:n] > 0.5)
 
 
 PROCEDURE = Procedure(

@@ -19,6 +19,7 @@ from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import status_check
 from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.hand_rotated import checks as judge
 from foucault.diagnose.hand_rotated.held_out import norm_columns
@@ -111,7 +112,7 @@ def _published(data: SessionData, settings: Settings) -> Result:
         vectors += [bias, gyro.coefficients]
         costs.append(gyro.chi_square / 2)
         status = gyro.status if status is Status.CONVERGED else status
-    checks = judge.status_checks(status, len(data.accel_mean))
+    checks = (status_check(status, ()), judge.rests(len(data.accel_mean)))
     found = _joined(vectors)
     error_of_g = gravity_error(found, data.site)
     return Result(

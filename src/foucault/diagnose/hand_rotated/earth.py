@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.diagnose.checks import REVERSED, VISIBLE, reversed_earth_check
+from foucault.diagnose.words import check
 from foucault.models.rests_and_turns import Attitudes, Session
 from foucault.result import Check, Estimate, Level
 
@@ -54,11 +55,8 @@ def vertical_check(session: Session, estimate: Estimate) -> Check | None:
     value, sd = found
     if abs(want) < VISIBLE * sd / 2:
         return None
-    fine = abs(value - want) <= abs(value + want)
     unit = np.degrees(1.0) * 3600
-    words = f"The vertical Earth rate is seen as {value * unit:+.1f} +- {sd * unit:.1f} deg/h"
-    words += f", expected {want * unit:+.1f}" + (
-        "." if fine else f". Its sign is reversed: {REVERSED}."
-    )
-    off, limit = (value - want) * unit, abs(want) * unit
-    return Check("vertical Earth rate", off, -limit, limit, fine, words, Level.UNUSABLE)
+    off, limit = (value * np.sign(want) - abs(want)) * unit, abs(want) * unit
+    given = {"seen": value * unit, "sd": sd * unit, "want": want * unit, "cause": REVERSED}
+    name = "vertical Earth rate"
+    return check(name, name, off, -limit, limit, given, fails=Level.UNUSABLE)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.fit_checks import folds
 from foucault.diagnose.norm import norm_with_cov
+from foucault.estimate.hand_rotated.likelihood import session_of
+from foucault.infer.mixed import Covariance, Fit, HeldOut, held_out
 from foucault.models.imu import ImuModel
-from foucault.models.rests_and_turns import Attitudes, Session
-from foucault.models.session_noise import SessionNoise
-from foucault.result import Estimate
+from foucault.models.rests_and_turns import Session
 from foucault.tables import AXES
+
+UNDETERMINED = 1e3
+"""A rest left out that is known so many times worse is not determined by the others [1]."""
 
 
 def norm_columns(
@@ -40,47 +41,46 @@ def norm_columns(
     }
 
 
-def hold_out(
-    session: Session,
-    noise: SessionNoise,
-    refit: Callable[[IntArray], Estimate],
-    folds: int,
-    used: npt.NDArray[np.bool_],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Predict the norm of rests that the fit did not see.
+def norm_slope(fit: Fit) -> FloatArray:
+    """Return what the norm of specific force at each rest is per reading, shape (n, 3) [1].
 
-    `refit`: ``rests -> Estimate`` without the accelerometers of the rests given by number;
-    `folds`: number of parts, each is left out once [1]; `used` (rests,): rests that the solution
-    uses, an outlier need not be predicted. Returns `error` (rests,): predicted norm minus local g
-    [m/s^2]; `sd` (rests,): its predicted standard deviation [m/s^2]; `white` (rests,): the errors
-    made white within each part, which shares one estimate [1].
+    `fit`: of the model of a session.
     """
-    n = len(session.accel_mean)
-    error, sd, white = np.full((3, n), np.nan)
-    cov = rest_cov(session, noise)
-    for fold in range(folds):
-        out = (np.arange(n) % folds == fold) & used
-        if not out.any():
-            continue
-        estimate = refit(np.flatnonzero(out))
-        state: Attitudes = estimate.state
-        norm, joint = norm_with_cov(
-            state.model, estimate.coefficients, session.accel_mean[out], cov[out]
-        )
-        factor = np.linalg.cholesky(joint)  # first: a singular solution has no variances
-        error[out], sd[out] = norm - session.site.gravity, np.sqrt(np.diag(joint))
-        white[out] = np.linalg.solve(factor, error[out])
-    return error, sd, white
+    model, up_b = fit.state.model, fit.state.C_nb[:, 2, :]
+    f_b = session_of(fit).session.site.gravity * up_b
+    by_force = model.slopes(f_b, np.zeros_like(f_b), ()).accel_by_force
+    return np.asarray(np.linalg.solve(np.swapaxes(by_force, 1, 2), up_b[:, :, None])[:, :, 0])
 
 
-def rest_cov(session: Session, noise: SessionNoise) -> FloatArray:
-    """Return the covariance of the mean specific force of each rest, shape (n, 3, 3).
+def hold_out(fit: Fit, count: int) -> HeldOut | None:
+    """Predict the norm of specific force of rests that the fit did not see, or None.
 
-    `noise`: noise of the rests [SI].
+    `count`: number of parts, each is left out once [1].
     """
-    time = session.rest_time[:, None, None]
-    white = np.diag(noise.accel_psd) / time + 2 * np.diag(noise.accel_carried) / time**2
-    slow = noise.slow.accel.bias_instability**2 + noise.accel_repeatability**2
-    walk = noise.slow.accel.random_walk**2 * session.log.time[session.first]
-    rounding = np.diag(noise.accel_rounding**2)
-    return np.asarray(white + rounding + (slow + walk)[:, None, None] * np.eye(3))
+    parts = folds(fit, "accel", count)
+    if len(parts) < 2:
+        return None
+    slope = norm_slope(fit)
+    onto = np.zeros((len(fit.at.residuals), 1, 3))
+    onto[: len(slope), 0] = slope
+    return held_out(fit, parts, onto, seen=UNDETERMINED**-2)
+
+
+def rest_cov(fit: Fit) -> FloatArray:
+    """Return the covariance of the mean specific force of each rest, shape (n, 3, 3) [SI^2].
+
+    `fit`: of the model of a session.
+    """
+    k, d = fit.at.residuals.shape
+    cov = Covariance(fit.at.sources, fit.sds, (k, d), np.ones(k))
+    n = np.arange(len(fit.state.C_nb))
+    return np.asarray(cov.whole.reshape(k, d, k, d)[n, :, n, :])
+
+
+def norm_noise(fit: Fit) -> FloatArray:
+    """Return the standard deviation of the norm of each rest by its own noise, shape (n,) [m/s^2].
+
+    `fit`: of the model of a session.
+    """
+    slope = norm_slope(fit)
+    return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", slope, rest_cov(fit), slope)))

@@ -16,7 +16,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.estimate.chi_square import chi_square_limits, student
-from foucault.estimate.hand_rotated.likelihood import Component
+from foucault.infer.mixed import Component
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.readings import Readings
 

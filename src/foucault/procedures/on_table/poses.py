@@ -22,8 +22,7 @@ from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.input import enough_readings
 from foucault.errors import error
 from foucault.estimate.hand_rotated.bias import resting_bias
-from foucault.estimate.hand_rotated.likelihood import Component
-from foucault.infer.mixed import NOISE_BASIS
+from foucault.infer.mixed import NOISE_BASIS, Component
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT
 from foucault.models.readings import Readings
