@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from foucault.estimate.table import fit as table_fit
-from foucault.estimate.table.likelihood import Observed, angle_start, fit, free_start
+from foucault.estimate.table.likelihood import Options, TableModel, angle_start, free_start
+from foucault.infer import mixed
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.noise import ImuNoise, grade
@@ -63,29 +64,24 @@ def trusting(common, position):
     return Trust(np.full(6, float(common)), position, SITE.latitude)
 
 
-def solved(readings, trust=None, names=LINEAR_LOWER, **options):
-    """Maximise the likelihood once; `trust` None believes nothing of the table."""
+def model_of(readings, trust=None, names=LINEAR_LOWER, start=None, **options):
+    """State the model; `trust` None believes nothing of the table."""
     spins = bool(readings.spin.any())
-    if trust is None:
-        start = free_start(readings, SITE, spins)
-    else:
-        start = angle_start(readings, SITE, trust)
-    observed = Observed.of(readings, SITE, start, gyro_at_rest=trust is not None)
-    names = LAYOUT.subset(names).names
-    free_level = trust is None and spins
-    return fit(observed, names, start, lever_arm=spins, level=free_level, **options)[1]
-
-
-def fitted(readings, trust=None, names=LINEAR_LOWER, **options):
-    """Fit with outliers and scatter; `trust` None believes nothing of the table."""
-    spins = bool(readings.spin.any())
-    if trust is None:
-        start = free_start(readings, SITE, spins)
-    else:
-        start = angle_start(readings, SITE, trust)
+    if start is None:
+        free = trust is None
+        start = free_start(readings, SITE, spins) if free else angle_start(readings, SITE, trust)
     options = {
         "lever_arm": spins, "level": trust is None and spins, "gyro_at_rest": trust is not None,
     } | options  # fmt: skip
-    return table_fit.fit(
-        readings, SITE, start, table_fit.Options(LAYOUT.subset(names).names, **options)
-    )
+    return TableModel(readings, SITE, start, Options(LAYOUT.subset(names).names, **options))
+
+
+def solved(readings, trust=None, names=LINEAR_LOWER):
+    """Maximise the likelihood by the noise alone."""
+    return mixed.solve(model_of(readings, trust, names)).estimate
+
+
+def fitted(readings, trust=None, names=LINEAR_LOWER, **options):
+    """Fit with outliers and scatter."""
+    model = model_of(readings, trust, names, **options)
+    return table_fit.fit(readings, SITE, model.start, model.options)

@@ -18,13 +18,16 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from dataclasses import replace
+
 import numpy as np
 
 from foucault.diagnose.information import information
 from foucault.estimate import gauss_newton
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.table import likelihood as turntable_likelihood
-from foucault.estimate.table.likelihood import Observed
+from foucault.estimate.table.likelihood import Options, TableModel
+from foucault.infer import mixed
 from foucault.kernels.norm_observation import calibrate_batch
 from foucault.models import turntable
 from foucault.models.earth import Site
@@ -48,31 +51,21 @@ ACCEL = 9
 
 
 def solve(readings: Readings, start: State, level: bool) -> gauss_newton.Estimate:
-    observed = Observed.of(readings, SITE, start, gyro_at_rest=False)
-    problem = turntable_likelihood.build(observed, LINEAR_LOWER, start, lever_arm=True, level=level)
-    return gauss_newton.solve(problem, loss=gauss_newton.least_squares)
+    options = Options(LINEAR_LOWER, lever_arm=True, level=level, repeatability=False)
+    return mixed.solve(TableModel(readings, SITE, start, options)).estimate
 
 
 def bound(readings: Readings, model: ImuModel, *, linear: bool) -> np.ndarray:
     """The bound at the truth: of all readings, or of what the linear solution looks at."""
-    start = turntable_likelihood.free_start(readings, SITE, True)
+    options = Options(LINEAR_LOWER, lever_arm=True, level=True, repeatability=False)
     if linear:
         # Accelerometers from the rests alone; the gyros' own frame from the spins alone.
         readings = readings[~readings.spin]
-        start = turntable_likelihood.free_start(readings, SITE, False)
-        names = LINEAR_LOWER[:ACCEL]
-        problem = turntable_likelihood.build(
-            Observed.of(readings, SITE, start, gyro_at_rest=False), names, start,
-            lever_arm=False, level=False,
-        )  # fmt: skip
-    else:
-        observed = Observed.of(readings, SITE, start, gyro_at_rest=False)
-        problem = turntable_likelihood.build(
-            observed, LINEAR_LOWER, start, lever_arm=True, level=True
-        )
+        options = replace(options, names=LINEAR_LOWER[:ACCEL], lever_arm=False, level=False)
+    start = turntable_likelihood.free_start(readings, SITE, not linear)
     start = State(model, start.geometry, start.lever_arm)
-    at = problem.linearise(start, np.ones(problem.n_blocks))
-    return information(at, problem.layout).sd
+    stated = TableModel(readings, SITE, start, options)
+    return information(mixed.foreseen(stated), stated.layout).sd
 
 
 def likelihood_part(arguments: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.coverage import coverage
-from foucault.diagnose.table.checks import TableEvidence, checks, detectable, name_of
+from foucault.diagnose.table.checks import checks, detectable, name_of
 from foucault.diagnose.table.report import readings_table, rig_table
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.references import with_references
@@ -24,8 +23,7 @@ def readings(plan="icosahedron 12", spins=True, **more):
 
 def evidence(r, trust=None, **options):
     names = ACCEL_NAMES if r.gyro is None else LINEAR_LOWER
-    fit = fitted(r, trust, names, **options)
-    return TableEvidence(r, SITE, fit, coverage(fit.estimate.state.geometry.directions()))
+    return fitted(r, trust, names, **options)
 
 
 def found(e):
@@ -148,11 +146,11 @@ def test_tables_hold_true_norms_and_what_was_found():
     rest = ~r.spin
     assert np.isnan(table["rate_after"][rest]).all()
     assert np.abs((table["rate_after"] - table["rate_true"]) / table["rate_sd"])[r.spin].max() < 5
-    rig = rig_table(e.fit)
+    rig = rig_table(e)
     assert list(rig["name"][:6]) == [
         "lever_arm.x", "lever_arm.y", "lever_arm.z", "mounting.x", "mounting.y", "mounting.z",
     ]  # fmt: skip
-    arm = e.fit.estimate.state.lever_arm
+    arm = e.estimate.state.lever_arm
     np.testing.assert_allclose(rig["value"][:3], arm)
     assert (rig["sd"] > 0).all()
     assert "table.heading" in rig["name"]
@@ -161,7 +159,7 @@ def test_tables_hold_true_norms_and_what_was_found():
 
 def test_gravity_and_rate_of_the_table_are_in_the_covariance():
     e = evidence(readings())
-    c = e.fit.estimate.coefficients
+    c = e.estimate.coefficients
     site = replace(SITE, gravity_sd=1e-3)
     more = with_references(c, site, 1e-4)
     extra = np.diag(more.cov - c.cov)

@@ -8,11 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foucault.estimate.snooping import ALIKE, POWER, SEEN, Snooping, snoop
+from foucault.estimate.snooping import ALIKE, POWER, SEEN, Snooping, snoop, snoop_fit
+from foucault.infer import mixed
+from foucault.infer.mixed import Source
 from foucault.models.imu import ImuModel
 from foucault.plans.table.directions import directions
 from foucault.result import Linearised
-from make_table import ACCEL_NAMES, plan_of, silent, solved
+from make_table import ACCEL_NAMES, model_of, plan_of, silent
 
 SD = 1e-6  # of a reading, in g
 
@@ -24,18 +26,8 @@ def rests(plan):
 
 
 def snooped(readings):
-    got = solved(readings, names=ACCEL_NAMES)
-    at = Linearised(got.residuals, _jacobian(readings, got), got.blocks)
-    return snoop(at, got.state_cov), got
-
-
-def _jacobian(readings, estimate):
-    from foucault.estimate.table.likelihood import Observed, build
-    from make_table import SITE
-
-    observed = Observed.of(readings, SITE, estimate.state, gyro_at_rest=False)
-    problem = build(observed, ACCEL_NAMES, estimate.state, lever_arm=False, level=False)
-    return problem.linearise(estimate.state, np.ones(problem.n_blocks)).jacobian
+    got = mixed.solve(model_of(readings, names=ACCEL_NAMES))
+    return snoop_fit(got), got
 
 
 def test_antipodes_of_the_icosahedron_cannot_be_told_apart():
@@ -124,3 +116,21 @@ def test_alike_returns_numbers_of_observations():
     s = Snooping(np.array([4, 5, 6]), one, one, one, np.eye(3), correlation)
     assert s.alike(0).tolist() == [6]
     assert s.alike(1).tolist() == []
+
+
+def test_what_ties_readings_together_is_a_covariance_as_any_other():
+    """A bias that all rests share leaves nothing of theirs to see, and tests stay those of z."""
+    u = directions("dodecahedron 20")
+    r = rests("dodecahedron 20")
+    rng = np.random.default_rng(2)
+    bias, sd = 50 * SD * 9.81, SD * 9.81
+    r = replace(r, accel=r.accel + sd * rng.normal(size=r.accel.shape))
+    model = model_of(r, names=ACCEL_NAMES)
+    tie = Source("tie", shared=np.tile(np.eye(3), (20, 1, 1)), sd=bias)
+    model.__dict__["sources"] = (*model.sources, tie)
+    fit = mixed.solve(model)
+    s, alone = snoop_fit(fit), snooped(r)[0]
+    # The unknown bias takes up what they share: single readings are tested as without it.
+    np.testing.assert_allclose(s.test, alone.test, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(s.redundancy, alone.redundancy, atol=1e-3)
+    np.testing.assert_allclose(np.abs(np.sum(s.direction * u, axis=1)), 1.0, atol=1e-3)

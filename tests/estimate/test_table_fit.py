@@ -12,9 +12,9 @@ from scipy.stats import binom, chi2, f, kstest
 from foucault.diagnose.consistency import nees
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.snooping import POWER
-from foucault.estimate.table.fit import KINDS, inflated, kinds_of
+from foucault.estimate.table.likelihood import FORCES, KINDS
 from foucault.simulate.hand_rotated import draw_errors
-from make_table import ACCEL_NAMES, ARCSEC, fitted, plan_of, simulated, trusting
+from make_table import ACCEL_NAMES, ARCSEC, fitted, model_of, plan_of, simulated, trusting
 
 WRONG = 1e-3 * 9.81 * np.array([0.6, 0.64, 0.48])  # 1 mg
 MANY = 26
@@ -52,7 +52,7 @@ def test_a_wrong_position_of_twelve_is_suspected_with_its_opposite():
         assert len(got.suspects) == 2
         first, second = r.accel[list(got.suspects)]
         assert first @ second / np.linalg.norm(first) / np.linalg.norm(second) < -0.999
-        assert got.scatter["accel"] > 1e-4 * 9.81 * 0.5  # the uncertainties know of it
+        assert got.scatter[FORCES] > 1e-4 * 9.81 * 0.5  # the uncertainties know of it
         assert (got.estimate.weights[: len(r)] == 1).all()
 
 
@@ -135,9 +135,9 @@ def scattered(declared):
 @pytest.mark.parametrize("declared", [False, True])
 def test_scatter_beyond_the_noise_is_estimated(declared):
     fits = scattered(declared)
-    assert all("accel" in got.scatter for got, _, _ in fits)
+    assert all(FORCES in got.scatter for got, _, _ in fits)
     # 17 redundant equations each: the total variance is that of a chi-square.
-    total = np.array([(got.scatter["accel"] / sd) ** 2 + 1 for got, _, sd in fits])
+    total = np.array([(got.scatter[FORCES] / sd) ** 2 + 1 for got, _, sd in fits])
     left = 17 - np.array([len(got.outliers) for got, _, _ in fits])
     low, high = chi_square_limits(float(left.sum()))
     assert low < (left * total / 9).sum() < high
@@ -156,9 +156,9 @@ def test_uncertainties_know_the_scatter():
 
 def test_noise_alone_says_how_bad_it_was():
     for got, _, _ in scattered(True):
-        kind = got.before["accel at rest"]
+        kind = got.fit.before["accel at rest"]
         assert kind.chi_square > kind.high
-        assert got.after["accel at rest"].ratio == pytest.approx(1.0, abs=0.04)
+        assert got.fit.after["accel at rest"].ratio == pytest.approx(1.0, abs=0.04)
 
 
 def test_without_repeatability_nothing_grows():
@@ -166,26 +166,17 @@ def test_without_repeatability_nothing_grows():
     assert got.scatter == {}
 
 
-def test_scatter_is_added_and_taken_away_again():
-    observed = fitted(session("icosahedron 12", spins=True)).observed
-    more = inflated(observed, {"accel": 0.1, "gyro in spins": 0.2})
-    np.testing.assert_allclose(
-        more.accel_cov - observed.accel_cov, np.tile(0.01 * np.eye(3), (24, 1, 1))
-    )
-    np.testing.assert_allclose(
-        more.gyro_cov - observed.gyro_cov,
-        0.04 * observed.readings.spin[:, None, None] * np.eye(3),
-        atol=1e-15,
-    )
-    back = inflated(more, {"accel": 0.1, "gyro in spins": 0.2}, sign=-1.0)
-    np.testing.assert_allclose(back.accel_cov, observed.accel_cov, atol=1e-17)
-
-
 def test_kinds_of_readings():
-    r = session("icosahedron 12", spins=True)
-    got = kinds_of(r, np.array([0, 12, 24, 36, -1]))
-    assert [KINDS[k] for k in got[:4]] == list(KINDS[:4])
-    assert got[4] == -1
+    model = model_of(session("icosahedron 12", spins=True), gyro_at_rest=True)
+    assert [KINDS[k] for k in model.kind[[0, 12, 24, 36]]] == list(KINDS[:4])
+    assert model.rows.tolist() == list(range(48))
+    parts = np.array([model.kinds[kind] for kind in KINDS])
+    assert (parts.sum(axis=0) == 1).all()  # every component is of one kind
+    w = model.readings.gyro[model.rows[36:] - 24]
+    along = np.linalg.norm(w, axis=1)
+    np.testing.assert_allclose(
+        np.einsum("nij,nj->ni", model.axes[36:], w), np.outer(along, [1, 0, 0]), atol=1e-15
+    )
 
 
 def test_a_trusted_table_names_a_wrong_position_too():

@@ -11,13 +11,13 @@ import pytest
 from foucault.diagnose.consistency import nees
 from foucault.errors import Status
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.table.likelihood import Observed, angle_start, free_start, whitening
+from foucault.estimate.table.likelihood import angle_start, free_start
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.rotation import log as rotation_vector
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.simulate.table.readings import Rig
-from make_table import ARCSEC, SITE, plan_of, silent, simulated, solved, trusting
+from make_table import ARCSEC, SITE, model_of, plan_of, silent, simulated, solved, trusting
 
 DEG = np.pi / 180
 ARM = np.array([0.2, -0.1, 0.15])
@@ -232,32 +232,50 @@ def test_joint_estimate_finds_the_errors_of_the_table_within_their_sd():
 # -- starts and covariances ---------------------------------------------------------------------
 
 
-def test_jitter_and_unknown_earth_rate_are_in_the_covariance_of_the_rates():
+def test_jitter_acts_along_the_axis_of_spins():
     r, _ = silent(plan_of(), ImuModel(), rig=Rig(heading=0.3))
-    start = free_start(r, SITE, True)
-    got = Observed.of(r, SITE, start, rate_sd=1e-5, gyro_at_rest=True)
-    o = start.geometry.o
+    model = model_of(r, rate_sd=1e-5)
+    (jitter,) = [s for s in model.sources if s.name == "jitter of the spin rate"]
     h = np.radians(10) + EARTH_RATE * np.sin(SITE.latitude)
-    spin, rest = r.spin, ~r.spin
-    along = np.einsum("ni,nij,nj->n", o, got.gyro_cov, o)
-    np.testing.assert_allclose(along[spin], (1e-5 * h) ** 2, rtol=1e-4)
-    earth = (EARTH_RATE * np.cos(SITE.latitude)) ** 2
-    np.testing.assert_allclose(along[rest], r.gyro_cov[0, 0, 0], rtol=1e-4)
-    trace = np.trace(got.gyro_cov, axis1=1, axis2=2)
-    np.testing.assert_allclose(trace[rest], 2 * earth, rtol=1e-6)
-    assert got.gyro_used.all()
-    assert np.array_equal(Observed.of(r, SITE, start, gyro_at_rest=False).gyro_used, spin)
-    assert np.array_equal(got.accel_cov, r.accel_cov)
+    along = jitter.sd * jitter.each[model.kind == 3][:, :, 0]
+    np.testing.assert_allclose(along, np.outer(np.full(12, 1e-5 * h), [1, 0, 0]), atol=1e-12)
+    assert not jitter.each[model.kind < 3].any()
 
 
-def test_whitening_is_the_inverse_root():
+def test_an_unknown_heading_has_the_size_of_the_horizontal_earth_rate():
+    r, made = silent(plan_of("dodecahedron 20"), ImuModel(), rig=Rig(heading=0.3))
+    assert "unknown heading" not in [s.name for s in model_of(r).sources]  # no rate at rest
+    assert model_of(r).rows.tolist() == [*range(40), *range(60, 80)]
+    model = model_of(r, gyro_at_rest=True)
+    (earth,) = [s for s in model.sources if s.name == "unknown heading"]
+    rests = model.kind == 2
+    cov = earth.sd**2 * earth.each @ np.swapaxes(earth.each, 1, 2)
+    size = (EARTH_RATE * np.cos(SITE.latitude)) ** 2
+    up = made.direction[0][~r.spin]
+    across = np.eye(3) - up[:, :, None] * up[:, None, :]
+    np.testing.assert_allclose(cov[rests], size * across, atol=1e-4 * size)
+    assert not cov[~rests].any()
+
+
+@pytest.mark.parametrize("trust", [None, trusting(1.0 * DEG, 0.5 * DEG)], ids=["free", "angles"])
+def test_the_jacobian_is_the_derivative_of_the_prediction(trust):
+    r, _ = silent(plan_of(both_senses=True), big_model(), rig=BAD)
     rng = np.random.default_rng(1)
-    a = rng.normal(size=(4, 3, 3))
-    cov = a @ np.swapaxes(a, 1, 2) + np.eye(3)
-    root = whitening(cov)
-    np.testing.assert_allclose(
-        root @ cov @ np.swapaxes(root, 1, 2), np.broadcast_to(np.eye(3), (4, 3, 3)), atol=1e-13
-    )
+    r = replace(r, accel=r.accel + 0.01 * rng.normal(size=r.accel.shape))
+    model = model_of(r, trust, gyro_at_rest=True, offset=True)
+    at = model.linearise(model.start)
+    for k in range(0, at.jacobian.shape[2], 3):
+        step = np.zeros(at.jacobian.shape[2])
+        step[k] = 1e-6
+        two = [model.linearise(model.retract(model.start, s * step)) for s in (1.0, -1.0)]
+        for before, after in (
+            (two[0].residuals, two[1].residuals),
+            (two[0].known[0], two[1].known[0]),
+        ):
+            slope = (after - before) / 2e-6
+            want = at.jacobian[:, :, k] if slope.ndim == 2 else at.known[1][:, k]
+            np.testing.assert_allclose(slope, want, atol=1e-7 * np.abs(want).max(initial=1.0))
+    assert len(at.known_from) == len(at.known[0])
 
 
 @pytest.mark.parametrize("plan", ["6 faces", "8 corners"])

@@ -318,3 +318,32 @@ class Unknown(Line):
         return replace(
             at, sources=(replace(noise, each=each, sd=None, price=0.0), replace(placed, sd=1.0))
         )
+
+
+def test_what_only_a_prior_tells_has_the_scatter_of_the_readings_in_its_uncertainty() -> None:
+    model = drawn(np.random.default_rng(1), placements=16, each=1, sd=5e-3)
+    model = replace(model, inputs=np.full(16, 9.8), y=model.y - model.inputs + 9.8)
+    prior = CoefficientVector.prior(model.layout, {"accel.scale.x": (0.002, 1e-5)})
+    at = mixed.fit(model, prior)
+    assert at.estimate.coefficients.cov is not None
+    sd = np.hypot(np.hypot(1e-3, at.sds["placement"]) / 4, 9.8e-5)
+    assert at.found["placement"] > 3e-3
+    assert at.estimate.coefficients.sd[0] == pytest.approx(sd, rel=1e-3)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0, 300.0])
+def test_sizes_are_those_of_the_largest_likelihood_however_far_from_the_noise(size: float) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        V = {}
+        for name, rank in (("a", 20), ("b", 5), ("c", 12)):
+            root = rng.standard_normal((40, rank))
+            V[name] = root @ root.T * 10.0 ** rng.uniform(-3, 3)
+        z = rng.standard_normal(40)
+        z += size * np.linalg.cholesky(V["b"] + 1e-9 * np.eye(40)) @ rng.standard_normal(40)
+        var = mixed._most_likely(z, V)
+        S = np.linalg.inv(np.eye(40) + sum(var[n] * V[n] for n in V))
+        for name, v in V.items():
+            score = z @ S @ v @ S @ z - np.sum(S * v)
+            of = np.sqrt(2 * np.sum((S @ v) * (S @ v).T))  # its sd
+            assert abs(score) < 0.05 * of or (var[name] == 0 and score < 0)

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from foucault.errors import FoucaultError
+from foucault.estimate.table.likelihood import ALONG
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
@@ -57,6 +59,24 @@ def test_g_sensitivity_is_noticed_where_it_hurts(both: bool):
     assert level == "doubtful"
 
 
+def test_an_unknown_heading_is_in_the_uncertainty_and_is_nothing_beside_the_plan():
+    plan = table_plan("dodecahedron 20", spin_rate=np.radians(10.0), rest_time=60.0, turns=4)
+    model = draw_errors("navigation", 3)
+    made = simulate_readings(
+        plan, models=model, noise=grade("navigation").noise, site=SITE, seed=1, rig=Rig(heading=2.0)
+    )
+    r = replace(made.readings(0), declared=True)
+    settings = norm_observation.Settings(plan="dodecahedron 20", g_sensitivity=True)
+    result = on_table.from_readings(r, norm_observation.task_of(settings), site=SITE)
+    budget, c = result.diagnostics["budget"], result.coefficients
+    share = np.array(budget["unknown heading"]) / c.sd**2
+    assert share[c.names.index("gyro.g_sensitivity.xy")] > 0.9
+    assert result.diagnostics["sources"]["unknown heading"][0] == "B"
+    assert all(check.passed for check in result.checks)
+    error = c.values - model.coefficients(c.names).values
+    assert error @ np.linalg.solve(c.cov, error) < chi2.isf(1e-3, len(c))
+
+
 def test_g_sensitivity_asked_for_is_found():
     model = replace(draw_errors("mems", 3), g_sensitivity=40 * DPH / 9.81 * np.eye(3))
     settings = norm_observation.Settings(plan="dodecahedron 20", g_sensitivity=True)
@@ -96,9 +116,7 @@ def test_jitter_of_the_rate_is_found_and_no_spin_is_blamed():
         )  # fmt: skip
         result = on_table.from_readings(replace(made.readings(0), declared=False), NORM, site=SITE)
         # Along the axis there are 20 readings for 9 unknowns.
-        assert result.diagnostics["noise"]["scatter"]["rate of spins"] == pytest.approx(
-            1e-5, rel=0.6
-        )
+        assert result.diagnostics["noise"]["scatter"][ALONG] == pytest.approx(1e-5, rel=0.6)
         c = result.coefficients
         gyro = [n for n in c.names if n.startswith(("gyro.bias", "gyro.scale"))]
         errors += [c.value(n) - model.coefficients([n]).values[0] for n in gyro]

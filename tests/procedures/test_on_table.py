@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from foucault import report, run_folder
 from foucault.errors import FoucaultError
+from foucault.estimate.table.likelihood import FORCES, IN_SPINS
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
@@ -410,7 +411,7 @@ def test_without_declared_noise_the_residuals_tell_it():
     ratios = []
     for seed in range(1, 7):
         known, measured = run(seed=seed), run(seed=seed, noise=None)
-        assert {"accel", "gyro in spins"} <= set(measured.diagnostics["noise"]["scatter"])
+        assert {FORCES, IN_SPINS} <= set(measured.diagnostics["noise"]["scatter"])
         assert measured.verdict.level is Level.PASS
         ratios.append(measured.coefficients.sd / known.coefficients.sd)
     mean = np.mean(ratios, axis=0)

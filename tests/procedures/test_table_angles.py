@@ -10,8 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from foucault.diagnose.checks import foreseen_check
-from foucault.diagnose.coverage import coverage
-from foucault.diagnose.table.checks import TableEvidence, checks
+from foucault.diagnose.table.checks import checks
 from foucault.estimate.table.fit import fit
 from foucault.estimate.table.likelihood import angle_start
 from foucault.models.earth import Site
@@ -113,10 +112,9 @@ def test_positions_that_look_alike_are_told_and_the_verdict_is_doubtful():
     readings = on_table.read_positions(sim.log, task, NOISE)
     options = on_table.options_of(readings, task, None)
     found = fit(readings, SITE, angle_start(readings, SITE, task.trust), options)
-    evidence = TableEvidence(readings, SITE, found, coverage(np.eye(3)))
     name = "errors of the table"
-    assert next(c for c in checks(evidence) if c.name == name).passed
-    alike = replace(evidence, fit=replace(found, angle_suspects=(2, 4)))
+    assert next(c for c in checks(found) if c.name == name).passed
+    alike = replace(found, angle_suspects=(2, 4))
     failed = next(c for c in checks(alike) if c.name == name)
     assert not failed.passed
     assert "with this plan these look alike: rest 3 (189 s), rest 5 (315 s)." in failed.sentence

@@ -10,13 +10,12 @@ import pytest
 from scipy.stats import chi2
 
 from foucault.estimate.drift import by_time
+from foucault.estimate.table.likelihood import Options, TableModel, free_start
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.readings import Readings, slow_part
-from foucault.models.table_geometry import Free
-from foucault.models.table_state import State, Unknowns, moved, predict
-from foucault.procedures import multi_position, norm_observation, turntable
+from foucault.procedures import multi_position, norm_observation, on_table, turntable
 from foucault.procedures.on_table import plan as table_plan
 from foucault.procedures.record import Beforehand
 from foucault.result import Level
@@ -115,32 +114,26 @@ def test_preflight_foretells_the_long_term_bias():
     assert ratio.min() > 0.8
 
 
-def test_slopes_of_the_slow_biases_are_those_of_the_values():
-    rng = np.random.default_rng(1)
-    n, nothing = 4, np.zeros((4, 3, 3))
-    o = rng.normal(size=(n, 3))
-    rate = np.array([0.0, 0.2, 0.0, -0.2])
-    r = Readings(
-        np.zeros((n, 3)), rate, np.zeros(n), np.arange(n), np.ones(n), np.zeros((n, 3)),
-        np.zeros((n, 3)), nothing, nothing,
-    )  # fmt: skip
-    names = LINEAR_LOWER
-    model = draw_errors("tactical", 1)
-    geometry = Free(o / np.linalg.norm(o, axis=1, keepdims=True), 5e-5)
-    at = State(model, geometry, np.zeros(3), wander=1e-3 * rng.normal(size=(n, 6)))
-    for used in ((True, True), (True, False), (False, True)):
-        unknowns = Unknowns(names, True, False, wander=used)
-        got = predict(at, r, SITE, unknowns)
-        size = got.accel_slope.shape[2]
-        assert size == unknowns.before_geometry + 2 * n + 3 * n * sum(used)
-        for k in range(size - 3 * n * sum(used), size):
-            step = np.zeros(size)
-            step[k] = 1e-4
-            a, b = (predict(moved(at, s * step, unknowns), r, SITE, unknowns) for s in (1.0, -1.0))
-            for name in ("accel", "gyro"):
-                slope = (getattr(a, name) - getattr(b, name)) / 2e-4
-                want = getattr(got, f"{name}_slope")[:, :, k]
-                np.testing.assert_allclose(slope, want, atol=1e-9)
+def test_what_wanders_is_shared_by_the_readings_as_its_covariance_says():
+    r = simulated(norm_observation, 1)
+    task = norm_observation.task_of(norm_observation.Settings())
+    readings = on_table.read_positions(r.log, task, NOISE)
+    start = free_start(readings, SITE, True)
+    model = TableModel(readings, SITE, start, Options(LINEAR_LOWER, True, True))
+    named = {s.name: s for s in model.sources}
+    n = len(readings)
+    for name, want, own in zip(
+        ("accelerometer", "gyro"), readings.wander(), (model.kind < 2, model.kind >= 2),
+        strict=True,
+    ):  # fmt: skip
+        shared = named[f"wandering {name} bias"].shared
+        assert not shared[~own].any()
+        body = np.einsum("kji,kjc->kic", model.axes[own], shared[own])
+        j = model.rows[own] % n
+        got = np.einsum("kic,ljc->kilj", body, body)
+        np.testing.assert_allclose(
+            got, np.einsum("kl,ij->kilj", want[np.ix_(j, j)], np.eye(3)), atol=1e-9 * want.max()
+        )
 
 
 def test_only_what_is_declared_ties_readings_together():

@@ -224,13 +224,20 @@ def clearest_drift(e: Judged) -> Drift | None:
         return None
     fit = e.fit
     n, d, _ = fit.at.jacobian.shape
-    names, number = fit.model.layout.names, np.zeros(n, int)
-    for k, rows in enumerate(fit.model.kinds.values()):
-        number[rows.any(axis=1)] = k
+    names = fit.model.layout.names
     moving = fit.at.jacobian[:, :, : len(names)] * by_time(e.time)[:, None, None]
     columns = np.zeros((len(fit.white.residuals), len(names)))
     columns[: n * d] = fit.covariance.whiten(moving)
-    return find_drift(fit.white, names, e.time, kinds=number, candidates=columns)
+    return find_drift(fit.white, names, e.time, kinds=scattering(e), candidates=columns)
+
+
+def scattering(e: Judged) -> IntArray:
+    """Return a number for each reading, the same for those that have one scatter, shape (n,)."""
+    out = np.zeros(len(e.fit.at.residuals), int)
+    numbers: dict[tuple[str, ...], int] = {}
+    for kind, rows in e.fit.model.kinds.items():
+        out[rows.any(axis=1)] = numbers.setdefault(e.found_in.get(kind, (kind,)), len(numbers))
+    return out
 
 
 def chi_square_json(parts: Mapping[str, mixed.Component]) -> dict[str, list[float]]:

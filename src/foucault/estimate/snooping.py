@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
+from foucault.infer.mixed import Fit
 from foucault.result import Linearised
 
 SEEN = 0.01
@@ -68,9 +69,31 @@ def snoop(at: Linearised, state_cov: FloatArray, rows: int = 3) -> Snooping:
     observation, one after the other [1].
     """
     used = at.blocks >= 0
-    J, r = at.jacobian[used], at.residuals[used].reshape(-1, rows)
+    J, blocks = at.jacobian[used], at.blocks[used].reshape(-1, rows)[:, 0]
     R = np.eye(len(J)) - J @ state_cov @ J.T
-    k = len(r)
+    return _snooped(R, at.residuals[used].reshape(-1, rows), blocks)
+
+
+def snoop_fit(fit: Fit) -> Snooping:
+    """Test every reading of a mixed model; its direction is over what each has for itself.
+
+    Where sources tie readings together, with their covariance C and L L' what each has for itself,
+    ``R = L' (C^-1 - C^-1 J P J' C^-1) L`` and ``r = L' C^-1 e``.
+    """
+    (n, d), at = fit.at.residuals.shape, fit.white
+    if not fit.covariance.tied.size:
+        return snoop(at, fit.estimate.state_cov, d)
+    roots = np.linalg.cholesky(fit.covariance.own)
+    wide = np.zeros((n, d, n, d))
+    wide[np.arange(n), :, np.arange(n), :] = roots
+    E = fit.covariance.whiten(wide.reshape(n, d, n * d))
+    J = E.T @ at.jacobian[: n * d]
+    R = E.T @ E - J @ fit.estimate.state_cov @ J.T
+    return _snooped(R, (E.T @ at.residuals[: n * d]).reshape(n, d), np.arange(n))
+
+
+def _snooped(R: FloatArray, r: FloatArray, blocks: IntArray) -> Snooping:
+    k, rows = r.shape
     own = R.reshape(k, rows, k, rows)[np.arange(k), :, np.arange(k), :]
     values, vectors = np.linalg.eigh((own + np.swapaxes(own, 1, 2)) / 2)
     seen = values > SEEN
@@ -80,7 +103,7 @@ def snoop(at: Linearised, state_cov: FloatArray, rows: int = 3) -> Snooping:
     cross = np.einsum("ki,kilj,lj->kl", direction, R.reshape(k, rows, k, rows), direction)
     size = np.sqrt(np.maximum(np.diag(cross), SEEN))
     return Snooping(
-        blocks=at.blocks[used].reshape(-1, rows)[:, 0],
+        blocks=blocks,
         test=test,
         dof=seen.sum(axis=1).astype(float),
         redundancy=np.clip(values[:, -1], 0.0, 1.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -52,6 +53,13 @@ class Readings:
     def noise_unknown(self) -> bool:
         """Whether nothing but the residuals of a fit tells the noise."""
         return any(f.code == "readings.noise_unknown" for f in self.findings)
+
+    @property
+    def noise_from(self) -> Literal["declared", "measured", "unknown"]:
+        """Where the noise is from."""
+        if self.declared:
+            return "declared"
+        return "unknown" if self.noise_unknown else "measured"
 
     def __getitem__(self, rows: BoolArray | npt.NDArray[np.intp]) -> Readings:
         """Return some of the readings, by mask or by number."""

@@ -8,6 +8,7 @@ errors that all positions share, two more in every position, and the heading).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -152,18 +153,19 @@ class Angles:
         """Which of the common errors are unknowns, shape (<= 6,)."""
         return np.flatnonzero(self.trust.common_sd > 0)
 
+    @cached_property
     def _chain(self) -> turntable.Chain:
         errors = turntable.TableErrors.of(self.common)
         return turntable.chain(self.readings_angles, errors, self.position)
 
     def directions(self) -> FloatArray:
         """Return up (rest) or the outer axis (spin)."""
-        at = self._chain()
+        at = self._chain
         return np.where(self.spin[:, None], at.outer_k, at.up_k) @ self.C_bk.T
 
     def directions_slope(self) -> FloatArray:
         """Return the derivative by mounting, common errors, position errors and heading."""
-        at = self._chain()
+        at = self._chain
         o = np.where(self.spin[:, None], at.outer_k, at.up_k) @ self.C_bk.T
         axes = self.C_bk @ at.axes
         # What comes before the outer axis does not move it.
@@ -188,7 +190,7 @@ class Angles:
 
     def earth(self) -> tuple[FloatArray, FloatArray]:
         """Return the Earth's rate at rest."""
-        at = self._chain()
+        at = self._chain
         n = len(self.spin)
         if self.heading is None or self.trust.latitude is None:
             zero = np.zeros((n, 3))
@@ -248,7 +250,7 @@ class Angles:
         """
         new = self
         for _ in range(4):
-            at = new._chain()
+            at = new._chain
             now = np.where(new.spin[:, None], at.outer_k, at.up_k) @ new.C_bk.T
             axes = new.C_bk @ at.axes[:, :, [turntable.MIDDLE, turntable.INNER]]
             # The inner angle does nothing where its axis is vertical: it is left as it is then.

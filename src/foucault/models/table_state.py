@@ -37,26 +37,17 @@ class State:
     level: float = 0.0  # ln of the norm of the mean specific force in spins over local gravity [1]
     # (3,) gyro bias at rest minus that in spins: they are measured at different times [rad/s]
     offset: FloatArray = field(default_factory=lambda: np.zeros(3))
-    # (n, 6) slow biases in each reading less their long-term mean, accelerometers and gyros; None
-    # for zero [SI]
-    wander: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Which unknowns a step has.
-
-    In order: coefficients, lever arm, level, offset, geometry, and for every reading how far the
-    slow biases of accelerometers and of gyros are from their long-term mean.
-    """
+    """Which unknowns a step has: coefficients, lever arm, level, offset, geometry."""
 
     names: tuple[str, ...]
     # lever_arm, level, offset: whether these are unknown
     lever_arm: bool
     level: bool
     offset: bool = False
-    # (2,) whether the slow biases of accelerometers and of gyros are [1]
-    wander: tuple[bool, bool] = (False, False)
 
     @property
     def before_geometry(self) -> int:
@@ -124,21 +115,9 @@ def predict(state: State, readings: Readings, site: Site, unknowns: Unknowns) ->
     if unknowns.offset:
         at = unknowns.before_geometry - len(unknowns.names) - 3
         gyro_by_all[~spin, :, at : at + 3] = eye
-    if state.wander is not None:
-        accel, gyro = accel + state.wander[:, :3], gyro + state.wander[:, 3:]
-    accel_slope = [slopes.accel, slopes.accel_by_force @ f_slope]
-    gyro_slope = [slopes.gyro, gyro_by_all]
-    for mine, other, used in (
-        (accel_slope, gyro_slope, unknowns.wander[0]),
-        (gyro_slope, accel_slope, unknowns.wander[1]),
-    ):
-        if used:  # three unknowns per reading
-            n = len(o)
-            mine.append(np.einsum("nm,ij->nimj", np.eye(n), eye).reshape(n, 3, 3 * n))
-            other.append(np.zeros((n, 3, 3 * n)))
-    return Prediction(
-        accel, gyro, np.concatenate(accel_slope, axis=2), np.concatenate(gyro_slope, axis=2), f, w
-    )
+    accel_slope = np.concatenate([slopes.accel, slopes.accel_by_force @ f_slope], axis=2)
+    gyro_slope = np.concatenate([slopes.gyro, gyro_by_all], axis=2)
+    return Prediction(accel, gyro, accel_slope, gyro_slope, f, w)
 
 
 def moved(state: State, step: FloatArray, unknowns: Unknowns) -> State:
@@ -156,13 +135,5 @@ def moved(state: State, step: FloatArray, unknowns: Unknowns) -> State:
     offset = state.offset
     if unknowns.offset:
         offset, at = offset + step[at : at + 3], at + 3
-    end = at + len(state.geometry.prior()[0])
-    geometry = state.geometry.moved(step[at:end])
-    wander = state.wander
-    if any(unknowns.wander):
-        n = (len(step) - end) // (3 * sum(unknowns.wander))
-        wander = np.zeros((n, 6)) if wander is None else wander.copy()
-        for k in np.flatnonzero(unknowns.wander):
-            wander[:, 3 * k : 3 * k + 3] += step[end : end + 3 * n].reshape(n, 3)
-            end += 3 * n
-    return State(model, geometry, lever_arm, level, offset, wander)
+    geometry = state.geometry.moved(step[at:])
+    return State(model, geometry, lever_arm, level, offset)

@@ -70,9 +70,10 @@ def linear(
     `fit`: the likelihood's solution: its covariance of the readings, scatter included, and
     outliers. Raises ``solution.linear``: a prior or terms that the linear equations do not have.
     """
-    more = sorted(set(fit.options.names) - set(LINEAR_LOWER))
-    if fit.options.prior is not None or more:
-        what = ", ".join([*(["a prior"] if fit.options.prior is not None else []), *more])
+    options = fit.model.options
+    more = sorted(set(options.names) - set(LINEAR_LOWER))
+    if options.prior is not None or more:
+        what = ", ".join([*(["a prior"] if options.prior is not None else []), *more])
         raise error("solution.linear", solution=settings.solution, what=what)
     n = len(readings)
     kept = np.ones(n, bool)
@@ -81,31 +82,20 @@ def linear(
     model, lever_arm = solve(settings, some, site)
     names = tuple(n for n in LINEAR_LOWER if readings.gyro is not None or n.startswith("accel."))
     values = model.coefficients(names).values
-    cov = np.zeros((len(names), len(names)))
-    slow = dict(zip(("accel", "gyro"), some.wander(), strict=True))
-    blocks = [
-        ("accel", fit.observed.accel_cov[kept], 1e-4),
-        ("gyro", fit.observed.gyro_cov[kept], 1e-6),
-    ]
-    for triad, covs, step in blocks:
-        means = getattr(some, triad)
-        if means is None:
-            continue
-        slopes = np.empty((len(some), len(names), 3))
-        for j in range(len(some)):
-            slope = slopes[j]
-            for i in range(3):
-                moved = []
-                for sign in (1.0, -1.0):
-                    other = means.copy()
-                    other[j, i] += sign * step
-                    at, _ = solve(settings, replace(some, **{triad: other}), site)
-                    moved.append(at.coefficients(names).values)
-                slope[:, i] = (moved[0] - moved[1]) / (2 * step)
-            cov += slope @ covs[j] @ slope.T
-        tied = slow[triad]
-        if tied is not None:
-            cov += np.einsum("iak,ij,jbk->ab", slopes, tied, slopes)
+    rows, axes = fit.model.rows, fit.model.axes
+    slopes = np.zeros((len(names), len(rows), 3))
+    for k in np.flatnonzero(kept[rows % n]):
+        triad, step = ("accel", 1e-4) if rows[k] < n else ("gyro", 1e-6)
+        for i in range(3):
+            moved = []
+            for sign in (1.0, -1.0):
+                other = getattr(readings, triad).copy()
+                other[rows[k] % n] += sign * step * axes[k, i]
+                at, _ = solve(settings, replace(readings, **{triad: other})[kept], site)
+                moved.append(at.coefficients(names).values)
+            slopes[:, k, i] = (moved[0] - moved[1]) / (2 * step)
+    flat = slopes.reshape(len(names), -1)
+    cov = flat @ fit.fit.covariance.whole @ flat.T
     vector = CoefficientVector(LAYOUT.subset(names), values, cov)
     return vector, replace(fit.estimate.state, model=model, lever_arm=lever_arm)
 

@@ -153,10 +153,6 @@ _UNKNOWN = ("", "not known; it is part of the scatter")
 _DECLARED = ("B", "noise as declared in the campaign")
 _BASIS = {
     "scatter between rests": ("A", "scatter of the residuals beyond the noise"),
-    "scatter between readings": ("A", "scatter of the residuals beyond the noise"),
-    "jitter of the spin rate and unknown Earth rate": ("B", "rate_sd as given; heading unknown"),
-    "errors of the table": ("B", "what the campaign says of the table"),
-    "errors of the table and prior": ("B", "what the campaign says of table and coefficients"),
     "placement": ("B", "placement as given in the campaign"),
     "placement, estimated": ("A", "scatter of the residuals beyond the noise"),
     "unknown heading": ("B", "heading not given: the whole circle"),

@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose import fit_checks
 from foucault.diagnose.checks import (
-    drift_check,
-    judge_prior,
     left_out_check,
-    plausible_scales,
     reversed_earth_at_rest,
     reversed_earth_check,
-    status_check,
 )
-from foucault.diagnose.coverage import Coverage
-from foucault.errors import Status
-from foucault.estimate import gauss_newton
-from foucault.estimate.chi_square import TOLD, chi_square_limits
-from foucault.estimate.drift import Drift, LeftOut, find_drift, find_left_out
-from foucault.estimate.table.fit import (
-    ENOUGH,
-    GROUPS,
-    KINDS,
-    TableFit,
-    group_components,
-    kinds_of,
-)
-from foucault.estimate.table.likelihood import build
-from foucault.models.earth import Site
+from foucault.diagnose.fit_checks import Judged, Limit
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.drift import LeftOut, find_left_out
+from foucault.estimate.table.fit import TableFit
+from foucault.estimate.table.likelihood import ALONG, AT_REST, FORCES, FOUND_IN, IN_SPINS
 from foucault.models.imu import LAYOUT
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles
-from foucault.result import Check, Level, Linearised
+from foucault.result import Check, Level
 from foucault.tables import AXES
 from foucault.units import plain
 
@@ -49,9 +36,6 @@ UNITS = {
 SIGNIFICANT = 5.0
 """A dependence on orientation of this many sd is no chance, largest of nine as it is [1]."""
 
-TOO_MUCH = 5.0
-"""Residuals this many times the noise are no scatter of a good table: a term is missing [1]."""
-
 UNKNOWN_NOISE = "readings.noise_unknown"
 """Finding of a log of means for which no noise was declared."""
 
@@ -59,73 +43,68 @@ LARGE = {"accel": 0.05, "gyro": np.radians(0.1), "rate": 1e-2}
 """Scatter beyond the noise that is no longer a calibration: 5 mg [m/s^2], 0.1 deg/s [rad/s], 1 %
 of the rate [1]."""
 
+QUADRATIC = "quadratic terms of the accelerometers"
+"""Name of the check of terms that were left out."""
 
-@dataclass(frozen=True)
-class TableEvidence:
-    """Everything the checks look at."""
+_LIMITS = {
+    source: Limit(
+        f"The {what}", LARGE[triad], *UNITS[triad],
+        "the table moved, or the readings do not belong together", Level.UNUSABLE,
+    )
+    for source, what, triad in (
+        (FORCES, "specific force", "accel"), (AT_REST, "rate at rest", "gyro"),
+        (IN_SPINS, "rate in spins", "gyro"), (ALONG, "rate of the spins", "rate"),
+    )
+}  # fmt: skip
 
-    readings: Readings  # what was observed [SI]
-    site: Site
-    fit: TableFit
-    coverage: Coverage  # directions of up at the rests
+_WHAT = {
+    "accel at rest": "specific force at rest",
+    "accel in spins": "specific force in spins",
+    "gyro at rest": "angular rate at rest",
+    "gyro in spins": "angular rate in spins, across the axis",
+    "rate of spins": "angular rate in spins, along the axis",
+}
 
 
-def checks(e: TableEvidence) -> tuple[Check, ...]:
+def checks(e: TableFit) -> tuple[Check, ...]:
     """Return every test of the result; a failed one carries its reason."""
-    estimate = e.fit.estimate
-    out = [
-        status_check(estimate.status, estimate.weakest),
-        *plausible_scales(estimate.coefficients),
-    ]
-    out += [_explained(e, kind) for kind in KINDS if kind in e.fit.before]
-    out += _scatter(e) + _g_sensitivity(e)
-    sign = reversed_earth_check(estimate.coefficients, e.site)
+    estimate = e.estimate
+    judged = _judged(e)
+    # How a bad reading would be noticed, the control of the rests says in full.
+    out = [c for c in fit_checks.checks(judged) if c.name != "redundancy"] + _g_sensitivity(e)
+    sign = reversed_earth_check(estimate.coefficients, e.model.site)
     sign = sign or _earth_at_rest(e)
     out += [sign] if sign is not None else []
     out += [_outliers(e), _controlled(e), *_rate_as_declared(e)]
     if isinstance(estimate.state.geometry, Angles):
         out += _table(e)
-    if estimate.coefficients.names == e.fit.options.names and estimate.status is Status.CONVERGED:
-        out += drift_check(_clearest_drift(e), estimate.coefficients.layout)
-        out += left_out_check(
-            _quadratic(e), LAYOUT, "quadratic terms of the accelerometers",
-            "Set accel_quadratic = true, in a plan that shows them.",
-        )  # fmt: skip
-    return tuple(out + judge_prior(estimate))
-
-
-def _clearest_drift(e: TableEvidence) -> Drift | None:
-    """Return the drift of a coefficient that the residuals show most clearly."""
-    time = np.tile(e.readings.start + e.readings.time / 2, 2)
-    return find_drift(_linearised(e), e.fit.options.names, time, kinds=_kinds(e))
-
-
-def _quadratic(e: TableEvidence) -> LeftOut | None:
-    """Return quadratic terms as the residuals show them, where they were not estimated."""
-    fit, o, state = e.fit, e.fit.options, e.fit.estimate.state
-    names = tuple(f"accel.quadratic.{a}" for a in AXES)
-    if e.readings.accel is None or set(names) & set(o.names):
-        return None
-    more = build(
-        fit.observed, (*o.names, *names), state, lever_arm=o.lever_arm, level=o.level,
-        offset=o.offset,
+    out += left_out_check(
+        _quadratic(judged, e), LAYOUT, QUADRATIC,
+        "Set accel_quadratic = true, in a plan that shows them.",
     )  # fmt: skip
-    slope = more.linearise(state, fit.estimate.weights).jacobian
-    at, first = _linearised(e), len(o.names)
-    columns = np.zeros((len(at.residuals), len(names)))  # no prior of others knows them
-    columns[: len(slope)] = slope[:, first : first + len(names)]
-    return find_left_out(at, names, columns, kinds=_kinds(e))
+    return tuple(out)
 
 
-def _linearised(e: TableEvidence) -> Linearised:
-    estimate, problem = e.fit.estimate, e.fit.problem
-    at = problem.linearise(estimate.state, estimate.weights)
-    return gauss_newton.with_prior(problem, estimate.state, at)
+def _judged(e: TableFit) -> Judged:
+    r = e.model.readings
+    return Judged(
+        e.fit, _WHAT, r.noise_from, (r.start + r.time / 2)[e.model.rows % len(r)],
+        found_in=FOUND_IN, limits=_LIMITS, cure="Measure more positions.",
+        more="measure more positions",
+    )  # fmt: skip
 
 
-def _kinds(e: TableEvidence) -> IntArray:
-    """Specific forces have one scatter, rates at rest and in spins each their own."""
-    return np.maximum(kinds_of(e.readings, np.arange(2 * len(e.readings))), 1)
+def _quadratic(judged: Judged, e: TableFit) -> LeftOut | None:
+    """Return quadratic terms as the residuals show them, where they were not estimated."""
+    fit, o = e.fit, e.model.options
+    names = tuple(f"accel.quadratic.{a}" for a in AXES)
+    if e.model.readings.accel is None or set(names) & set(o.names):
+        return None
+    more = replace(e.model, options=replace(o, names=(*o.names, *names)))
+    slope = more.linearise(fit.state).jacobian[:, :, len(o.names) : len(o.names) + len(names)]
+    columns = np.zeros((len(fit.white.residuals), len(names)))  # no prior of others knows them
+    columns[: slope.shape[0] * slope.shape[1]] = fit.covariance.whiten(slope)
+    return find_left_out(fit.white, names, columns, kinds=fit_checks.scattering(judged))
 
 
 def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) -> Check:
@@ -146,111 +125,6 @@ def agreement(coefficients: CoefficientVector, likelihood: CoefficientVector) ->
     return Check("agreement with the likelihood", float(off[worst]), None, limit, fine, words)
 
 
-_WHAT = {
-    "accel at rest": "specific force at rest",
-    "accel in spins": "specific force in spins",
-    "gyro at rest": "angular rate at rest",
-    "gyro in spins": "angular rate in spins, across the axis",
-    "rate of spins": "angular rate in spins, along the axis",
-}
-
-
-def _explained(e: TableEvidence, kind: str) -> Check:
-    added = e.fit.scatter.get(GROUPS[kind], 0.0) > 0
-    # Scatter of one kind shows in the others too until it is known.
-    c = e.fit.after[kind] if e.fit.scatter and not added else e.fit.before[kind]
-    what, name = _WHAT[kind], f"noise of {_WHAT[kind]}"
-    if e.readings.noise_unknown:
-        return _unknown(e, kind)
-    if c.redundancy < 0.5:
-        words = f"Nothing tests the noise of the {what}: no reading is redundant."
-        return Check(name, float("nan"), None, None, True, words)
-    ratio, inside = np.sqrt(c.ratio), c.low <= c.chi_square <= c.high
-    dof = f"{plain(c.redundancy, 2)} redundant"
-    declared = e.readings.declared
-    if inside:
-        words = f"The residuals of {what} are {ratio:.2f} times what the noise says ({dof})."
-    elif c.chi_square < c.low:
-        words = (
-            f"The residuals of {what} are only {ratio:.2f} times what the noise says ({dof}): the "
-            f"noise is overstated and so are the uncertainties."
-        )
-    elif added:
-        words = f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof})"
-        if declared:
-            words += ": the declared noise is too small. The uncertainties include the scatter."
-        elif c.redundancy < ENOUGH:
-            words += (
-                "; so few readings are redundant that one wrong reading would look like this too. "
-                "The scatter is part of the uncertainties; measure more positions to tell."
-            )
-        elif ratio > TOO_MUCH:
-            words += (
-                ": the model lacks something, such as errors of the table, a drifting bias, "
-                "g-sensitivity of the gyros, or quadratic terms. The scatter is part of the "
-                "uncertainties, but such errors do not average out."
-            )
-        else:
-            words += "; the scatter was estimated and is part of the uncertainties."
-    else:
-        words = (
-            f"The residuals of {what} are {ratio:.1f} times what the noise explains ({dof}), and "
-            f"the uncertainties do not know it."
-        )
-    if declared:
-        return Check(name, c.chi_square, c.low, c.high, inside, words)
-    # Measured noise is a lower limit: moderate scatter beyond it is accounted for, and what is
-    # measured too large only makes the uncertainties careful.
-    told = added and c.redundancy >= ENOUGH
-    high = max(c.high, TOO_MUCH**2 * c.redundancy) if told else c.high
-    return Check(name, c.chi_square, None, high, c.chi_square <= high, words)
-
-
-def _unknown(e: TableEvidence, kind: str) -> Check:
-    """Judge whether the residuals can tell a noise that nobody declared, and have told one."""
-    group, what = GROUPS[kind], _WHAT[kind]
-    # The noise of spins is in all directions, that of their rate comes on top along the axis.
-    spins = {"gyro in spins", "rate of spins"}
-    parts = group_components(e.fit.after)
-    n = sum(parts[g].redundancy for g in (spins if group in spins else {group}) & set(parts))
-    sources = spins if group == "rate of spins" else {group}
-    if not sources & set(e.fit.scatter):
-        n = 0.0  # what is found to be without noise was bent until it fits
-    fine = n >= TOLD
-    words = f"The noise of the {what} is unknown " + (
-        f"and was taken from its residuals ({plain(n, 2)} redundant)."
-        if fine
-        else f"and the residuals do not tell it ({plain(n, 2)} redundant, {TOLD:g} needed): the "
-        "uncertainties mean little. Declare [noise], or measure more positions."
-    )
-    return Check(f"noise of {what}", n, TOLD, None, fine, words)
-
-
-def _scatter(e: TableEvidence) -> list[Check]:
-    out = []
-    names = {
-        "accel": "specific force",
-        "gyro at rest": "rate at rest",
-        "gyro in spins": "rate in spins",
-        "rate of spins": "rate of the spins",
-    }
-    for group, sd in e.fit.scatter.items():
-        triad = group.split()[0]
-        scale, unit = UNITS[triad]
-        limit, size = LARGE[triad], f"{plain(sd * scale, 2)} {unit}"
-        what = names[group]
-        fine = sd <= limit
-        words = f"The {what} scatters by {size} from one reading to the next beyond the noise" + (
-            "."
-            if fine
-            else f", more than {plain(limit * scale, 2)} {unit}: the table moved, or the readings "
-            f"do not belong together."
-        )
-        name = f"scatter of {what} [{unit}]"
-        out.append(Check(name, sd * scale, None, limit * scale, fine, words, Level.UNUSABLE))
-    return out
-
-
 @dataclass(frozen=True)
 class Slope:
     """How rates at rest depend on orientation: g-sensitivity where it is not the Earth's rate."""
@@ -266,9 +140,9 @@ class Slope:
         return self.slope > SIGNIFICANT * self.sd
 
 
-def _earth_at_rest(e: TableEvidence) -> Check | None:
+def _earth_at_rest(e: TableFit) -> Check | None:
     """Look for a reversed Earth rate in the rests, where no g-sensitivity takes it up."""
-    r, state, names = e.readings, e.fit.estimate.state, e.fit.options.names
+    r, state, names = e.model.readings, e.estimate.state, e.model.options.names
     rest = ~r.spin
     if r.gyro is None or "gyro.scale.x" not in names or "gyro.g_sensitivity.xx" in names:
         return None
@@ -278,14 +152,14 @@ def _earth_at_rest(e: TableEvidence) -> Check | None:
     noise = np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2)
     sd = float(np.sqrt(noise.mean())) if rest.any() else 0.0
     up = state.geometry.directions()[rest]
-    return reversed_earth_at_rest(rates, up, M, e.site, sd)
+    return reversed_earth_at_rest(rates, up, M, e.model.site, sd)
 
 
-def rest_slope(e: TableEvidence) -> Slope | None:
+def rest_slope(e: TableFit) -> Slope | None:
     """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated."""
-    r, state = e.readings, e.fit.estimate.state
+    r, state = e.model.readings, e.estimate.state
     rest = ~r.spin
-    if r.gyro is None or rest.sum() < 9 or "gyro.g_sensitivity.xx" in e.fit.options.names:
+    if r.gyro is None or rest.sum() < 9 or "gyro.g_sensitivity.xx" in e.model.options.names:
         return None
     up = state.geometry.directions()[rest]
     # Of the Earth's rotation what is known is taken away; the rest is scatter here.
@@ -303,9 +177,9 @@ def rest_slope(e: TableEvidence) -> Slope | None:
     return Slope(slope, float(scatter * np.sqrt(3 / len(up))), shift)
 
 
-def _g_sensitivity(e: TableEvidence) -> list[Check]:
+def _g_sensitivity(e: TableFit) -> list[Check]:
     found = rest_slope(e)
-    c = e.fit.estimate.coefficients
+    c = e.estimate.coefficients
     if found is None or "gyro.scale.x" not in c.layout:
         return []
     # It fails where it is more than chance and moves a scale factor by more than two sd.
@@ -333,7 +207,7 @@ def _g_sensitivity(e: TableEvidence) -> list[Check]:
 def name_of(readings: Readings, block: int) -> str:
     """Return what reading a number of an observation means, in words.
 
-    `block`: number of the observation, see `estimate.table.likelihood.build` [1].
+    `block`: number of the observation, see `estimate.table.likelihood.TableModel.rows` [1].
     """
     n = len(readings)
     what = "specific force" if block < n else "rate"
@@ -350,19 +224,18 @@ def reading_name(readings: Readings, j: int) -> str:
     return f"{kind} {number} ({readings.start[j]:.0f} s)"
 
 
-def _rate_as_declared(e: TableEvidence) -> list[Check]:
+def _rate_as_declared(e: TableFit) -> list[Check]:
     """Doubt gyro scale factors where declared rate and clock of the log contradict each other."""
-    told = [f for f in e.readings.findings if f.code == "spin.rate_clock"]
-    if not told or e.readings.gyro is None:
+    told = [f for f in e.model.readings.findings if f.code == "spin.rate_clock"]
+    if not told or e.model.readings.gyro is None:
         return []
     return [Check("rate of the table", 1.0, None, 0.0, False, told[0].message)]
 
 
-def _outliers(e: TableEvidence) -> Check:
-    f = e.fit
-    suspects = [name_of(e.readings, b) for b in f.suspects]
+def _outliers(e: TableFit) -> Check:
+    suspects = [name_of(e.model.readings, b) for b in e.suspects]
     fine = not suspects
-    left = ", ".join(name_of(e.readings, b) for b in f.outliers)
+    left = ", ".join(name_of(e.model.readings, b) for b in e.outliers)
     if suspects:
         words = (
             f"One of these readings is wrong, and with this plan they look alike: "
@@ -376,10 +249,10 @@ def _outliers(e: TableEvidence) -> Check:
     return Check("outliers", float(len(suspects)), None, 0.0, fine, words)
 
 
-def _controlled(e: TableEvidence) -> Check:
+def _controlled(e: TableFit) -> Check:
     """Say whether one wrong reading could have been seen and named; it never fails a result."""
-    s, n = e.fit.snooping, len(e.readings)
-    rests = np.flatnonzero((s.blocks < n) & ~e.readings.spin[s.blocks % n])
+    s = e.snooping
+    rests = np.flatnonzero(e.model.kind == 0)
     name = "control of the rests"
     if not len(rests):
         return Check(name, float("nan"), None, None, True, "There are no rests.")
@@ -407,17 +280,17 @@ def _controlled(e: TableEvidence) -> Check:
     return Check(name, share, None, None, True, words)
 
 
-def detectable(e: TableEvidence) -> FloatArray:
+def detectable(e: TableFit) -> FloatArray:
     """Return the smallest error of each observation that would be noticed, shape (k,) [SI]."""
-    s, o = e.fit.snooping, e.fit.observed
-    roots = np.concatenate([o.accel_root, o.gyro_root])[s.blocks]
-    size = np.linalg.norm(np.linalg.solve(roots, s.direction[:, :, None])[:, :, 0], axis=1)
+    s, covariance = e.snooping, e.fit.covariance
+    roots = np.linalg.cholesky(covariance.own * e.estimate.weights[:, None, None])
+    size = np.linalg.norm(np.einsum("kij,kj->ki", roots, s.direction), axis=1)
     return np.asarray(s.detectable * size)
 
 
-def _table(e: TableEvidence) -> list[Check]:
+def _table(e: TableFit) -> list[Check]:
     """Compare the errors of the table that were found with what was believed of it."""
-    estimate = e.fit.estimate
+    estimate = e.estimate
     of_table = int(np.isfinite(estimate.state.geometry.prior()[1]).sum())
     rows = np.flatnonzero(estimate.blocks < 0)[:of_table]
     if not len(rows):
@@ -429,8 +302,8 @@ def _table(e: TableEvidence) -> list[Check]:
         return []
     ratio, fine = np.sqrt(value / dof), value <= high
     words = f"The errors of the table are {ratio:.2f} times what was declared"
-    if e.fit.angle_suspects:
-        which = ", ".join(reading_name(e.readings, j) for j in e.fit.angle_suspects)
+    if e.angle_suspects:
+        which = ", ".join(reading_name(e.model.readings, j) for j in e.angle_suspects)
         words += (
             f". The angles of one position are wrong, and with this plan these look alike: "
             f"{which}. Look at the angles that were typed or logged there."

@@ -8,10 +8,13 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.diagnose import information
+from foucault.diagnose.fit_checks import budget_json
 from foucault.diagnose.norm import norm_with_cov, rate_norm_sd
-from foucault.diagnose.table.checks import TableEvidence, detectable
-from foucault.estimate.table.fit import Options, TableFit, inflated
-from foucault.estimate.table.likelihood import Observed, build
+from foucault.diagnose.table.checks import detectable
+from foucault.estimate.table.fit import TableFit
+from foucault.estimate.table.likelihood import OF_TABLE, TableModel
+from foucault.infer import mixed
+from foucault.infer.mixed import Fit
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.readings import Readings
@@ -21,88 +24,54 @@ from foucault.models.table_state import State
 from foucault.models.turntable import RIG
 from foucault.tables import AXES, Log, temperature_range
 
-
-def noise_source(readings: Readings) -> str:
-    """Say where the noise of readings is from: rows of a log that are means do not tell it.
-
-    `readings`: means with the covariance of their noise [SI].
-    """
-    if readings.declared:
-        return "declared"
-    return "measured in the readings" if readings.interval > 0 else "unknown: from the residuals"
+NOISE = {
+    "declared": "declared",
+    "measured": "measured in the readings",
+    "unknown": "unknown: from the residuals",
+}
+"""Where the noise of readings is from, in words: rows of a log that are means do not tell it."""
 
 
-def bound(readings: Readings, site: Site, state: State, options: Options) -> dict[str, Any]:
-    """Return the Cramer-Rao bound of a known noise, and what is seen worst, for result.json.
-
-    `readings`: means with the covariance of their noise [SI]; `options`: how it was fitted, a
-    prior on the coefficients is left out.
-    """
-    if noise_source(readings).startswith("unknown"):
+def bound(fit: Fit) -> dict[str, Any]:
+    """Return the Cramer-Rao bound of a known noise, and what is seen worst, for result.json."""
+    model = fit.model
+    assert isinstance(model, TableModel)
+    if model.readings.noise_from == "unknown":
         return {}  # made-up weights of accelerometers against gyros say nothing
-    observed = Observed.of(
-        readings, site, state, rate_sd=options.rate_sd, gyro_at_rest=options.gyro_at_rest
-    )
-    problem = build(
-        observed, options.names, state, lever_arm=options.lever_arm, level=options.level,
-        offset=options.offset,
-    )  # fmt: skip
-    return information.bound(problem, state)
+    return information.bound(mixed.noise_alone(fit), fit.state)
 
 
-def budget(fit: TableFit, site: Site, table_rate_sd: float) -> dict[str, list[float]]:
-    """Split the variance of the coefficients by source.
+def allowed(fit: Fit) -> FloatArray:
+    """Return the standard deviations that everything declared allows, shape (p,) [SI].
 
-    The estimate is linear in the readings near the solution, with the gain ``P J'``.
-
-    `table_rate_sd`: relative sd of an error that all spin rates share [1]. Returns source ->
-    variance of each coefficient [unit^2].
+    Sensor noise, jitter of the rate and an unknown heading, without scatter and without a prior.
     """
-    estimate, observed, r = fit.estimate, fit.observed, fit.observed.readings
-    count = len(estimate.coefficients)
-    used = fit.at.blocks >= 0
-    blocks = fit.at.blocks[used].reshape(-1, 3)[:, 0]
-    gain = (estimate.state_cov[:count] @ fit.at.jacobian[used].T).reshape(count, -1, 3)
-    weights = np.sqrt(estimate.weights[blocks])
-    root = np.concatenate([observed.accel_root, observed.gyro_root])[blocks]
-    gain = np.einsum("ckj,kji->cki", gain, root * weights[:, None, None])
-    parts = {
-        "accelerometer noise": np.concatenate([r.accel_cov, 0 * r.gyro_cov]),
-        "gyro noise": np.concatenate([0 * r.accel_cov, r.gyro_cov]),
-        "scatter between readings": _scatter_cov(fit),
-    }
-    total = np.concatenate([observed.accel_cov, observed.gyro_cov])
-    parts["jitter of the spin rate and unknown Earth rate"] = total - sum(parts.values())
-    out = {k: np.einsum("cki,kij,ckj->c", gain, v[blocks], gain) for k, v in parts.items()}
-    first = int(np.sum(used)) + int(np.isfinite(estimate.state.geometry.prior()[1]).sum())
-    for triad, white in zip(("accelerometer", "gyro"), observed.wander_roots, strict=True):
-        if white is not None:
-            rows = fit.at.jacobian[first : first + 3 * len(r)]
-            slow = estimate.state_cov[:count] @ rows.T
-            out[f"wandering {triad} bias"] = np.sum(slow**2, axis=1)
-            first += 3 * len(r)
-    left = np.diag(estimate.state_cov)[:count] - sum(out.values())
-    prior = bool(np.isfinite(estimate.coefficients.prior_sd).any())
-    out["errors of the table" + " and prior" * prior] = np.maximum(left, 0.0)
-    c = estimate.coefficients
-    out["local gravity"] = gravity_error(c, site) ** 2
-    out["rate of the table"] = (rate_slope(c) * table_rate_sd) ** 2
-    whole = np.sum(list(out.values()), axis=0)
-    return {k: v.tolist() for k, v in out.items() if np.any(v > 1e-6 * whole)}
+    problem = mixed.stated(fit.model)
+    at = problem.linearise(fit.state, np.ones(problem.n_blocks))
+    return information.information(at, problem.layout).sd
 
 
-def _scatter_cov(fit: TableFit) -> FloatArray:
-    """Covariance that the scatter adds to each observation, shape (2 n, 3, 3)."""
-    observed = fit.observed
-    without = inflated(observed, fit.scatter, sign=-1.0)
-    accel = observed.accel_cov - without.accel_cov
-    return np.concatenate([accel, observed.gyro_cov - without.gyro_cov])
+def budget(fit: Fit, site: Site, table_rate_sd: float) -> dict[str, object]:
+    """Split the variance of the coefficients by source, for result.json.
+
+    `table_rate_sd`: relative sd of an error that all spin rates share [1].
+    """
+    c = fit.estimate.coefficients
+    none, table = np.zeros(len(c)), ("B", "what the campaign says of the table")
+    gravity = gravity_error(c, site) ** 2
+    return budget_json(fit, dict.fromkeys(OF_TABLE, (none, *table)) | {
+        "local gravity": (gravity, "B", "standard uncertainty of local gravity"),
+        "rate of the table": (
+            (rate_slope(c) * table_rate_sd) ** 2, "B",
+            "table_rate_sd as given; tilt of the outer axis",
+        ),
+    })  # fmt: skip
 
 
-def readings_table(e: TableEvidence) -> dict[str, Any]:
+def readings_table(e: TableFit) -> dict[str, Any]:
     """Return the table "readings" of the report, see `tables.READINGS`."""
-    r, fit, n = e.readings, e.fit, len(e.readings)
-    state: State = fit.estimate.state
+    r, state = e.model.readings, e.estimate.state
+    accel_cov, gyro_cov = _covariances(e)
     out: dict[str, Any] = {
         "start": r.start,
         "end": r.start + r.time,
@@ -113,15 +82,13 @@ def readings_table(e: TableEvidence) -> dict[str, Any]:
     }
     up = state.geometry.directions()
     out |= {f"up_{a}": up[:, i] for i, a in enumerate(AXES)}
-    h = turntable.mean_rate(r.rate, e.site.latitude or 0.0)
+    h = turntable.mean_rate(r.rate, e.model.site.latitude or 0.0)
     if r.accel is not None:
         out |= {f"accel_{a}": r.accel[:, i] for i, a in enumerate(AXES)}
         # In spins the centripetal part is taken away, so that every norm must be local gravity.
         pushed = turntable.mean_force(up, np.where(r.spin, h, 0.0), 0.0, state.lever_arm)
         still = r.accel - pushed @ state.model.accel_matrix.T
-        norm, cov = norm_with_cov(
-            state.model, fit.estimate.coefficients, still, fit.observed.accel_cov
-        )
+        norm, cov = norm_with_cov(state.model, e.estimate.coefficients, still, accel_cov)
         out |= {
             "norm_before": np.linalg.norm(r.accel, axis=1),
             "norm_after": norm,
@@ -136,43 +103,49 @@ def readings_table(e: TableEvidence) -> dict[str, Any]:
             "rate_before": np.linalg.norm(r.gyro, axis=1) * spin,
             "rate_after": np.linalg.norm(w, axis=1) * spin,
             "rate_true": np.abs(h) * spin,
-            "rate_sd": rate_norm_sd(
-                state.model, fit.estimate.coefficients, w, r.accel, fit.observed.gyro_cov
-            )
+            "rate_sd": rate_norm_sd(state.model, e.estimate.coefficients, w, r.accel, gyro_cov)
             * spin,
         }
-    return out | _residual_columns(e, n)
+    return out | _residual_columns(e)
 
 
-def _residual_columns(e: TableEvidence, n: int) -> dict[str, FloatArray]:
-    fit, s = e.fit, e.fit.snooping
-    tests = np.zeros(2 * n)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # One number per observation: its test, as a multiple of what is expected.
-        # A reading that was left out is tested with the tiny weight it keeps: undo that.
-        test = s.test / np.maximum(fit.estimate.weights[s.blocks], 1e-12)
-        tests[s.blocks] = np.where(s.dof > 0, np.sqrt(test / np.maximum(s.dof, 1)), 0.0)
-    smallest = np.full(2 * n, np.nan)
-    smallest[s.blocks] = detectable(e)
+def _covariances(e: TableFit) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance that each reading has for itself, body axes, shape (n, 3, 3) [SI]."""
+    r, model, n = e.model.readings, e.model, len(e.model.readings)
+    out = np.concatenate([r.accel_cov, r.gyro_cov])
+    own = e.fit.covariance.own * e.estimate.weights[:, None, None]
+    out[model.rows] = np.swapaxes(model.axes, 1, 2) @ own @ model.axes
+    return out[:n], out[n:]
+
+
+def _residual_columns(e: TableFit) -> dict[str, FloatArray]:
+    s, rows, n = e.snooping, e.model.rows, len(e.model.readings)
+    tests, smallest, weights = np.zeros(2 * n), np.full(2 * n, np.nan), np.ones(2 * n)
+    weights[rows] = e.estimate.weights
+    # One number per observation: its test, as a multiple of what is expected.
+    # A reading that was left out is tested with the tiny weight it keeps: undo that.
+    test = s.test / np.maximum(e.estimate.weights, 1e-12)
+    tests[rows] = np.where(s.dof > 0, np.sqrt(test / np.maximum(s.dof, 1)), 0.0)
+    smallest[rows] = detectable(e)
     return {
         "residual": np.maximum(tests[:n], tests[n:]),
         "accel_residual": tests[:n],
         "gyro_residual": tests[n:],
-        "weight": np.minimum(fit.estimate.weights[:n], fit.estimate.weights[n:]),
-        "accel_weight": fit.estimate.weights[:n],
-        "gyro_weight": fit.estimate.weights[n:],
+        "weight": np.minimum(weights[:n], weights[n:]),
+        "accel_weight": weights[:n],
+        "gyro_weight": weights[n:],
         "detectable": smallest[:n],
     }
 
 
-def rig_table(fit: TableFit) -> dict[str, Any]:
+def rig_table(e: TableFit) -> dict[str, Any]:
     """Return the table "rig" of the report: what was found beside the coefficients."""
-    estimate = fit.estimate
+    estimate = e.estimate
     state: State = estimate.state
     at = len(estimate.coefficients)
     sd = np.sqrt(np.diag(estimate.state_cov))
     rows: list[tuple[str, float, float, float]] = []
-    options = fit.options
+    options = e.model.options
     if options.lever_arm:
         rows += [
             (f"lever_arm.{a}", float(state.lever_arm[i]), float(sd[at + i]), np.inf)

@@ -1,230 +1,265 @@
-"""The likelihood of readings on a table, whatever is believed of the table.
+"""The model of readings on a table, whatever is believed of the table.
 
 Where nothing is believed of it (`table_geometry.Free`) this is norm observation for accelerometers
 and gyros with the unification of their frames, all at once. Where the angles are believed exactly
 it is the traditional multi-position method, and with errors of known size
 (`table_geometry.Angles`) the joint estimate of instrument and table.
 
-The covariance of a reading is that of its noise and of what is not modelled: the run-to-run jitter
-of the spin rate, and at rest the horizontal part of the Earth's rotation where the heading is
-unknown, a vector of known size and unknown direction.
+Every reading is two observations, its specific force and its rate. The rate of a spin is taken
+along its axis and across it: errors of the table's rate act along, and are a kind of their own.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
-from foucault.estimate import gauss_newton, norm_observation
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.estimate import norm_observation
 from foucault.estimate.table.parallel_vectors import unify, wahba
+from foucault.infer.mixed import (
+    NOISE_BASIS,
+    SIGNIFICANT,
+    UNEXPLAINED_BASIS,
+    Linearisation,
+    Source,
+)
 from foucault.models import turntable
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.readings import Readings
 from foucault.models.table_geometry import Angles, Free, Trust, tangents
 from foucault.models.table_state import State, Unknowns, moved, predict
-from foucault.result import Estimate, Linearised, Problem
 
 DEAD = 1e6
 """Axes whose scale factors differ by more do not all read something [1]."""
 
+KINDS = ("accel at rest", "accel in spins", "gyro at rest", "gyro in spins", "rate of spins")
+"""The kinds of residual; in spins the rate along the axis, which is the table's, stands alone."""
+
+FORCES, AT_REST, IN_SPINS, ALONG = (
+    "scatter of specific forces", "scatter of rates at rest", "scatter of rates in spins",
+    "scatter of the rate of spins",
+)  # fmt: skip
+"""What has one scatter. Errors of the table act on gyros in proportion to the rate, on
+accelerometers alike at rest and in spins; one variance each for their rests and spins would let
+that with less redundancy shrink to nothing and take the solution with it."""
+
+FOUND_IN = {
+    "accel at rest": (FORCES,),
+    "accel in spins": (FORCES,),
+    "gyro at rest": (AT_REST,),
+    "gyro in spins": (IN_SPINS,),
+    "rate of spins": (IN_SPINS, ALONG),
+}
+"""Kind of reading -> the scatter that it tells: along the axis that of all rates comes on top."""
+
+OF_TABLE = (
+    *["tilt of the outer axis"] * 2, *["axes of the table that are not square"] * 2,
+    *["zero errors of the table"] * 2, "errors of single positions",
+)  # fmt: skip
+"""The source of each of `turntable.COMMON`, and of the errors of one position."""
+
 
 @dataclass(frozen=True)
-class Observed:
-    """Readings with the covariance they have under the model, and their whitening."""
+class Options:
+    """How to fit."""
 
-    readings: Readings  # the readings [SI]
+    names: tuple[str, ...]
+    # lever_arm, level, offset: whether these are unknown, see `table_state.State`
+    lever_arm: bool
+    level: bool
+    offset: bool = False
+    prior: CoefficientVector | None = None  # Gaussian prior on the coefficients
+    rate_sd: float = 0.0  # relative sd of the rate from one spin to the next [1]
+    robust: bool = True
+    repeatability: bool = True  # estimate scatter that the noise does not explain
+    # look at the rates at rest even where the heading is unknown: they say little of the bias
+    # beside the spins, but all there is of a g-sensitivity
+    gyro_at_rest: bool = False
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What a step has."""
+        return Unknowns(self.names, self.lever_arm, self.level, self.offset)
+
+
+@dataclass(frozen=True)
+class TableModel:
+    """Readings on a table and what makes them differ from the truth: a `mixed.Model`."""
+
+    readings: Readings  # means with the covariance of their noise [SI]
     site: Site
-    # accel_cov, gyro_cov: (n, 3, 3) covariance of the means under the model [SI]
-    accel_cov: FloatArray
-    gyro_cov: FloatArray
-    gyro_used: npt.NDArray[np.bool_]  # (n,) where the rate is looked at
+    # where the fit starts: which way is up, and whether the heading is modelled
+    start: State
+    options: Options
+    tested: frozenset[str] = frozenset()  # scatter that few readings tell: it must be significant
 
     @cached_property
-    def accel_root(self) -> FloatArray:
-        """Matrices that whiten the residuals of the specific forces, shape (n, 3, 3) [1 / SI]."""
-        return whitening(self.accel_cov)
+    def layout(self) -> Layout:
+        """The coefficients."""
+        return LAYOUT.subset(self.options.names)
 
     @cached_property
-    def gyro_root(self) -> FloatArray:
-        """Matrices that whiten the residuals of the rates, shape (n, 3, 3) [1 / SI].
+    def rows(self) -> IntArray:
+        """Numbers of the observations, shape (k,).
 
-        In spins the first row is along the axis, where errors of the table's rate act.
+        Of n readings j is the specific force of reading j, n + j its rate.
         """
-        if self.readings.gyro is None:  # nothing to whiten: their covariance is empty
-            return np.broadcast_to(np.eye(3), self.gyro_cov.shape)
-        w = self.readings.gyro
-        axis = np.where(self.readings.spin[:, None], w, [1.0, 0.0, 0.0])
-        return whitening(self.gyro_cov, axis / np.linalg.norm(axis, axis=1, keepdims=True))
+        r, n = self.readings, len(self.readings)
+        rates = np.flatnonzero(r.spin | self._heading_known | self.options.gyro_at_rest)
+        parts = [np.arange(n)] * (r.accel is not None) + [n + rates] * (r.gyro is not None)
+        return np.concatenate(parts)
+
+    @property
+    def _heading_known(self) -> bool:
+        geometry = self.start.geometry
+        return isinstance(geometry, Angles) and geometry.heading is not None
 
     @cached_property
-    def wander_roots(self) -> tuple[FloatArray | None, FloatArray | None]:
-        """Matrices that whiten the slow biases of accelerometers and gyros, shape (n, n) [1 / SI].
+    def kind(self) -> IntArray:
+        """Index in `KINDS` of each observation, that of spins across the axis, shape (k,)."""
+        n = len(self.readings)
+        return 2 * (self.rows >= n) + self.readings.spin[self.rows % n]
 
-        None where nothing slow was declared.
+    @cached_property
+    def kinds(self) -> dict[str, BoolArray]:
+        """Kind of reading -> which components of which observations, shape (k, 3)."""
+        first = np.array([True, False, False])
+        out = {name: np.outer(self.kind == k, [True] * 3) for k, name in enumerate(KINDS[:4])}
+        out["rate of spins"] = out["gyro in spins"] & first
+        out["gyro in spins"] = out["gyro in spins"] & ~first
+        return out
+
+    @cached_property
+    def axes(self) -> FloatArray:
+        """Axes of the components of each observation, one a row, shape (k, 3, 3) [1]."""
+        out = np.tile(np.eye(3), (len(self.rows), 1, 1))
+        turns = self.kind == 3
+        if turns.any():
+            assert self.readings.gyro is not None
+            w = self.readings.gyro[self.rows[turns] % len(self.readings)]
+            along = w / np.linalg.norm(w, axis=1, keepdims=True)
+            out[turns] = np.concatenate(
+                [along[:, None], np.swapaxes(tangents(along), 1, 2)], axis=1
+            )
+        return out
+
+    def linearise(self, state: State) -> Linearisation:
+        """Compare the readings with the model."""
+        r, unknowns = self.readings, self.options.unknowns
+        at = predict(state, r, self.site, unknowns)
+        miss = [] if r.accel is None else [r.accel - at.accel]
+        slope = [] if r.accel is None else [at.accel_slope]
+        if r.gyro is not None:
+            miss, slope = [*miss, r.gyro - at.gyro], [*slope, at.gyro_slope]
+        first = len(r) if r.accel is None else 0
+        residuals = np.concatenate(miss)[self.rows - first]
+        jacobian = np.concatenate(slope)[self.rows - first]
+        turns = self.kind == 3
+        residuals[turns] = np.einsum("nij,nj->ni", self.axes[turns], residuals[turns])
+        jacobian[turns] = self.axes[turns] @ jacobian[turns]
+        value, sd = state.geometry.prior()
+        known = np.flatnonzero(np.isfinite(sd))
+        rows = np.zeros((len(known), jacobian.shape[2]))
+        rows[np.arange(len(known)), unknowns.before_geometry + known] = 1.0 / sd[known]
+        used = state.geometry.used if isinstance(state.geometry, Angles) else np.arange(0)
+        names = [OF_TABLE[k] for k in used] + [OF_TABLE[-1]] * (len(known) - len(used))
+        return Linearisation(residuals, jacobian, self.sources, (-value[known], rows), tuple(names))
+
+    @cached_property
+    def sources(self) -> tuple[Source, ...]:
+        """Everything that makes readings differ from the model, errors of the table apart."""
+        r, o, eye = self.readings, self.options, np.eye(3)
+        quick, j = r.without_wander(), self.rows % len(r)
+        accel, spin = self.kind < 2, self.kind == 3
+        kind, basis = NOISE_BASIS[r.noise_from]
+        noise = [
+            Source(f"{name} noise", self._own(mine, _root(cov)[j]), noise=True,
+                   type=kind, basis=basis)
+            for name, mine, cov in (
+                ("accelerometer", accel, quick.accel_cov), ("gyro", ~accel, quick.gyro_cov)
+            ) if mine.any()
+        ]  # fmt: skip
+        out = [*noise, *self._wander()]
+        w = np.zeros((len(j), 3, 1)) if r.gyro is None else r.gyro[j][:, :, None]
+        turning = self._own(spin, w)  # per unit of the rate
+        if o.rate_sd:
+            out.append(
+                Source("jitter of the spin rate", turning, sd=o.rate_sd, basis="rate_sd as given")
+            )
+        if (self.kind == 2).any() and not self._heading_known:
+            out.append(self._earth())
+        kind, basis = UNEXPLAINED_BASIS
+        scatter = {
+            FORCES: self._own(accel, eye), AT_REST: self._own(self.kind == 2, eye),
+            IN_SPINS: self._own(spin, eye), ALONG: turning,
+        }  # fmt: skip
+        # Noise that was measured within readings is a lower limit of what differs between them:
+        # what is more is always added, where enough of them tell it. A noise that nobody knows is
+        # all scatter.
+        tested = {"declared": set(scatter), "measured": self.tested, "unknown": set()}
+        out += [
+            Source(
+                name, each, sd=None, unexplained=True, type=kind, basis=basis,
+                price=SIGNIFICANT if name in tested[r.noise_from] else 0.0,
+            )
+            for name, each in scatter.items()
+            if o.repeatability and each.any()
+        ]  # fmt: skip
+        return tuple(out)
+
+    def _own(self, mine: BoolArray, roots: FloatArray) -> FloatArray:
+        """Turn roots (k, 3, c) or (3, c) from body axes to those of the observations `mine`."""
+        return np.where(mine[:, None, None], self.axes @ roots, 0.0)
+
+    def _wander(self) -> list[Source]:
+        """Return the slow biases as they were declared: they tie the readings together."""
+        out, j = [], self.rows % len(self.readings)
+        mine = (self.kind < 2, self.kind >= 2)
+        for name, own, cov in zip(
+            ("accelerometer", "gyro"), mine, self.readings.wander(), strict=True
+        ):
+            if cov is not None:
+                shared = np.einsum("kij,kl->kilj", self._own(own, np.eye(3)), _root(cov)[j])
+                out.append(Source(
+                    f"wandering {name} bias", shared=shared.reshape(len(j), 3, -1), noise=True,
+                    basis="bias instability and random walk as given",
+                ))  # fmt: skip
+        return out
+
+    def _earth(self) -> Source:
+        """Return the horizontal part of the Earth's rotation at rest, where the heading is unknown.
+
+        A vector of known size, another one in every rest: nothing tells how a table was turned of
+        which nothing is believed. It gets a variance of the size squared along each axis, twice
+        that of a random direction, because the directions of several rests may be alike.
         """
-        accel, gyro = (None if cov is None else _root(cov) for cov in self.readings.wander())
-        return accel, gyro
+        start, j = self.start, self.rows % len(self.readings)
+        # As the gyros see it: a percent of it is more than the noise of a good gyro.
+        across = start.model.gyro_matrix @ tangents(start.geometry.directions())
+        return Source(
+            "unknown heading", self._own(self.kind == 2, across[j]),
+            sd=EARTH_RATE * np.cos(self.site.latitude or 0.0),
+            basis="heading not given: the whole circle",
+        )  # fmt: skip
 
-    @classmethod
-    def of(
-        cls,
-        readings: Readings,
-        site: Site,
-        start: State,
-        *,
-        rate_sd: float = 0.0,
-        gyro_at_rest: bool = True,
-    ) -> Observed:
-        """Add to the noise what is not modelled.
+    def retract(self, state: State, step: FloatArray) -> State:
+        """Apply `step` (m,) to a state [SI]."""
+        return moved(state, step, self.options.unknowns)
 
-        `readings`: means with the covariance of their noise [SI]; `start`: where the fit starts:
-        which way is up, and whether the heading is modelled; `rate_sd`: relative sd of the rate
-        from one spin to the next [1]; `gyro_at_rest`: whether to look at the rates at rest where
-        the heading is unknown: they say little of the bias beside the spins, but all there is of
-        a g-sensitivity.
-        """
-        heading_known = isinstance(start.geometry, Angles) and start.geometry.heading is not None
-        readings = readings.without_wander()  # which is unknowns of its own, see `build`
-        gyro_cov = readings.gyro_cov
-        if readings.gyro is not None:
-            w = np.where(readings.spin[:, None], readings.gyro, 0.0)
-            gyro_cov = gyro_cov + rate_sd**2 * w[:, :, None] * w[:, None, :]
-            rest = ~readings.spin
-            if rest.any() and not heading_known:
-                gyro_cov = gyro_cov.copy()
-                earth = _unknown_earth(start.geometry.directions()[rest], site)
-                # As the gyros see it: a percent of it is more than the noise of a good gyro.
-                gyro_cov[rest] += start.model.gyro_matrix @ earth @ start.model.gyro_matrix.T
-        used = readings.spin | heading_known | gyro_at_rest
-        return cls(readings, site, readings.accel_cov, gyro_cov, used)
+    def values(self, state: State) -> FloatArray:
+        """Return the coefficients of a state, shape (p,) [SI]."""
+        return state.model.coefficients(self.options.names).values
 
 
 def _root(cov: FloatArray) -> FloatArray:
-    """Return a matrix that whitens: also what a correlation time of days makes nearly alike."""
+    """Return a root of covariances, also of what a correlation time of days makes nearly alike."""
     size, axes = np.linalg.eigh(cov)
-    return np.asarray(axes.T / np.sqrt(np.maximum(size, STIFF * size[-1]))[:, None])
-
-
-STIFF = 1e-10
-"""Slow biases differ by more than this part of their variance [1]."""
-
-
-def _unknown_earth(up: FloatArray, site: Site) -> FloatArray:
-    """Covariance of the part of the Earth's rotation whose direction is unknown.
-
-    Its size is known; it gets a variance of the size squared, twice that of a random direction,
-    because the directions of several rests may be alike.
-    """
-    eye = np.eye(3)
-    if site.latitude is None:
-        return np.broadcast_to(EARTH_RATE**2 * eye, (len(up), 3, 3))
-    size = (EARTH_RATE * np.cos(site.latitude)) ** 2
-    return np.asarray(size * (eye - up[:, :, None] * up[:, None, :]))
-
-
-def whitening(cov: FloatArray, first: FloatArray | None = None) -> FloatArray:
-    """Return inverse Cholesky factors of covariances, shape (n, 3, 3) [1 / SI].
-
-    `cov` (n, 3, 3): covariances [SI]; `first` (n, 3): unit vectors along which the first white
-    residual is taken, None takes x [1].
-    """
-    if first is None:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(cov)))
-    B = np.concatenate([first[:, :, None], tangents(first)], axis=2)
-    across = np.swapaxes(B, 1, 2)
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(across @ cov @ B)) @ across)
-
-
-def build(
-    observed: Observed,
-    names: tuple[str, ...],
-    start: State,
-    *,
-    lever_arm: bool,
-    level: bool,
-    offset: bool = False,
-    prior: CoefficientVector | None = None,
-) -> Problem:
-    """Build the least-squares problem.
-
-    `observed`: readings and their covariance [SI]; `start`: where to start, its geometry says
-    what is believed of the table; `prior` or None: Gaussian prior on the coefficients.
-    """
-    wander = observed.wander_roots
-    unknowns = Unknowns(
-        names, lever_arm, level, offset, (wander[0] is not None, wander[1] is not None)
-    )
-    return Problem(
-        layout=LAYOUT.subset(names),
-        start=start,
-        linearise=partial(_linearise, observed, unknowns),
-        retract=lambda state, step: moved(state, step, unknowns),
-        values=lambda state: state.model.coefficients(names).values,
-        n_blocks=2 * len(observed.readings),
-        prior=prior,
-    )
-
-
-def _linearise(
-    observed: Observed, unknowns: Unknowns, state: State, weights: FloatArray
-) -> Linearised:
-    """White residuals: block j is the specific force of reading j, block n + j its rate."""
-    r, n = observed.readings, len(observed.readings)
-    at = predict(state, r, observed.site, unknowns)
-    residuals, slopes, blocks = [], [], []
-    everywhere = np.ones(n, bool)
-    rows = (
-        (r.accel, at.accel, at.accel_slope, observed.accel_root, 0, everywhere),
-        (r.gyro, at.gyro, at.gyro_slope, observed.gyro_root, n, observed.gyro_used),
-    )
-    for measured, predicted, slope, root, first, used in rows:
-        if measured is None:
-            continue
-        root = (root * np.sqrt(weights[first : first + n])[:, None, None])[used]
-        miss = (measured - predicted)[used]
-        residuals.append(np.einsum("nij,nj->ni", root, miss).reshape(-1))
-        slopes.append((root @ slope[used]).reshape(residuals[-1].size, slope.shape[2]))
-        blocks.append(np.repeat(first + np.flatnonzero(used), 3))
-    value, sd = state.geometry.prior()
-    known = np.flatnonzero(np.isfinite(sd))
-    prior = np.zeros((len(known), slopes[0].shape[1]))
-    prior[np.arange(len(known)), unknowns.before_geometry + known] = 1.0 / sd[known]
-    residuals.append(-value[known])
-    slopes.append(prior)
-    for miss, slope in _slow_rows(observed, state, unknowns.before_geometry + len(sd), prior):
-        residuals.append(miss)
-        slopes.append(slope)
-    out, observations = np.concatenate(residuals), sum(len(b) for b in blocks)
-    return Linearised(
-        out,
-        np.concatenate(slopes),
-        np.concatenate([*blocks, np.full(len(out) - observations, -1)]),
-    )
-
-
-def _slow_rows(
-    observed: Observed, state: State, column: int, like: FloatArray
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Return what is known of the slow biases: white residuals and slopes of each triad.
-
-    Their unknowns begin at `column`; the slopes have as many columns as `like`.
-    """
-    n, out = len(observed.readings), []
-    for k, white in enumerate(observed.wander_roots):
-        if white is None:
-            continue
-        now = np.zeros((n, 3)) if state.wander is None else state.wander[:, 3 * k : 3 * k + 3]
-        slope = np.zeros((3 * n, like.shape[1]))
-        slope[:, column : column + 3 * n] = np.kron(white, np.eye(3))
-        out.append((-(white @ now).reshape(-1), slope))
-        column += 3 * n
-    return out
+    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0))[..., None, :])
 
 
 # -- starts --------------------------------------------------------------------------------
@@ -318,25 +353,3 @@ def _affine(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray] | Non
     if rank < 4 or np.linalg.cond(fit[:3]) > DEAD:
         return None
     return np.asarray(fit[:3].T / size), np.asarray(fit[3])
-
-
-def fit(
-    observed: Observed,
-    names: tuple[str, ...],
-    start: State,
-    *,
-    lever_arm: bool,
-    level: bool,
-    offset: bool = False,
-    prior: CoefficientVector | None = None,
-    loss: gauss_newton.Loss = gauss_newton.huber,
-) -> tuple[Problem, Estimate]:
-    """Maximise the likelihood.
-
-    `observed`: readings and their covariance [SI]; `prior` or None: Gaussian prior on the
-    coefficients; `loss`: ``norms -> weights``, see `gauss_newton.solve`.
-    """
-    problem = build(
-        observed, names, start, lever_arm=lever_arm, level=level, offset=offset, prior=prior
-    )
-    return problem, gauss_newton.solve(problem, loss=loss)

@@ -17,17 +17,18 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import foreseen_check
 from foucault.diagnose.coverage import Coverage, coverage, coverage_json
 from foucault.diagnose.first_rest import first_as_declared
+from foucault.diagnose.fit_checks import chi_square_json
 from foucault.diagnose.positions.readings import find_readings, stream_readings
 from foucault.diagnose.table import checks as table_checks
 from foucault.diagnose.table import hints as table_hints
 from foucault.diagnose.table import report as table_report
-from foucault.diagnose.table.checks import TableEvidence
 from foucault.diagnose.table.gyro_axes import check_gyro_axes
 from foucault.diagnose.table.input import check_readings, enough_readings
 from foucault.diagnose.time_base import times_the_table
 from foucault.errors import Finding, error, finding
 from foucault.estimate.table import likelihood as table_likelihood
-from foucault.estimate.table.fit import Options, TableFit, fit
+from foucault.estimate.table.fit import TableFit, fit
+from foucault.estimate.table.likelihood import Options
 from foucault.logs.axes import spared
 from foucault.logs.streaming import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
@@ -170,8 +171,8 @@ def from_readings(
         likelihood = solution.estimate.coefficients
         coefficients, state = task.variant(readings, site, solution)
         estimate = replace(solution.estimate, coefficients=coefficients, state=state)
-        solution = replace(solution, estimate=estimate)
-    return _result(readings, task, site, options, solution, found, likelihood)
+        solution = replace(solution, fit=replace(solution.fit, estimate=estimate))
+    return _result(readings, task, site, solution, found, likelihood)
 
 
 def options_of(
@@ -261,7 +262,6 @@ def _result(
     readings: Readings,
     task: Task,
     site: Site,
-    options: Options,
     solution: TableFit,
     found: list[Finding],
     likelihood: CoefficientVector | None,
@@ -269,13 +269,12 @@ def _result(
     estimate = solution.estimate
     up = estimate.state.geometry.directions()[~readings.spin]
     covered = coverage(up if len(up) else estimate.state.geometry.directions())
-    evidence = TableEvidence(readings, site, solution, covered)
-    checks = table_checks.checks(evidence)
+    checks = table_checks.checks(solution)
     if likelihood is not None:
         checks += (table_checks.agreement(estimate.coefficients, likelihood),)
-    seen_best = table_report.bound(readings, site, estimate.state, options)
+    seen_best = table_report.bound(solution.fit)
     if seen_best:
-        checks += (foreseen_check(estimate.coefficients, seen_best["bound"]),)
+        checks += (foreseen_check(estimate.coefficients, table_report.allowed(solution.fit)),)
     rate_sd = common_rate_sd(readings, task, site)
     return Result(
         procedure=task.procedure,
@@ -285,12 +284,12 @@ def _result(
         gauge=Gauge.LOWER.value,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*readings.findings, *found, *table_hints.hints(evidence)),
+        findings=(*readings.findings, *found, *table_hints.hints(solution, checks)),
         status=estimate.status,
         site=site.as_dict(),
-        diagnostics=_diagnostics(evidence, task, covered) | seen_best,
+        diagnostics=_diagnostics(solution, task, covered) | seen_best,
         tables={
-            "readings": table_report.readings_table(evidence),
+            "readings": table_report.readings_table(solution),
             "rig": table_report.rig_table(solution),
         },
     )
@@ -310,26 +309,18 @@ def common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
     return float(np.hypot(sd, earth / np.abs(readings.rate[readings.spin]).min()))
 
 
-def _diagnostics(e: TableEvidence, task: Task, covered: Coverage) -> dict[str, Any]:
-    solution, site = e.fit, e.site
-    estimate = solution.estimate
-
-    def squares(parts: Mapping[str, Any]) -> dict[str, list[float]]:
-        return {k: [c.chi_square, c.low, c.high, c.redundancy] for k, c in parts.items()}
-
+def _diagnostics(found: TableFit, task: Task, covered: Coverage) -> dict[str, Any]:
+    fit, r, site = found.fit, found.model.readings, found.model.site
     return {
         "gravity": site.gravity,
-        "iterations": estimate.iterations,
+        "iterations": fit.estimate.iterations,
         "plan": task.settings.plan if task.settings.positions is None else "own positions",
-        "noise": {
-            "source": table_report.noise_source(e.readings),
-            "scatter": dict(solution.scatter),
-        },
-        "chi_square": squares(solution.after),
-        "chi_square_of_noise_alone": squares(solution.before),
-        "coverage": coverage_json(covered, int(np.sum(~e.readings.spin))),
-        "budget": table_report.budget(solution, site, common_rate_sd(e.readings, task, site)),
+        "noise": {"source": table_report.NOISE[r.noise_from], "scatter": found.scatter},
+        "chi_square": chi_square_json(fit.after),
+        "chi_square_of_noise_alone": chi_square_json(fit.before),
+        "coverage": coverage_json(covered, int(np.sum(~r.spin))),
+        **table_report.budget(fit, site, common_rate_sd(r, task, site)),
         "unseen": table_report.unseen(
-            e.readings, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
+            r, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
         ),
     }

@@ -22,15 +22,15 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.information import Information, information
-from foucault.estimate.table.fit import Options
-from foucault.estimate.table.likelihood import Observed, build
+from foucault.estimate.table.likelihood import Options, TableModel
+from foucault.infer import mixed
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.readings import Readings, mean_variance, slow_part
 from foucault.models.references import with_references
 from foucault.models.table_geometry import Angles, Free, Geometry
-from foucault.models.table_state import State, Unknowns
+from foucault.models.table_state import State
 from foucault.models.turntable import TablePlan, chain
 from foucault.plans.table.information import without
 from foucault.plans.table.plan import table_plan
@@ -165,17 +165,13 @@ class Bench:
         `whole`: whether the plan is a whole session, whose slow biases tie its readings together,
         else they are taken as independent, so that its parts add up.
         """
-        state, o = self.state(plan, model), self.options
+        state = self.state(plan, model)
         read = self.readings(plan, state)
         if whole and self.declared:
             read = replace(read, slow=slow_part(self.noise))
-        observed = Observed.of(
-            read, self.site, state, rate_sd=o.rate_sd, gyro_at_rest=o.gyro_at_rest
-        )
-        problem = build(
-            observed, o.names, state, lever_arm=o.lever_arm, level=o.level, offset=o.offset
-        )
-        return problem.linearise(state, np.ones(problem.n_blocks))
+        stated = TableModel(read, self.site, state, replace(self.options, repeatability=False))
+        at = mixed.foreseen(stated)
+        return replace(at, blocks=np.where(at.blocks < 0, -1, stated.rows[at.blocks]))
 
     def information(self, plan: TablePlan, model: ImuModel | None = None) -> Information:
         """Return what a session tells of the coefficients, the prior left out.
@@ -283,7 +279,7 @@ class Bench:
     def _own_columns(self, n: int) -> npt.NDArray[np.intp]:
         """Return the unknowns that belong to one of n readings alone."""
         o, trust = self.options, self.task.trust
-        first = Unknowns(o.names, o.lever_arm, o.level, o.offset).before_geometry
+        first = o.unknowns.before_geometry
         if trust is None:
             return first + np.arange(2 * n)
         common = 3 + int(np.sum(trust.common_sd > 0))

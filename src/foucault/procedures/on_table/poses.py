@@ -22,7 +22,7 @@ from foucault.diagnose.table import report as table_report
 from foucault.diagnose.table.input import enough_readings
 from foucault.errors import error
 from foucault.estimate.hand_rotated.bias import resting_bias
-from foucault.infer.mixed import Component
+from foucault.infer.mixed import NOISE_BASIS, Component
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT
 from foucault.models.readings import Readings
@@ -87,6 +87,10 @@ def _with_gyros(alone: Result, readings: Readings, site: Site) -> Result:
         "gyro noise": [*np.zeros(m).tolist(), *np.diag(gyros.noise).tolist()],
         "scatter of the rates and unknown Earth rate": [*np.zeros(m).tolist(), *left.tolist()],
     }
+    measured, unknown = NOISE_BASIS[readings.noise_from], ("A", "scatter of the rates at rest")
+    said["sources"] = said["sources"] | {
+        "gyro noise": [*measured], "scatter of the rates and unknown Earth rate": [*unknown],
+    }  # fmt: skip
     if "bound" in said:
         said["bound"] = [*said["bound"], *np.sqrt(np.diag(gyros.noise)).tolist()]
     said["noise"] = said["noise"] | {"gyro_repeatability": gyros.scatter}
