@@ -113,8 +113,8 @@ def explained(e: Judged, kind: str) -> Check:
     if c.redundancy < 0.5:
         return check("noise untested", name, float("nan"), None, None, told)
     ratio = float(np.sqrt(c.ratio))
-    given = told | {"ratio": ratio, "then": _then(e, kind, ratio, added, c.redundancy)}
-    given["overstated"] = e.overstated
+    then = _then(e, kind, ratio, added, c.redundancy)
+    given = told | {"ratio": ratio, "then": then, "overstated": e.overstated}
     if e.noise == "declared":
         return check("noise", name, c.chi_square, c.low, c.high, given)
     known = added and c.redundancy >= e.told_apart

@@ -254,6 +254,36 @@ WORDS = {
         above="... The instrument changed, or an uncertainty is too small.",
     ),
     "own verdict": Words("{label}: its own verdict is {level}.{reason}"),
+    # -- finding north -------------------------------------------------------------------------
+    "sees the Earth": Words(
+        "The Earth's horizontal rate is {ratio} times the uncertainty of the rates.",
+        "...: the gyro is too noisy by a factor of {factor:.2g}; dwell {times:.2g} times as long, "
+        "or take a better gyro.",
+    ),
+    "rate and latitude": Words(
+        "The Earth's rate as measured fits the latitude to {sd:.2f} sd.",
+        above="...: latitude, scale factor or sign of the accelerometer may be wrong.",
+    ),
+    "one heading": Words(
+        "No other heading fits.",
+        "Heading {heading:.3f} deg, at latitude {latitude:.2f} deg, fits as well.",
+    ),
+    "tilt": Words(
+        "The tilt is {value:.2f} deg.", above="...: heading is hardly defined there."
+    ),
+    "accuracy": Words(
+        "The heading has a standard deviation of {value:.4g} deg.",
+        above="...; {high:.4g} deg was wanted.",
+    ),
+    "worst": Words(
+        "The {what} that fits worst is {size:.1f} standard deviations from the others.",
+        above="...: more than chance gives.",
+    ),
+    "level": Words(
+        "The {what} stands {ratio:.2f} times level_sd off level.",
+        above="...: it is less level than was said.",
+    ),
+    "calibration used": Words("The calibration that was used is {level}."),
     # -- every mixed model ---------------------------------------------------------------------
     "redundancy": Words(
         "{n} {readings} leave {value:.3g} numbers more than the unknowns need.",

@@ -177,15 +177,15 @@ def _whole(e: FaceEvidence) -> Check:
 
 def _placement(e: FaceEvidence) -> Check:
     sd, declared = e.tilt(0), e.placement_given
-    given = {"size": plain(sd * ARCMIN, 2)}
+    size = {"size": plain(sd * ARCMIN, 2)}
     if e.fit.found.get(BEYOND):
         high = (e.model.given[0] or 0.0) * ARCMIN
-        return check("placement beyond", "placement", sd * ARCMIN, None, high, given)
-    if sd == 0:
-        given["where"] = ", as declared" if declared else ""
-    else:
-        given["where"] = "as declared" if declared else "as the residuals show"
+        return check("placement beyond", "placement", sd * ARCMIN, None, high, size)
+    where = ", as declared" if declared else ""
+    if sd:
+        where = "as declared" if declared else "as the residuals show"
     key = "placement" if sd else "placement exact"
+    given = size | {"where": where}
     return check(key, "placement", sd * ARCMIN, None, ROUGH * ARCMIN, given)
 
 
