@@ -41,7 +41,7 @@ n, rests = len(session.increments), session.rests
 prior = CoefficientVector(FULL.layout, np.zeros(len(sd)), prior_sd=sd)
 def published():
     first = session.solve(PLAIN, rests=rests[:part])
-    return second_step(session.increments, SITE, first, FULL, rests, prior, NOISE)
+    return second_step(session.model(FULL), first, first.estimate, prior)[0]
 for found in (session.solve(FULL), published()):
     assert np.all(np.abs(found.estimate.values - truth) < 6 * found.estimate.sd)
 print(json.dumps([n, best(lambda: session.solve(FULL)), best(published)]))

@@ -18,7 +18,6 @@ site, settings = Site.at(np.radians(32.0), 1000.0), Settings(delay="100 ms")
 session = simulate(Session(with_outage=False), model=draw_errors("tactical", 1), noise=NOISE,
                    site=site, seed=1)
 p = problem_of(session.log, site, settings, NOISE, {})
-at = p.slave, p.master, settings.mount, settings.matched, p.prior
 def best(function, rounds=5):
     function()
     out = 1e9
@@ -34,10 +33,9 @@ def best(function, rounds=5):
 FILTERS = (
     FLIGHT
     + """
-from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
-from foucault.estimate.linear_filter import kalman
-from foucault.estimate.transfer.system import free_run
-def free(): return free_run(*at, p.prior, p.sd).system
+from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
+from foucault.infer.linear_filter import kalman
+def free(): return p.model.about(p.model.start)
 system = free()
 L = by_prior(system)
 least = least_gamma(system, L)
@@ -53,16 +51,16 @@ DELAY = (
     FLIGHT
     + """
 from foucault.estimate.delay.fit import delay_of
-from foucault.estimate.transfer.fit import likeliest_delay
+from foucault.estimate.transfer.likeliest import likeliest_delay
 from foucault.models.earth import earth_rate_n, transport_rate
 t = p.table
 turning = earth_rate_n(t.latitude) + transport_rate(t.latitude, t.height, t.velocity_n)
-early = p.with_delay(0.2)
+early = p.with_delay(0.2).model.loose(0.2)
+increments, master = p.model.slave.increments, p.model.master
 print(json.dumps([best(run, 3) for run in (
-    lambda: delay_of(p.slave.increments, p.master.time, p.master.C_nm, w_in_n=turning,
+    lambda: delay_of(increments, master.time, master.C_nm, w_in_n=turning,
                      C_ms=settings.C_ms, bracket=(-0.3, 0.5)),
-    lambda: likeliest_delay(early.slave, p.master, settings.mount, settings.matched, early.prior,
-                            early.loose(0.2), (0.0, 0.2)),
+    lambda: likeliest_delay(early, (0.0, 0.2)),
 )]))
 """
 )

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.transfer.measured import Known, Slave
+from foucault.estimate.transfer.slave import Linearisation, Slave
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -74,7 +74,7 @@ def mount(**more) -> Mount:
     return Mount(C_MS, np.zeros(3), **more)
 
 
-def prior(delay, *, rng=None) -> tuple[Known, np.ndarray]:
+def prior(delay, *, rng=None) -> tuple[Linearisation, np.ndarray]:
     """Return one copy of the master's state at the start, and how well phi to position is known."""
     motion, time = flight()[:2]
     true = motion.trajectory(time[1:2])
@@ -86,4 +86,4 @@ def prior(delay, *, rng=None) -> tuple[Known, np.ndarray]:
         float(true.latitude[0]), float(true.longitude[0]), float(true.height[0]), v, C @ C_MS
     )
     sd = [np.hypot(ATTITUDE_SD, INSTALLATION)] * 3 + [VELOCITY_SD] * 3 + [1.0] * 3
-    return Known(state, np.zeros(len(SENSORS)), np.zeros(3), delay), np.array(sd)
+    return Linearisation(state, np.zeros(len(SENSORS)), np.zeros(3), delay), np.array(sd)

@@ -19,7 +19,6 @@ from systematic_setting import (
     ARCSEC,
     BEND,
     DEG,
-    NOISE,
     PHI_SD,
     PLAIN,
     RATE,
@@ -33,7 +32,7 @@ from systematic_setting import (
 )
 
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import AtRest, solve
+from foucault.estimate.systematic.fit import AtRest, Start
 from foucault.models.deflection import MODELS, deflection_model, whole_turns
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
@@ -231,9 +230,9 @@ def worst_sd(session: Session, name: str, at_rest: AtRest) -> np.ndarray:
     mine = groups(sensors)["deflection"]
     sd = spread_of(sensors)
     sd[mine] = 1000 * BEND
-    P0 = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)
-    found = solve(session.increments, session.start, SITE, sensors, session.rests, P0, NOISE,
-                  at_rest=at_rest)  # fmt: skip
+    start = Start(0, session.start, start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)[:9, :9])
+    model = session.model(sensors, at_rest=at_rest)
+    found = model.filtered([start], np.zeros(len(sd)), sd)
     return np.sqrt(np.linalg.eigvalsh(found.estimate.cov[np.ix_(mine, mine)])) / BEND
 
 

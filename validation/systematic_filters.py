@@ -117,15 +117,14 @@ def one(seed: int) -> dict[str, tuple]:
     plain = session.solve(PLAIN, C_nb=C_nb, at_rest=scattered)
     first = session.solve(PLAIN, C_nb=C_nb, at_rest=scattered, rests=all_rests[:part])
     prior = CoefficientVector(FULL.layout, np.zeros(len(SD)), prior_sd=SD)
-    published = second_step(
-        session.increments, SITE, first, FULL, all_rests, prior, NOISE, at_rest=scattered
-    )
+    whole = session.model(FULL, at_rest=scattered, rests=all_rests)
+    published, _ = second_step(whole, first, first.estimate, prior)
     P = np.diag(np.concatenate([np.zeros(9), SD**2]))
     rows = np.concatenate([np.arange(9), 9 + KEPT])
-    P[np.ix_(rows, rows)] = first.run.cov
-    last = session.increments.row_at(float(first.run.time[-1]))
+    P[np.ix_(rows, rows)] = first.cov
+    last = session.increments.row_at(float(first.time[-1]))
     carried = run(
-        session.increments, first.run.trajectory.state(-1), FULL,
+        session.increments, first.trajectory.state(-1), FULL,
         scattered.updates(session.increments, all_rests, SITE, last), P, NOISE, first=last,
         estimate=padded(first.estimate)[0],
     )  # fmt: skip
@@ -136,7 +135,7 @@ def one(seed: int) -> dict[str, tuple]:
     }  # fmt: skip
     values, cov = padded(plain.estimate)
     out["plain"] = (values - truth, cov)
-    for name, found in (("joint", joint.run), ("still", still.run)):
+    for name, found in (("joint", joint), ("still", still)):
         out[f"nis {name}"] = (by_kind(found), found.measured.sum())
     return out
 

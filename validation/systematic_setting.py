@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import AtRest, SystematicRun, solve
+from foucault.estimate.ins_filter import FilterRun, start_cov
+from foucault.estimate.systematic.fit import AtRest, Start, SystematicModel, attitude_at_start
 from foucault.models.deflection import DeflectionModel, deflection_model
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
@@ -127,13 +127,32 @@ class Session:
         rests: Sequence[tuple[int, int]] | None = None,
         passes: int = 1,
         noise: ImuNoise = NOISE,
-    ) -> SystematicRun:
-        """Run the joint filter with the priors of the setting."""
-        P0 = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, spread_of(sensors))
-        return solve(
-            self.increments, self.start if C_nb is None else C_nb, SITE, sensors,
-            self.rests if rests is None else rests, P0, noise, at_rest=at_rest, passes=passes,
-        )  # fmt: skip
+    ) -> FilterRun:
+        """Run the joint filter with the priors of the setting, each pass from what one has found.
+
+        A later pass keeps them: the same prior, about another point of linearisation.
+        """
+        sd = spread_of(sensors)
+        C, values = self.start if C_nb is None else C_nb, np.zeros(len(sd))
+        cov = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)[:9, :9]
+        model = self.model(sensors, at_rest=at_rest, rests=rests, noise=noise)
+        for k in range(passes):
+            found = model.filtered([Start(0, C, cov)], values, sd, keep=k + 1 < passes)
+            values = found.estimate.values
+            C = attitude_at_start(found, C) if k + 1 < passes else C
+        return found
+
+    def model(
+        self,
+        sensors: Sensors,
+        *,
+        at_rest: AtRest | None = None,
+        rests: Sequence[tuple[int, int]] | None = None,
+        noise: ImuNoise = NOISE,
+    ) -> SystematicModel:
+        """Return what a pass takes."""
+        rests = self.rests if rests is None else rests
+        return SystematicModel(self.increments, SITE, sensors, rests, noise, at_rest or AtRest())
 
 
 def write(name: str, lines: list[str]) -> None:

@@ -49,11 +49,11 @@ def one(seed: int) -> dict[str, tuple]:
     out = {}
     for name, chosen in kinds.items():
         solution = found_in(made, Settings(left_out=False, **chosen))
-        run = solution.found.run
+        run = solution.fit.run
         nis = run.innovation**2 / run.variance
         out[name] = missed(made, solution), float(np.nansum(nis)), int(np.sum(np.isfinite(nis)))
         if name == "default":
-            first = solution.problem.delay
+            first = solution.delay
             out["matched"] = first.delay - made.delay, first.delay_sd
     return out
 
@@ -65,9 +65,9 @@ def delays(seed: int) -> dict[str, tuple[float, float]]:
     for method in ("rate matching", "likelihood", "state"):
         solution = found_in(made, Settings(left_out=False, delay_method=method))
         if method == "rate matching":
-            out["matched"] = solution.problem.delay.delay, solution.problem.delay.delay_sd
+            out["matched"] = solution.delay.delay, solution.delay.delay_sd
         if method == "likelihood":
-            out["likelihood"] = solution.fit.delay, solution.fit.sd
+            out["likelihood"] = solution.likeliest.delay, solution.likeliest.sd
         v = solution.states["master.delay"]
         out[f"after {method}"] = float(v.values[0]), float(v.sd[0])
     return {name: (tau - made.delay, sd) for name, (tau, sd) in out.items()}
@@ -85,7 +85,7 @@ def bound() -> dict[str, float]:
     made = simulate(quiet, model=ImuModel(), noise=ImuNoise(), site=SITE, seed=0)
     p = problem_of(made.log, SITE, settings, NOISE, {})
     x = increments_of(made.made.log)
-    first, count = 5, len(p.master)
+    first, count = 5, len(p.model.master)
     rows = first + np.round((1 + np.arange(count)) * 5).astype(int)
     rows = rows[rows < len(x) - 1]
     start = made.made.truth.state(first)
@@ -103,8 +103,8 @@ def bound() -> dict[str, float]:
         columns.append(((moved - base) / size).ravel())
         known.append(sd)
 
-    layout = p.vector.layout
-    for name, sd in zip(p.vector.names, p.vector.prior_sd, strict=True):
+    layout = p.prior.layout
+    for name, sd in zip(p.prior.names, p.prior.prior_sd, strict=True):
         dtheta, dvel, a = x.dtheta_b.copy(), x.dvel_b.copy(), "xyz".find(name[-1])
         size = 0.01 * sd
         if name.startswith("gyro.bias"):
@@ -126,7 +126,7 @@ def bound() -> dict[str, float]:
             moved = navigated(dtheta, dvel)
         add(moved, size, sd)
     for k in range(6):
-        e, sd = 1e-5 * np.eye(3)[k % 3], p.sd[k]
+        e, sd = 1e-5 * np.eye(3)[k % 3], p.model.sd[k]
         if k < 3:
             turned = start.C_nb - np.cross(np.tile(e, (3, 1)), start.C_nb.T).T
             add(navigated(x.dtheta_b, x.dvel_b, replace(start, C_nb=turned)), 1e-5, sd)

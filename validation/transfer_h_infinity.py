@@ -20,7 +20,7 @@ from transfer_setting import (
     write,
 )
 
-from foucault.estimate.h_infinity import h_infinity, least_gamma
+from foucault.infer.h_infinity import h_infinity, least_gamma
 from foucault.models.noise import ImuNoise
 from foucault.procedures.transfer_alignment.session import Session
 from foucault.procedures.transfer_alignment.settings import NOISE, PRIOR, Settings
@@ -70,7 +70,7 @@ def one(job: tuple[str, int]) -> dict[str, float]:
     truth, told, more = CASES[name]
     made = session_of(seed, Session(rate=100.0, **truth))
     solution = found_in(made, Settings(left_out=False, **told), **more)
-    system = solution.found.free.system
+    system = solution.fit.system
     out = {"Kalman": after(made, solution)}
     for what in WANTED:
         L = wanted(solution, what)

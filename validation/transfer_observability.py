@@ -9,7 +9,8 @@ from transfer_setting import DEG, SITE, unit_of, write
 
 from foucault.plans.manoeuvres import Accelerate, Start, Straight, STurn
 from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
-from foucault.procedures.transfer_alignment.foresight import shown
+from foucault.procedures.record import Beforehand
+from foucault.procedures.transfer_alignment.foresight import foreseen
 from foucault.procedures.transfer_alignment.session import Session
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 
@@ -36,7 +37,7 @@ def main() -> int:
         plan = TransferProfile(name, start, calibration)
         perfect = Settings(left_out=False)
         session = Session(with_outage=False)
-        vectors[name] = shown(plan, perfect, session, SITE, NOISE, {}).vector
+        vectors[name] = foreseen(plan, Beforehand(perfect, session, SITE, NOISE)).vector
     names = next(iter(vectors.values())).names
     lines = [
         "# Transfer alignment: what manoeuvres show", "",

@@ -23,7 +23,7 @@ from transfer_setting import (
     write,
 )
 
-from foucault.estimate.h_infinity import h_infinity, least_gamma
+from foucault.infer.h_infinity import h_infinity, least_gamma
 from foucault.plans.manoeuvres import Accelerate, Climb, Straight, STurn, Turn
 from foucault.plans.transfer.profiles import transfer_profile
 from foucault.procedures.transfer_alignment.session import Session, draw_errors, simulate_motion
@@ -103,7 +103,7 @@ def one(seed: int) -> dict[str, float]:
         solution = found_in(made[rate], Settings(left_out=False, **chosen))
         run = None
         if name.endswith("H-infinity"):
-            system, L = solution.found.free.system, wanted(solution)
+            system, L = solution.fit.system, wanted(solution)
             run = h_infinity(system, L, FACTOR * least_gamma(system, L))
         out[name] = after(made[rate], solution, run)
     return out | {"floor": at_best(made[10.0])}

@@ -16,11 +16,10 @@ import numpy as np
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.consistency import nees
-from foucault.estimate.h_infinity import by_prior
 from foucault.estimate.ins_filter import seen_at_place
-from foucault.estimate.linear_filter import LinearRun
-from foucault.estimate.transfer.fit import HandOver, hand_over
-from foucault.estimate.transfer.outage import after_outage
+from foucault.estimate.transfer.hand_over import HandOver, after_outage
+from foucault.infer.h_infinity import by_prior
+from foucault.infer.linear_filter import LinearRun
 from foucault.kernels.ins_filter import corrected
 from foucault.models.earth import Site
 from foucault.models.geodesy import displacement
@@ -31,14 +30,14 @@ from foucault.navigate.increments import increments_of
 from foucault.navigate.state import State, state_of
 from foucault.navigate.strapdown import navigate
 from foucault.procedures.transfer_alignment import simulate
-from foucault.procedures.transfer_alignment.problem import place_of, problem_of
+from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import (
     Session,
     TransferSession,
     draw_errors,
 )
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
-from foucault.procedures.transfer_alignment.solution import Solution, solved
+from foucault.procedures.transfer_alignment.solution import Solution, handed_over, solved
 
 ROOT = Path(__file__).parents[1]
 SITE = Site.at(np.radians(32.0), 1000.0)
@@ -99,16 +98,16 @@ class Missed:
 
 def missed(made: TransferSession, solution: Solution) -> Missed:
     """Return the errors of all states at the last message but position and what is not matched."""
-    found, names = solution.found, solution.states.names
-    run, layout = found.run, found.free.layout
-    state = state_of(corrected(found.free.history[-1:], run.states[-1:, :9])[0])
-    time = float(solution.problem.slave.increments.time[found.free.rows[-1]])
+    found, names = solution.fit, solution.states.names
+    run, layout = found.run, solution.model.layout
+    state = state_of(corrected(found.system.history[-1:], run.states[-1:, :9])[0])
+    time = float(solution.model.slave.increments.time[found.system.rows[-1]])
     true = made.made.truth.state(int(np.argmin(np.abs(made.made.log.time - time))))
     phi = rotation_vector(true.C_nb @ state.C_nb.T)  # C_est = (I - phi x) C_true
     dv = state.velocity_n - true.velocity_n
     # To phi, velocity and position as seen at the place.
     T = np.eye(len(layout))
-    T[:9, :9] = seen_at_place(found.free.history[-1:])[0]
+    T[:9, :9] = seen_at_place(found.system.history[-1:])[0]
     P = T @ run.cov @ T.T
     ends = ("phi.east", "phi.north", "phi.up", "velocity.east", "velocity.north", "velocity.up")
     ends = ends if solution.problem.settings.matched.vertical else ends[:-1]
@@ -148,27 +147,23 @@ def wanted(solution: Solution, what: str = "prior") -> np.ndarray:
     run knows its place a thousand times worse at its end than at its start, and that alone would
     make gamma, and with it the filter.
     """
-    found, s = solution.found, solution.problem.settings
+    system, s = solution.fit.system, solution.problem.settings
     if what == "navigation":
-        return after_outage(found.free, s.sensors, s.outage)
-    L = by_prior(found.free.system)
+        return after_outage(system, s.sensors, s.outage)
+    L = by_prior(system)
     return np.delete(L, (6, 7, 8) if s.vertical else (5, 6, 7, 8), axis=0)
 
 
 def handed(solution: Solution, run: LinearRun | None = None) -> HandOver:
     """Hand over what was found, or what another filter of the same system has found."""
-    p, found = solution.problem, solution.found
-    if run is not None:
-        found = replace(found, run=run)
-    last = int(np.flatnonzero(found.free.used)[-1])
-    here = place_of(p.table, last, p.settings.mount.lever_m)
-    return hand_over(p.slave, found, p.hand_over, position=State(*here, np.zeros(3), np.eye(3)))
+    found = solution.fit if run is None else replace(solution.fit, run=run)
+    return handed_over(replace(solution, fit=found))
 
 
 def after(made: TransferSession, solution: Solution, run: LinearRun | None = None) -> float:
     """Return the position error at the end of the outage [m]."""
     ho = handed(solution, run)
-    time = float(solution.problem.slave.increments.time[ho.row])
+    time = float(solution.model.slave.increments.time[ho.row])
     return position_error(made, ho.state, time, ho.coefficients)
 
 

@@ -25,8 +25,8 @@ from scipy.optimize import minimize
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from foucault.diagnose.transfer.checks import autocorrelation  # noqa: E402
 from foucault.estimate.chi_square import chi_square_limits  # noqa: E402
+from foucault.infer.filtered import autocorrelation  # noqa: E402
 from foucault.procedures.transfer_alignment.problem import problem_of  # noqa: E402
 from foucault.procedures.transfer_alignment.solution import Solution, solved  # noqa: E402
 from make_transfer_vehicle import (  # noqa: E402
@@ -75,12 +75,12 @@ def solution(c, log) -> Solution:
 
 def innovations(s: Solution) -> tuple[np.ndarray, np.ndarray]:
     """Return the innovations and their sds."""
-    return s.found.run.innovation, np.sqrt(s.found.run.variance)
+    return s.fit.run.innovation, np.sqrt(s.fit.run.variance)
 
 
 def parts(s: Solution, length: float, odd: bool) -> np.ndarray:
     """Return which messages are of the even or the odd parts of a length."""
-    return np.floor(s.found.free.time / length) % 2 == int(odd)
+    return np.floor(s.fit.system.time / length) % 2 == int(odd)
 
 
 def likeliest_noise(log, lever, length: float, *, odd: bool = False) -> dict[str, float]:
@@ -102,7 +102,7 @@ def likeliest_lever(log, noise) -> tuple[np.ndarray, np.ndarray, float]:
     at, steps = np.array(LEVER), STEP * np.eye(3)
 
     def likely(lever: np.ndarray) -> float:
-        return float(solution(described(ALL, noise, lever), log).found.run.log_likelihood)
+        return float(solution(described(ALL, noise, lever), log).fit.run.log_likelihood)
 
     here = likely(at)
     up, down = ([likely(at + sign * e) for e in steps] for sign in (1, -1))
@@ -141,7 +141,7 @@ def channel_rows(s: Solution) -> list[str]:
     z, sd = innovations(s)
     lines = ["| channel | rms of the standardised | 0-30 s | 30-75 s | 75-100 s "
              "| autocorrelation at 1, 2, 3, 5 messages |", "|---|--:|--:|--:|--:|---|"]  # fmt: skip
-    t = s.found.free.time
+    t = s.fit.system.time
     times = [t < 30, (t >= 30) & (t < 75), t >= 75]
     for k, name in enumerate(CHANNELS):
         u = (z / sd)[:, k]
@@ -238,7 +238,7 @@ def delay_rows(log, noise, ours) -> list[str]:
             f"| filter, {how}: {words} | {tau.values[0] / MS:.3f} | {tau.sd[0] / MS:.3f} |"
         )
     c = described(f'{ALL}\ndelay_method = "likelihood"', noise, LEVER)
-    fit = solution(c, log).fit
+    fit = solution(c, log).likeliest
     assert fit is not None
     lines.append(f"| likelihood | {fit.delay / MS:.3f} | {fit.sd / MS:.3f} |")
     lines += ["", f"Drift of the stamps against the slave's clock {matched['drift'] * 1e6:.1f} +- "
@@ -256,7 +256,7 @@ def flexure_rows(log, noise, likely: float) -> list[str]:
     for sd in (5.0, 30.0):
         for time in (0.5, 5.0):
             keys = f'{ALL}\nflexure_sd = "{sd:g} arcsec"\nflexure_time = "{time:g} s"'
-            run = solution(described(keys, noise, LEVER), log).found.run
+            run = solution(described(keys, noise, LEVER), log).fit.run
             lines.append(f"| {sd:g} arcsec | {time:g} | {run.log_likelihood - likely:+.1f} |")
     return lines
 
@@ -309,7 +309,7 @@ def noise_rows(noise, plain) -> list[str]:
 
 def bands(log, s: Solution) -> list[str]:
     """The spectrum of what the filter leaves of the attitudes."""
-    z = s.found.run.innovation[SETTLED:, 3:] / ARCSEC
+    z = s.fit.run.innovation[SETTLED:, 3:] / ARCSEC
     P = np.abs(np.fft.rfft(z - z.mean(axis=0), axis=0)) ** 2 / len(z)
     f = np.fft.rfftfreq(len(z), 0.1)
     lines = ["| band [Hz] | attitude 1, 2, 3: rms if the whole spectrum were so [arcsec] |",
@@ -427,7 +427,7 @@ def main() -> int:
         "",
         "No band stands out as a mount that bends would make it.",
         "",
-        *flexure_rows(log, FOUND, float(s.found.run.log_likelihood)),
+        *flexure_rows(log, FOUND, float(s.fit.run.log_likelihood)),
         "",
         "## Lever arm",
         "",

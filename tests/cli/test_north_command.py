@@ -58,8 +58,8 @@ def test_what_all_set_ups_share_is_said_once(tmp_path: Path) -> None:
     write_readings(tmp_path / "r.csv", many(12))
     result = run("north", tmp_path / "r.csv", *ARGUMENTS, "--gyro-noise", "0.0003 deg/sqrt(h)")
     assert result.exit_code == 3
-    assert result.output.count("Over all set-ups the readings of the gyro scatter") == 1
-    assert "None passes: Over all set-ups" in result.output
+    assert result.output.count("The residuals of the gyro over all set-ups are") == 1
+    assert "None passes: The residuals of the gyro over all set-ups" in result.output
 
 
 def test_many_with_a_wanted_accuracy(tmp_path: Path) -> None:

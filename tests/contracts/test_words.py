@@ -20,9 +20,6 @@ ROOT = Path(foucault.__file__).parent
 GOLDEN = Path(__file__).parent.parent / "golden"
 
 BY_HAND = {
-    "diagnose/faces/checks.py",
-    "diagnose/north/calibration_checks.py",
-    "diagnose/north/fix_checks.py",
     "diagnose/rate_table/checks.py",
     "diagnose/table/batch_checks.py",
     "diagnose/table/checks.py",

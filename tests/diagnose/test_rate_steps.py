@@ -229,7 +229,8 @@ def test_a_good_session_passes():
     assert result.verdict.level == "pass"
     assert codes(result) == []
     assert {c.name for c in result.checks} == {
-        "converged", "redundancy", "gyro scale", "scale factor terms", "drift", "noise of the steps"
+        "converged", "redundancy", "gyro scale", "scale factor terms", "drift", "noise of steps",
+        "evenness of steps", "held-out steps",
     }  # fmt: skip
 
 

@@ -12,22 +12,23 @@ from foucault.diagnose.consistency import nees
 from foucault.errors import Status
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.north.calibration import (
+    OnTurntable,
     Rig,
-    build,
     calibrate_batch,
-    covariance_parts,
-    fit,
     names_of,
     tilts,
 )
 from foucault.estimate.north.reduction import reduce
+from foucault.infer import mixed
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.north_seeker import (
     RATE_LEVEL,
     RATE_TILTED,
     SEEKER,
     Compensation,
+    attitude,
 )
+from foucault.models.rotation import exp
 from make_dwells import FIELD, QUIET, errors, leaning, level, make_dwells, size
 
 LATITUDE = 0.7
@@ -48,14 +49,22 @@ def rig(poses, tilt="one axis", **words):
     return Rig(poses[:, 0], words.pop("site", SITE), tilt, accelerometers, **words)
 
 
+def model_of(pairs, table, names, **words):
+    return OnTurntable(pairs, table, SEEKER.subset(names), **words)
+
+
+def fit(pairs, table, names, **words):
+    return mixed.fit(model_of(pairs, table, names, **words)).estimate
+
+
 def solved(poses, instrument, tilt="one axis", names=None, noise=QUIET, **words):
     made = {k: words.pop(k) for k in ("accel", "offset", "seed", "dwell") if k in words}
     said = words.pop("said", poses)
-    known = words.pop("known", None)
+    known = words.pop("known", Compensation())
     added = noise if noise is not QUIET else None
     pairs = reduce(make_dwells(poses, LATITUDE, instrument=instrument, noise=added, **made), noise)
     names = names or (ONE_AXIS if tilt == "one axis" else EACH)
-    return fit(build(pairs, rig(said, tilt, **words), names, known=known))
+    return fit(pairs, rig(said, tilt, **words), names, known=known)
 
 
 def compare(found, instrument, rtol=1e-6):
@@ -110,7 +119,7 @@ def test_a_table_off_the_vertical_does_not_touch_the_coefficients():
     scale = np.array([size(n) for n in ONE_AXIS])
     off = found.coefficients.values - gyro.model.coefficients(ONE_AXIS).values
     assert np.abs(off / scale).max() < 1e-3
-    assert np.linalg.norm(found.state.table[:2]) == pytest.approx(lean, rel=1e-4)
+    assert np.linalg.norm(found.state[-2:]) == pytest.approx(lean, rel=1e-4)
 
 
 def test_a_common_error_of_the_headings_goes_into_the_couplings():
@@ -153,7 +162,7 @@ def test_the_batch_is_the_single_solution():
                         offset=1e-6)  # fmt: skip
         rows.append(d.gyro.reshape(12, 4))
         table = rig(poses, accelerometers=False, level_sd=0.0)
-        singles.append(fit(build(reduce(d, FIELD), table, RATE_LEVEL_ORDER)))
+        singles.append(fit(reduce(d, FIELD), table, RATE_LEVEL_ORDER))
     values, cov = calibrate_batch(np.array(rows), poses[:, 0], LATITUDE, sd)
     scale = np.array([size(n) for n in RATE_LEVEL])
     order = [RATE_LEVEL_ORDER.index(n) for n in RATE_LEVEL]
@@ -188,19 +197,58 @@ def test_derivatives_are_those_of_the_prediction(tilt):
     names = EACH if tilt == "each" else ONE_AXIS
     pairs = reduce(make_dwells(poses, LATITUDE, instrument=errors(seed=8), noise=FIELD), FIELD)
     table = rig(poses, tilt, heading_sd=1e-4, heading_offset_sd=1e-3, latitude_sd=1e-3)
-    problem = build(pairs, table, names)
+    model = model_of(pairs, table, names)
+    problem = mixed.stated(model)
     one = np.ones(problem.n_blocks)
     rng = np.random.default_rng(9)
-    free = problem.linearise(problem.start, one).jacobian.shape[1]
-    state = problem.retract(problem.start, 1e-4 * rng.standard_normal(free))
-    at = problem.linearise(state, one)
-    scale = np.linalg.norm(at.jacobian, axis=0)
-    for k in range(free):
-        h = 10.0 / scale[k]
+    free = len(model.start)
+    assert free == len(names) + (2 if tilt == "one axis" else 0)
+    state = model.retract(model.start, 1e-4 * rng.standard_normal(free))
+    J, scale = model.linearise(state).jacobian, problem.linearise(state, one).jacobian
+    for k, size_of in enumerate(np.linalg.norm(scale, axis=0)):
+        h = 10.0 / size_of
         step = h * np.eye(free)[k]
-        ends = [problem.linearise(problem.retract(state, s * step), one).residuals for s in (1, -1)]
+        ends = [model.linearise(model.retract(state, s * step)).residuals for s in (1, -1)]
         numeric = (ends[1] - ends[0]) / (2 * h)
-        np.testing.assert_allclose(numeric / scale[k], at.jacobian[:, k] / scale[k], atol=1e-5)
+        np.testing.assert_allclose(numeric, J[:, :, k], atol=1e-5 * np.abs(J[:, :, k]).max())
+
+
+@pytest.mark.parametrize("tilt", ["one axis", "each"])
+def test_sources_are_the_slopes_of_what_they_are_errors_of(tilt):
+    """An error of headings, latitude or accelerometers is what another rig would have predicted."""
+    poses = TILTED if tilt == "each" else level()
+    names = EACH if tilt == "each" else ONE_AXIS
+    pairs = reduce(make_dwells(poses, LATITUDE, instrument=errors(seed=8), noise=FIELD), FIELD)
+    own = [n for n in SEEKER.names if n.startswith("accel") and n not in names]
+    sds = np.array([size(n) for n in own])
+
+    def said(k=None, heading=0.0, latitude=0.0):
+        c = CoefficientVector(SEEKER.subset(own), np.zeros(len(own)), np.diag(sds**2))
+        if k is not None:
+            c.values[k] += sds[k]
+        site = replace(SITE, latitude=LATITUDE + latitude)
+        table = rig(poses + np.array([heading, 0, 0]), tilt, site=site, heading_offset_sd=1e-5,
+                    latitude_sd=1e-5)  # fmt: skip
+        return model_of(pairs, table, names, known=Compensation(c))
+
+    start = 1e-4 * np.random.default_rng(9).standard_normal(len(said().start))
+    at = said().linearise(start)
+    effect = {s.name: s.sd * s.shared for s in at.sources if s.shared is not None}
+
+    def moved(**words):
+        ends = [said(**{k: sign * v for k, v in words.items()}).linearise(start).residuals
+                for sign in (1, -1)]  # fmt: skip
+        return (ends[1] - ends[0]) / 2
+
+    for name, words in (("common error of the headings", {"heading": 1e-5}),
+                        ("latitude", {"latitude": 1e-5})):  # fmt: skip
+        want = moved(**words)
+        np.testing.assert_allclose(effect[name][..., 0], want, atol=1e-4 * np.abs(want).max())
+    for k in range(len(own)):
+        want = at.residuals - said(k=k).linearise(start).residuals
+        scale = np.abs(effect["tilt: accelerometers"]).max()
+        got = effect["tilt: accelerometers"][..., k]
+        np.testing.assert_allclose(got, want, atol=2e-3 * scale)
 
 
 # -- as sure as is promised ----------------------------------------------------------------------
@@ -218,7 +266,7 @@ def drawn(seed, *, tilted=False, heading_sd=0.0, offset_sd=0.0, latitude_sd=0.0,
     table = rig(said, "each" if tilted else "one axis", heading_sd=claimed * heading_sd,
                 heading_offset_sd=claimed * offset_sd,
                 latitude_sd=claimed * latitude_sd)  # fmt: skip
-    found = fit(build(reduce(d, FIELD), table, EACH if tilted else ONE_AXIS))
+    found = fit(reduce(d, FIELD), table, EACH if tilted else ONE_AXIS)
     assert found.status is Status.CONVERGED
     want = gyro.model.coefficients(found.coefficients.names).values
     return found.coefficients.values - want, found.coefficients.cov, found
@@ -256,21 +304,31 @@ def test_uncertainty_of_the_table_that_is_not_claimed_shows():
     assert total > chi_square_limits(20 * len(ONE_AXIS), tests=8)[1]
 
 
+def sources(pairs, table, names=ONE_AXIS):
+    model = model_of(pairs, table, names)
+    return {s.name: s for s in model.linearise(model.start).sources}
+
+
 def test_sources_of_the_covariance():
     pairs = reduce(make_dwells(level(), LATITUDE), FIELD)
-    plain = covariance_parts(pairs, rig(level()))
+    plain = sources(pairs, rig(level(), level_sd=0.0))
     assert set(plain) == {"gyro noise", "tilt: noise"}
-    loose = covariance_parts(pairs, rig(level(), heading_sd=1e-3))
-    assert set(loose) - set(plain) == {"reference headings"}
+    assert all(s.noise for s in plain.values())
+    loose = sources(pairs, rig(level(), heading_sd=1e-3, level_sd=1e-4, latitude_sd=1e-3))
+    assert set(loose) - set(plain) == {"reference headings", "latitude", "level of the table"}
+    assert loose["level of the table"].shared is None, "an unknown, with a row of its own"
+    blind = rig(level(), level_sd=1e-4, accelerometers=False)
+    assert set(sources(pairs, blind)) == {"gyro noise", "level of the table"}
+    assert not any(s.noise for name, s in loose.items() if name not in plain)
     w = EARTH_RATE * np.cos(LATITUDE)
-    diagonal = np.einsum("mii->m", loose["reference headings"][:, :2, :2])
+    headings = loose["reference headings"]
+    diagonal = np.sum((headings.sd * headings.each[:, :2]) ** 2, axis=(1, 2))
     np.testing.assert_allclose(diagonal, (1e-3 * w) ** 2, rtol=1e-6)
 
 
 def test_the_covariance_of_tilts_is_that_of_the_rates_they_turn():
     pairs = reduce(make_dwells(TILTED, LATITUDE), FIELD)
     table = rig(TILTED, "each")
-    parts = covariance_parts(pairs, table)
     S = pairs.sources["tilt: noise"]
     h = 1e-4
     slope = np.zeros((len(pairs), 2, 2))
@@ -279,11 +337,30 @@ def test_the_covariance_of_tilts_is_that_of_the_rates_they_turn():
         for sign in (1.0, -1.0):
             values = pairs.values.copy()
             values[:, 2 + k] += sign * h
-            scene = build(replace(pairs, values=values), table, EACH)
-            r = scene.linearise(scene.start, np.ones(len(pairs)))
-            root = np.linalg.cholesky(np.asarray(sum(parts.values())))
-            ends.append(np.einsum("mij,mj->mi", root, r.residuals.reshape(len(pairs), 2)))
+            model = model_of(replace(pairs, values=values), table, EACH)
+            ends.append(model.linearise(model.start).residuals)
         slope[:, :, k] = (ends[0] - ends[1]) / (2 * h)
     want = np.einsum("mik,mkl,mjl->mij", slope, S[:, 2:, 2:], slope)
-    found = parts["tilt: noise"]
+    root = sources(pairs, table, EACH)["tilt: noise"].each
+    found = root @ np.swapaxes(root, 1, 2)
     np.testing.assert_allclose(found / EARTH_RATE**2, want / EARTH_RATE**2, rtol=1e-3, atol=1e-16)
+
+
+def leaned(poses, phi):
+    """Attitudes of set-ups on a table that leans by phi about East and North."""
+    C = attitude(*poses.T) @ exp(-np.array([*phi, 0.0]))
+    heading, pitch = np.arctan2(C[:, 1, 0], C[:, 1, 1]), np.arcsin(C[:, 1, 2])
+    return np.column_stack([heading, pitch, np.arctan2(-C[:, 0, 2], C[:, 2, 2])])
+
+
+def test_a_leaning_table_turns_the_headings_of_tilted_cases_together():
+    poses = leaning(10.0, -10.0, 0.0) + np.array([0.0, 0.0, 0.05])
+    pairs = reduce(make_dwells(poses, LATITUDE), FIELD)
+    effect = sources(pairs, rig(poses, "each", level_sd=1e-3), EACH)["level of the table"]
+    turned = sources(pairs, rig(poses, "each", heading_offset_sd=1.0), EACH)
+    per_heading = turned["common error of the headings"].shared[..., 0]
+    for k, phi in enumerate(1e-4 * np.eye(2)):
+        moved = (leaned(poses, phi) - leaned(poses, -phi))[:, 0]
+        away = (moved + np.pi) % (2 * np.pi) - np.pi
+        want = per_heading * away[:, None] / 2e-4
+        np.testing.assert_allclose(effect.shared[..., k], want, atol=1e-6 * EARTH_RATE)

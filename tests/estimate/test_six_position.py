@@ -9,21 +9,22 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate import gauss_newton
-from foucault.estimate.faces.covariance import (
-    Belief,
-    FaceNoise,
-    covariance_parts,
-    noise_parts,
-    placement_parts,
-)
 from foucault.estimate.faces.ferraris import published, scale_and_rotation, turn_spread
-from foucault.estimate.faces.likelihood import State, build, closed_form, predict, unbiased
-from foucault.estimate.faces.scatter import believe, scatter
+from foucault.estimate.faces.likelihood import (
+    SCATTER,
+    FaceNoise,
+    OnFaces,
+    State,
+    closed_form,
+    on_faces,
+    unbiased,
+)
+from foucault.infer import mixed
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
-from foucault.models.noise import ImuNoise
+from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
-from foucault.models.session_noise import SessionNoise
+from foucault.models.session_noise import SessionNoise, window_covariance
 from make_faces import POLE, SITE, TURN, perfect, rough_model
 
 GRAVITY = Site(9.81)
@@ -42,8 +43,21 @@ def quiet(scene, sd=1e-4):
     n, _, m = scene.sizes
     one = SessionNoise(*np.full((3, 3), 1e-20), ImuNoise())
     return FaceNoise(
-        np.full((n, 3), sd**2), np.full((n, 3), (sd / 10) ** 2), np.full((m, 3), sd**2), one
-    )
+        np.full((n, 3), sd**2), np.full((n, 3), (sd / 10) ** 2), np.full((m, 3), sd**2), one,
+        "declared",
+    )  # fmt: skip
+
+
+def modelled(scene, state, names, given=(0.0, 0.0, 0.0), **words):
+    return on_faces(scene, state, names, quiet(scene, **words), given)
+
+
+def part(model, name):
+    """Covariance of all readings by one source, for a size of 1, in its own order of axes."""
+    at = model.linearise(model.start)
+    one = [replace(s, sd=1.0) for s in at.sources if s.name == name]
+    assert one
+    return mixed.Covariance(one, {}, at.residuals.shape, np.ones(len(at.residuals))).whole
 
 
 @pytest.mark.parametrize("site", [GRAVITY, POLE], ids=["no Earth", "pole"])
@@ -55,8 +69,7 @@ def test_exact_for_errors_of_ten_percent_and_five_degrees(site, seed):
     assert np.abs(truth).max() > 0.08
     np.testing.assert_allclose(state.model.coefficients(SENSITIVE).values, truth, atol=1e-12)
     np.testing.assert_allclose(state.C_bk, C_bk, atol=1e-12)
-    cov = sum(noise_parts(scene, state, quiet(scene)).values())
-    estimate = gauss_newton.solve(build(scene, SENSITIVE, state, cov))
+    estimate = mixed.fit(modelled(scene, state, SENSITIVE)).estimate
     np.testing.assert_allclose(estimate.coefficients.values, truth, atol=1e-12)
     assert str(estimate.status) == "converged"
 
@@ -72,8 +85,8 @@ def test_exact_with_quadratic_terms_too():
 def test_quadratic_terms_of_a_turned_instrument_come_out_of_the_iteration():
     body, C_bk = rough_model(4, quadratic=True)
     scene, state = whole(body, C_bk, GRAVITY, QUADRATIC)
-    cov = sum(noise_parts(scene, state, quiet(scene)).values())
-    estimate = gauss_newton.solve(build(scene, QUADRATIC, state, cov), tolerance=1e-9)
+    problem = mixed.stated(modelled(scene, state, QUADRATIC))
+    estimate = gauss_newton.solve(problem, tolerance=1e-9)
     truth = body.coefficients(QUADRATIC).values
     start = state.model.coefficients(QUADRATIC).values
     assert np.abs(start - truth).max() > 1e-6
@@ -90,8 +103,7 @@ def test_without_turns_the_accelerometers_and_the_bias_are_exact():
     scene, state = whole(body, C_bk, GRAVITY, names, turns=False)
     truth = body.coefficients(names).values
     np.testing.assert_allclose(state.model.coefficients(names).values, truth, atol=1e-12)
-    r, _ = predict(scene, names, state)
-    assert np.abs(r).max() < 1e-12
+    assert np.abs(modelled(scene, state, names).linearise(state).residuals).max() < 1e-12
 
 
 def test_jacobian_is_the_derivative():
@@ -99,13 +111,15 @@ def test_jacobian_is_the_derivative():
     rests, turns, log = perfect(body, C_bk, SITE)
     scene, state = closed_form(rests, turns, SITE, QUADRATIC, log)
     state = State(state.model, exp(np.array([0.02, -0.01, 0.03])) @ state.C_bk)
-    _, J = predict(scene, QUADRATIC, state)
+    model = modelled(scene, state, QUADRATIC)
+    J = model.linearise(state).jacobian
     p, at = len(QUADRATIC), state.model.coefficients(QUADRATIC)
 
     def value(step):
         vector = CoefficientVector(at.layout, at.values + step[:p])
         moved = State(ImuModel.from_coefficients(vector), exp(step[p:]) @ state.C_bk)
-        return -predict(scene, QUADRATIC, moved)[0]
+        np.testing.assert_allclose(model.values(model.retract(state, step)), vector.values)
+        return -model.linearise(moved).residuals
 
     for k in range(p + 3):
         step = np.zeros(p + 3)
@@ -167,15 +181,21 @@ def test_unknown_earth_rate_of_a_rest():
     """Half of the squared horizontal rate across the vertical, a third of all without latitude."""
     for site in (SITE, Site(9.81)):
         scene, state = whole(ImuModel(), np.eye(3), site, LINEAR_LOWER)
-        parts = noise_parts(scene, state, quiet(scene))
+        model = modelled(scene, state, LINEAR_LOWER)
         name = "unknown heading" if site.latitude is not None else "unknown Earth rate"
-        own = parts[name][18:21, 18:21]  # x up
+        (source,) = [s for s in model.linearise(state).sources if s.name == name]
+        cov = source.sd**2 * part(model, name)
+        own = cov[18:21, 18:21]  # x up
         if site.latitude is None:
             want = EARTH_RATE**2 / 3 * np.eye(3)
         else:
             want = (EARTH_RATE * np.cos(site.latitude)) ** 2 / 2 * np.diag([0.0, 1.0, 1.0])
         np.testing.assert_allclose(own, want, rtol=1e-9, atol=1e-18)
-        np.testing.assert_allclose(parts[name][:18], 0.0)
+        np.testing.assert_allclose(cov[:18], 0.0)
+        # Along up it is one number: x up and x down feel opposite rates, z up the same as x up.
+        along = cov[18, 18:36].reshape(6, 3) / (EARTH_RATE**2 / 3)
+        ups = scene.rests.up_k if site.latitude is None else np.zeros((6, 3))
+        np.testing.assert_allclose(along[1:], ups[1:], atol=1e-12)
 
 
 def test_a_tilt_shows_in_rest_and_turn_of_one_placement_alike():
@@ -183,7 +203,10 @@ def test_a_tilt_shows_in_rest_and_turn_of_one_placement_alike():
     rests, turns, log = perfect(ImuModel(), np.eye(3), GRAVITY, down=(1,))
     turns = replace(turns, group=np.array([0, 3, 4]))  # x up, y down, z up
     scene, state = closed_form(rests, turns, GRAVITY, LINEAR_LOWER, log)
-    placed, level, angle = placement_parts(scene, state)
+    model = replace(modelled(scene, state, LINEAR_LOWER), given=(1.0, 1.0, 1.0))
+    placed, level, angle = (
+        part(model, name) for name in ("placement", "level of the turns", "angle of the turns")
+    )
     g = GRAVITY.gravity
     own = placed[:3, :3]
     np.testing.assert_allclose(own, g**2 * np.diag([0, 1, 1]), atol=1e-9)
@@ -195,16 +218,52 @@ def test_a_tilt_shows_in_rest_and_turn_of_one_placement_alike():
     assert not placed[:3, 3:18].any()
 
 
+def test_the_squares_of_tilts_scatter_along_the_vertical():
+    """The cosine of a tilt of two angles of sd s has the mean 1 - s^2 and the sd s^2."""
+    sd = 0.01
+    scene, state = whole(ImuModel(), np.eye(3), GRAVITY, LINEAR_LOWER)
+    model = modelled(scene, state, LINEAR_LOWER, (sd, 2 * sd, 0.0))
+    drawn = 1 - np.cos(np.hypot(*np.random.default_rng(1).normal(0, sd, (2, 100_000))))
+    assert drawn.mean() == pytest.approx(sd**2, rel=0.02)
+    g = GRAVITY.gravity
+    np.testing.assert_allclose(model.scene.force_k, scene.force_k * (1 - sd**2))
+    np.testing.assert_allclose(model.scene.turn_k, scene.turn_k * (1 - 5 * sd**2))
+    placed, level = (sd * k * part(model, name) * sd * k
+                     for k, name in ((1, "placement"), (2, "level of the turns")))  # fmt: skip
+    # As much again for the product with the misalignments, which are as uncertain.
+    assert placed[0, 0] == pytest.approx(2 * (g * sd**2) ** 2, rel=1e-3)
+    assert level[36, 36] == pytest.approx(2 * (TURN * 4 * sd**2) ** 2, rel=2e-3)
+
+
 def test_declared_errors_are_taken_and_the_rest_follows_the_placement():
     scene, state = whole(ImuModel(), np.eye(3), GRAVITY, LINEAR_LOWER)
-    belief, found = believe(scene, LINEAR_LOWER, state, quiet(scene), (1e-3, None, 2e-3))
-    assert (belief.placement, belief.level, belief.angle) == (1e-3, 1e-3, 2e-3)
-    assert "placement" not in found
-    parts = covariance_parts(scene, state, quiet(scene), belief, False)
-    assert "placement" in parts
-    parts = covariance_parts(scene, state, quiet(scene), replace(belief, placement=0.0), True)
-    assert "placement, estimated" in parts
-    assert Belief().accel == 0.0
+    model = modelled(scene, state, LINEAR_LOWER, (1e-3, None, 2e-3))
+    given = [(s.name, s.sd) for s in map(model.tilt, range(3))]
+    assert given == [("placement", 1e-3), ("placement", 1e-3), ("angle of the turns", 2e-3)]
+    assert model.near == (1e-3, 1e-3)
+    found = modelled(scene, state, LINEAR_LOWER, (None, None, 2e-3))
+    assert [found.tilt(k).sd for k in range(3)] == [None, None, 2e-3]
+    assert found.tilt(0).type == "A" and model.tilt(0).type == "B"
+
+
+def test_what_slow_noise_does_to_rests_and_turns_is_tied_together():
+    """A bias that wanders adds up over a turn as it does over the rests around it."""
+    scene, state = whole(ImuModel(), np.eye(3), GRAVITY, LINEAR_LOWER)
+    slow = TriadNoise(bias_instability=1e-3, correlation_time=20.0)
+    noise = quiet(scene)
+    noise = replace(noise, session=replace(noise.session, slow=ImuNoise(slow, slow)))
+    none = replace(noise, accel_var=0 * noise.accel_var, gyro_var=0 * noise.gyro_var,
+                   turn_var=0 * noise.turn_var)  # fmt: skip
+    model = OnFaces(scene, LAYOUT.subset(LINEAR_LOWER), state, none, (0.0, 0.0, 0.0))
+    start, time = model.windows
+    want = window_covariance(start[6:], start[6:] + time[6:], slow)
+    size = np.append(np.ones(6), time[12:])
+    got = part(model, "gyro noise")[18:, 18:]
+    np.testing.assert_allclose(got, np.kron(want * np.outer(size, size), np.eye(3)), atol=1e-15)
+    assert np.allclose(
+        part(model, "accelerometer noise")[:18, :18],
+        np.kron(window_covariance(start[:6], start[:6] + time[:6], slow), np.eye(3)),
+    )
 
 
 def test_placement_is_found_from_opposite_faces():
@@ -216,22 +275,29 @@ def test_placement_is_found_from_opposite_faces():
         d = rng.normal(0, sd, (6, 3)) * (rests.up_k == 0)
         accel = GRAVITY.gravity * (rests.up_k + d)
         scene, state = closed_form(replace(rests, accel=accel), None, GRAVITY, names)
-        belief, _ = believe(scene, names, state, quiet(scene), (None, 0.0, 0.0))
-        found.append(belief.placement)
+        fit = mixed.fit(modelled(scene, state, names, (None, 0.0, 0.0)))
+        assert not any(fit.found[name] for name in SCATTER.values())
+        assert fit.dof["placement"] == pytest.approx(6, abs=0.1)
+        found.append(fit.sds["placement"])
     # 6 degrees of freedom, and the sum of squares made 4: 1 / sd^2 is right on the average.
     assert np.mean(1 / np.square(found)) == pytest.approx(1 / sd**2, rel=0.2)
 
 
-def test_scatter_of_plain_readings_is_their_spread():
-    rng = np.random.default_rng(4)
-    x = rng.normal(0, 3.0, 50)
-    one = np.ones((50, 1))
-    got = scatter(x - x.mean(), one, np.eye(50) * 1e-12, np.eye(50))
-    assert got.dof == 49
-    assert got.sd == pytest.approx(np.sqrt(np.sum((x - x.mean()) ** 2) / 47), rel=1e-6)
-    assert got.significant
-    calm = scatter(x - x.mean(), one, np.eye(50) * 100.0, np.eye(50))
-    assert calm.sd == 0.0 and not calm.significant
+def test_rests_that_differ_are_no_placement():
+    """Rests of one placement differ by noise alone: what else they differ by is scatter."""
+    rng = np.random.default_rng(3)
+    rests, _, _ = perfect(ImuModel(), np.eye(3), GRAVITY)
+    twice = replace(
+        rests, up_k=np.repeat(rests.up_k, 2, axis=0), accel=np.repeat(rests.accel, 2, axis=0),
+        gyro=None, start=10.0 * np.arange(12), time=np.full(12, 8.0),
+        group=np.repeat(rests.group, 2),
+    )  # fmt: skip
+    twice = replace(twice, accel=twice.accel + rng.normal(0, 0.01, (12, 3)))
+    names = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))
+    scene, state = closed_form(twice, None, GRAVITY, names)
+    found = mixed.fit(modelled(scene, state, names, (None, 0.0, 0.0))).found
+    assert found[SCATTER["accel"]] == pytest.approx(0.01, rel=0.3)
+    assert found["placement"] * GRAVITY.gravity < 0.01
 
 
 def test_the_change_of_axes_is_unbiased():
@@ -243,9 +309,21 @@ def test_the_change_of_axes_is_unbiased():
     names = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))
     rests, _, _ = perfect(ImuModel(), np.eye(3), GRAVITY)
     scene, state = closed_form(replace(rests, gyro=None), None, GRAVITY, names)
-    placed = placement_parts(scene, state)[0]
-    cov = sd**2 * placed + 1e-14 * np.eye(len(placed))
-    solved = gauss_newton.solve(build(scene, names, state, cov))
+    model = OnFaces(scene, LAYOUT.subset(names), state, quiet(scene, 1e-7), (sd, 0.0, 0.0))
+    solved = gauss_newton.solve(mixed.stated(model))
     np.testing.assert_allclose(solved.coefficients["accel.scale"].values, 0.0, atol=1e-14)
     got = unbiased(solved).coefficients["accel.scale"].values
     np.testing.assert_allclose(got, np.array([-1, 0, 1]) * sd**2 / 2, atol=0.01 * sd**2)
+
+
+def test_rates_beyond_all_measure_leave_the_rest_alone():
+    """Scatter a million times the noise is found, and the accelerometers do not feel it."""
+    rng = np.random.default_rng(5)
+    rests, _, _ = perfect(ImuModel(), np.eye(3), GRAVITY)
+    names = tuple(n for n in LINEAR_LOWER if n.startswith(("accel.", "gyro.bias.")))
+    rests = replace(rests, gyro=rests.gyro + rng.normal(0, 5.0, (6, 3)),
+                    accel=rests.accel + rng.normal(0, 1e-4, (6, 3)))  # fmt: skip
+    scene, state = closed_form(rests, None, GRAVITY, names)
+    found = mixed.fit(modelled(scene, state, names, (None, 0.0, 0.0))).found
+    assert found[SCATTER["gyro"]] == pytest.approx(5.0, rel=0.5)
+    assert found[SCATTER["accel"]] == 0.0 and found["placement"] < 1e-4

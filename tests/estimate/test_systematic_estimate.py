@@ -8,7 +8,13 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import BETWEEN, AtRest, solve
+from foucault.estimate.systematic.fit import (
+    BETWEEN,
+    AtRest,
+    SystematicModel,
+    attitude_at_start,
+)
+from foucault.estimate.systematic.fit import Start as RecordingStart
 from foucault.models.attitude import angles_of
 from foucault.models.earth import Site
 from foucault.models.geodesy import displaced
@@ -58,6 +64,17 @@ def spread_of(sensors):
     return np.array([next(v for k, v in SPREAD.items() if n.startswith(k)) for n in names])
 
 
+def at_start(phi_sd):
+    return start_cov(np.diag(phi_sd**2), 0.01, 0.01, np.zeros(0))
+
+
+def solved(increments, C_nb, sensors, rests, sd, at_rest=None):
+    """Return what one pass finds of the coefficients, zero give or take their sd beforehand."""
+    model = SystematicModel(increments, SITE, sensors, rests, NOISE, at_rest or AtRest())
+    start = RecordingStart(0, C_nb, at_start(PHI_SD))
+    return model.filtered([start], np.zeros(len(sd)), sd).estimate
+
+
 def test_noise_free_session_gives_everything_back(session):
     plan, start, rows = session
     sensors = Sensors.of(NAMES)
@@ -67,14 +84,17 @@ def test_noise_free_session_gives_everything_back(session):
     made = simulate_motion(plan, start, rate=RATE, model=model, sampled="increment", seed=0,
                            noise=ImuNoise())  # fmt: skip
     C_nb = exp(PHI_SD * [1, -1, 1]) @ made.truth.C_nb[0]
-    loose = start_cov(np.diag(100 * PHI_SD**2), 0.01, 0.01, 10 * sd)
-    still = AtRest(1e-5, 1e-4)
-    found = solve(increments_of(made.log), C_nb, SITE, sensors, rows, loose, NOISE,
-                  at_rest=still, passes=3)  # fmt: skip
-    missed = np.abs(np.array(found.passes) - truth) / sd
+    model = SystematicModel(increments_of(made.log), SITE, sensors, rows, NOISE, AtRest(1e-5, 1e-4))
+    passes = [np.zeros(len(sd))]
+    for _ in range(3):
+        start = RecordingStart(0, C_nb, at_start(10 * PHI_SD))
+        found = model.filtered([start], passes[-1], 10 * sd, keep=True)
+        passes.append(found.estimate.values)
+        C_nb = attitude_at_start(found, C_nb)
+    missed = np.abs(np.array(passes[1:]) - truth) / sd
     assert missed[0].max() < 0.1  # second order in the start errors
     assert missed[2].max() < 2e-3
-    np.testing.assert_allclose(found.passes[2], found.passes[1], rtol=0, atol=2e-3 * sd.max())
+    np.testing.assert_allclose(passes[3], passes[2], rtol=0, atol=2e-3 * sd.max())
 
 
 def drawn(motion, sensors, sd, rng, samples):
@@ -100,15 +120,14 @@ def test_consistent(session):
     true = motion.trajectory(time[:1]).C_nb[0]
     sensors = Sensors.of(NAMES)
     sd = spread_of(sensors)
-    P0 = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)
     rests = [(max(a - 1, 0), b - 1) for a, b in rows]
     rng, nees, runs = np.random.default_rng(3), [], 12
     for _ in range(runs):
         truth, increments = drawn(motion, sensors, sd, rng, samples)
         C_nb = exp(-PHI_SD * rng.normal(size=3)) @ true
-        found = solve(increments, C_nb, SITE, sensors, rests, P0, NOISE)
-        err = found.estimate.values - truth
-        nees.append(err @ np.linalg.solve(found.estimate.cov, err))
+        found = solved(increments, C_nb, sensors, rests, sd)
+        err = found.values - truth
+        nees.append(err @ np.linalg.solve(found.cov, err))
     low, high = chi_square_limits(runs * len(sd), 0.01)
     assert low < sum(nees) < high
     assert not low < sum(nees) / 0.7 < high
@@ -152,12 +171,10 @@ def test_what_a_restart_forgets_turns_measured_give_back(session):
     sensors = Sensors.of(NAMES)
     sd = spread_of(sensors)
     increments = drawn(motion, sensors, sd, np.random.default_rng(4), motion.increments(time))[1]
-    P0 = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)
     rests = [(max(a - 1, 0), b - 1) for a, b in rows]
 
     def scale_sd(at_rest):
-        found = solve(increments, true, SITE, sensors, rests, P0, NOISE, at_rest=at_rest)
-        return found.estimate.sd[found.estimate.layout.group("gyro.scale")].mean()
+        return solved(increments, true, sensors, rests, sd, at_rest)["gyro.scale"].sd.mean()
 
     full, forgetful = scale_sd(AtRest()), scale_sd(AtRest(decorrelate=True))
     measured = scale_sd(AtRest(decorrelate=True, turning_sd=1e-3))
@@ -191,11 +208,9 @@ def test_a_place_missed_counts_once_a_rest(session):
     increments = drawn(motion, plain, spread_of(plain), rng, motion.increments(time))[1]
     sensors = with_size_effect(plain)  # what turns do to the place is told by lever arms and delay
     sd = np.concatenate([spread_of(plain), [0.1] * 6, [0.02]])
-    P0 = start_cov(np.diag(PHI_SD**2), 0.01, 0.01, sd)
     rests = [(max(a - 1, 0), b - 1) for a, b in rows]
     here, missed = (
-        solve(increments, true, SITE, sensors, rests, P0, NOISE, at_rest=kind(1e-3, 0.01)).estimate
-        for kind in (AtRest, Missed)
+        solved(increments, true, sensors, rests, sd, kind(1e-3, 0.01)) for kind in (AtRest, Missed)
     )
     moved = missed.values - here.values
     assert np.abs(moved / here.sd).max() > 0.05  # it does something

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
-from foucault.estimate.linear_filter import kalman
-from foucault.estimate.transfer import system as transfer_system
-from foucault.estimate.transfer.anew import Anew
-from foucault.estimate.transfer.fit import hand_over, likeliest_delay, solve
-from foucault.estimate.transfer.system import free_run
+from foucault.estimate.transfer import model as transfer_model
+from foucault.estimate.transfer.hand_over import hand_over
+from foucault.estimate.transfer.likeliest import likeliest_delay
+from foucault.estimate.transfer.model import TransferModel
+from foucault.estimate.transfer.reset import Reset
+from foucault.infer.filtered import budget, fit, sources
+from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
+from foucault.infer.linear_filter import kalman
 from foucault.models.geodesy import displaced, east_north_up, ecef
 from foucault.models.rotation import exp, log
 from foucault.models.transfer import Matching
@@ -42,10 +44,16 @@ def all_sd(known, matching, extra=()):
     return np.concatenate([known, SD, [INSTALLATION] * 3, more, extra])
 
 
+def about(*arguments):
+    """Return the linear system about what was known beforehand."""
+    model = TransferModel(*arguments)
+    return model.about(model.start)
+
+
 def expected(free, x):
     """What the system says that an error x at the start makes of z at every epoch."""
     out = []
-    for Phi, H in zip(free.system.Phi, free.system.H, strict=True):
+    for Phi, H in zip(free.Phi, free.H, strict=True):
         x = np.concatenate([Phi @ x, x[len(Phi) :]])
         out.append(H @ x)
     return np.array(out)
@@ -57,8 +65,8 @@ def column(name, attitude):
     truth, mu, late = ZERO.copy(), np.zeros(3), 0.0
     known, sd = prior(DELAY)
     size = 1.0
-    layout = free_run(slave(ZERO, mu), master(DELAY), mount(), matching, known, known,
-                      all_sd(sd, matching)).layout  # fmt: skip
+    arguments = mount(), matching, known, all_sd(sd, matching)
+    layout = TransferModel(slave(ZERO, mu), master(DELAY), *arguments).layout
     j = layout.index(name)
     x = np.zeros(len(layout))
     if 9 <= j < 18:
@@ -70,18 +78,17 @@ def column(name, attitude):
     elif name == "master.delay":
         late = size = 1e-4
     x[j] = size
-    arguments = mount(), matching, known, known, all_sd(sd, matching)
-    none = free_run(slave(ZERO, np.zeros(3)), master(DELAY), *arguments)
+    none = about(slave(ZERO, np.zeros(3)), master(DELAY), *arguments)
     if late:
         # Messages that come at the same times, of what was so much earlier.
         said = master(DELAY)
         motion = flight()[0]
         true = motion.trajectory(said.time - DELAY - late)
         said = replace(said, velocity_n=true.velocity_n, C_nm=true.C_nb)
-        some = free_run(slave(ZERO, np.zeros(3)), said, *arguments)
+        some = about(slave(ZERO, np.zeros(3)), said, *arguments)
     else:
-        some = free_run(slave(truth, mu), master(DELAY), *arguments)
-    real = some.system.z - none.system.z
+        some = about(slave(truth, mu), master(DELAY), *arguments)
+    real = some.z - none.z
     linear = expected(none, x)
     return real, linear
 
@@ -102,9 +109,9 @@ def test_every_column_is_what_the_error_does(name, attitude):
         # The slave's own attitude was taken without it: phi = C_nm C_0 mu at the start.
         known, sd = prior(DELAY)
         matching = replace(MATCHING, delay=True, attitude=attitude)
-        free = free_run(slave(ZERO, np.zeros(3)), master(DELAY), mount(), matching,
-                        known, known, all_sd(sd, matching))  # fmt: skip
-        x = np.zeros(len(free.layout))
+        free = about(slave(ZERO, np.zeros(3)), master(DELAY), mount(), matching, known,
+                     all_sd(sd, matching))  # fmt: skip
+        x = np.zeros(len(free.x0))
         mu = np.zeros(3)
         mu["xyz".index(name[-1])] = 0.1 * INSTALLATION
         x[:3] = known.state.C_nb @ mu
@@ -120,15 +127,16 @@ def test_every_column_is_what_the_error_does(name, attitude):
 def test_start_errors_are_what_they_do():
     known, sd = prior(DELAY)
     arguments = slave(ZERO, np.zeros(3)), master(DELAY), mount(), MATCHING
-    none = free_run(*arguments, known, known, all_sd(sd, MATCHING))
+    model = TransferModel(*arguments, known, all_sd(sd, MATCHING))
+    none = model.about(known)
     phi, dv = np.array([2e-4, -1e-4, 3e-4]), np.array([0.05, -0.02, 0.01])
     state = replace(
         known.state, C_nb=exp(-phi) @ known.state.C_nb, velocity_n=known.state.velocity_n + dv
     )
     off = replace(known, state=state)
-    some = free_run(*arguments, off, known, all_sd(sd, MATCHING))
-    real = some.system.z - none.system.z
-    x0 = some.system.x0  # what the prior says of a start that is off
+    some = model.about(off)
+    real = some.z - none.z
+    x0 = some.x0  # what the prior says of a start that is off
     np.testing.assert_allclose(x0[:3], phi, atol=1e-7)
     np.testing.assert_allclose(x0[3:6], dv, atol=1e-6)
     for block in (slice(0, 3), slice(3, 6)):
@@ -152,9 +160,9 @@ def test_consistent():
     nees, nis, runs = 0.0, 0.0, 20
     for seed in range(runs):
         case, truth = drawn(seed)
-        found = solve(*case)
-        err = found.estimate.values - truth
-        nees += err @ np.linalg.solve(found.estimate.cov, err)
+        found = fit(TransferModel(*case))
+        err = found.values - truth
+        nees += err @ np.linalg.solve(found.cov, err)
         nis += found.run.nis.sum()
     n, m = runs * len(truth), runs * int(np.isfinite(found.run.innovation).sum())
     low, high = chi_square_limits(n, 0.005)
@@ -169,24 +177,34 @@ def test_the_delay_is_found_either_way():
     errors, sds = [], []
     for seed in range(6):
         case, truth = drawn(seed, delay_state=True, assumed=0.02)
-        found = solve(*case, passes=3)
-        errors.append(found.estimate.values[-1] - truth[-1])
-        sds.append(found.estimate.sd[-1])
+        found = fit(TransferModel(*case), passes=3)
+        errors.append(found.values[-1] - truth[-1])
+        sds.append(found.cov[-1, -1] ** 0.5)
     low, high = chi_square_limits(6, 0.01)
     assert low < np.sum((np.array(errors) / sds) ** 2) < high
-    (s, m, fixed, matching, known, sd), _ = drawn(0)
-    fit = likeliest_delay(s, m, fixed, matching, known, sd, (0.0, 0.2))
-    assert abs(fit.delay - DELAY) < 4 * fit.sd and not fit.at_edge
-    assert fit.sd == pytest.approx(sds[0], rel=0.15)
-    outside = likeliest_delay(s, m, fixed, matching, known, sd, (0.1, 0.2))
+    model = TransferModel(*drawn(0)[0])
+    found = likeliest_delay(model, (0.0, 0.2))
+    assert abs(found.delay - DELAY) < 4 * found.sd and not found.at_edge
+    assert found.sd == pytest.approx(sds[0], rel=0.15)
+    outside = likeliest_delay(model, (0.1, 0.2))
     assert outside.at_edge
+
+
+def test_the_budget_of_a_flight_adds_up():
+    case, _ = drawn(3, delay_state=True, assumed=DELAY)
+    found = fit(TransferModel(*case))
+    parts = budget(found, sources(found))
+    assert parts.keys() == {"prior", "process", "velocity", "attitude"}
+    np.testing.assert_allclose(sum(parts.values()), np.diag(found.cov), rtol=1e-9)
+    alone = {name: v / np.diag(found.cov) for name, v in parts.items()}
+    assert alone["prior"].max() < 0.9 and alone["attitude"][-1] > 0.5  # the delay
 
 
 def test_a_delay_ignored_is_a_false_bias():
     """The source's M1: in a turn a delay looks like an accelerometer bias of -tau w^2 V forward."""
     case, truth = drawn(1, assumed=0.0)
-    found = solve(*case)
-    err = (found.estimate.values - truth) / found.estimate.sd
+    found = fit(TransferModel(*case))
+    err = (found.values - truth) / np.sqrt(np.diag(found.cov))
     assert np.abs(err).max() > 20
 
 
@@ -195,7 +213,7 @@ def test_a_slave_handed_over_goes_on_as_well_as_it_says():
     motion = flight()[0]
     for seed in range(runs):
         case, truth = drawn(seed)
-        found = solve(*case)
+        found = fit(TransferModel(*case))
         on = hand_over(case[0], found, motion.end - 0.1)
         time = case[0].increments.time[on.row]
         assert time == pytest.approx(motion.end - 0.1, abs=0.006)
@@ -213,17 +231,18 @@ def test_flexure_is_a_process_of_the_sd_and_time_that_were_said():
     known, sd = prior(DELAY)
     fixed = mount(flexure_sd=2 * ARCMIN, flexure_time=3.0)
     sd = all_sd(sd, MATCHING, [2 * ARCMIN] * 3 + [2 * ARCMIN * 2.146 / 3.0] * 3)
-    free = free_run(slave(ZERO, np.zeros(3)), master(DELAY), fixed, MATCHING, known, known, sd)
-    P, at = free.system.P0, free.layout.group("flexure")
-    for Phi, half in zip(free.system.Phi, free.system.half, strict=True):
+    model = TransferModel(slave(ZERO, np.zeros(3)), master(DELAY), fixed, MATCHING, known, sd)
+    free, at = model.about(known), model.layout.group("flexure")
+    P = free.P0
+    for Phi, half in zip(free.Phi, free.half, strict=True):
         P = Phi @ (P + np.diag(half)) @ Phi.T + np.diag(half)
     np.testing.assert_allclose(np.sqrt(np.diag(P)[at]), 2 * ARCMIN, rtol=0.01)
 
 
 def test_h_infinity_runs_on_the_same_system():
     case, _ = drawn(2)
-    found = solve(*case)
-    system = found.free.system
+    found = fit(TransferModel(*case))
+    system = found.system
     L = by_prior(system)
     gamma = least_gamma(system, L)
     assert h_infinity(system, L, gamma).stopped is None
@@ -240,13 +259,13 @@ def test_noise_is_no_knowledge_of_the_delay():
     early = said[said.time < 5.0]  # before anything happens
     told = []
     for one in (quiet, noisy):
-        free = free_run(one, early, mount(), matching, known, known, all_sd(sd, matching))
-        told.append(np.sqrt(kalman(free.system).cov[-1, -1]))
+        free = about(one, early, mount(), matching, known, all_sd(sd, matching))
+        told.append(np.sqrt(kalman(free).cov[-1, -1]))
     assert told[0] == pytest.approx(0.2, rel=0.01)
     assert told[1] > 0.15
 
 
-def test_a_run_begun_anew_tells_the_same(monkeypatch):
+def test_a_run_that_is_reset_tells_the_same(monkeypatch):
     """Pieces of a quarter of the flight: what is found, and how sure, is that of one piece.
 
     Of a slave without noise whose errors are large, so that what a new beginning takes out is.
@@ -256,14 +275,16 @@ def test_a_run_begun_anew_tells_the_same(monkeypatch):
     known, sd = prior(DELAY)
     case = (slave(truth, np.zeros(3)), master(DELAY), mount(), matching, known,
             all_sd(sd, matching))  # fmt: skip
-    whole = solve(*case, passes=3)
-    monkeypatch.setattr(transfer_system, "PIECE", 23.0)
-    free = transfer_system.free_run(*case[:4], known, known, case[5])
-    assert np.count_nonzero(np.abs(free.system.jump).sum(axis=1)) == 3
-    assert np.linalg.norm(free.system.jump[:, 3:6], axis=1).max() > 0.1  # ten times the sd
-    parts = solve(*case, passes=3)
-    np.testing.assert_allclose(parts.estimate.sd, whole.estimate.sd, rtol=2e-3)
-    off = (parts.estimate.values - whole.estimate.values) / whole.estimate.sd
+    model = TransferModel(*case)
+    whole = fit(model, passes=3)
+    monkeypatch.setattr(transfer_model, "PIECE", 23.0)
+    free = model.about(known)
+    assert np.count_nonzero(np.abs(free.jump).sum(axis=1)) == 3
+    assert np.linalg.norm(free.jump[:, 3:6], axis=1).max() > 0.1  # ten times the sd
+    parts = fit(model, passes=3)
+    sd = [np.sqrt(np.diag(found.cov)) for found in (parts, whole)]
+    np.testing.assert_allclose(*sd, rtol=2e-3)
+    off = (parts.values - whole.values) / sd[1]
     assert np.abs(off).max() < 0.02
     end, other = hand_over(case[0], parts, 90.0), hand_over(case[0], whole, 90.0)
     sd = np.sqrt(np.diag(other.cov))
@@ -272,7 +293,7 @@ def test_a_run_begun_anew_tells_the_same(monkeypatch):
     assert apart.max() < 0.02 and turned.max() < 0.02
 
 
-def test_a_run_begun_anew_errs_by_what_was_taken_out():
+def test_a_run_that_is_reset_errs_by_what_was_taken_out():
     """The errors against the truth before and after, in the axes of their own level frames."""
     rng = np.random.default_rng(3)
     truth = State(1.1, 2.0, 500.0, np.array([40.0, -90.0, 3.0]), exp(rng.normal(size=3)))
@@ -281,12 +302,12 @@ def test_a_run_begun_anew_errs_by_what_was_taken_out():
         truth.velocity_n + np.array([3.0, -2.0, 1.0]),
         exp(np.array([1e-3, -2e-3, 3e-3])) @ truth.C_nb,
     )  # fmt: skip
-    anew = Anew.by(wrong.packed(), np.array([9e-4, -2.1e-3, 3.1e-3]), np.array([3.1, -2.0, 0.8]),
+    reset = Reset.by(wrong.packed(), np.array([9e-4, -2.1e-3, 3.1e-3]), np.array([3.1, -2.0, 0.8]),
                    np.array([880.0, -710.0, 65.0]))  # fmt: skip
-    said = anew.turn @ errors_of(wrong.packed(), truth) + anew.jump
-    apart = np.abs(said - errors_of(anew.state.packed(), truth))
+    said = reset.turn @ errors_of(wrong.packed(), truth) + reset.jump
+    apart = np.abs(said - errors_of(reset.state.packed(), truth))
     assert apart[:3].max() < 1e-5 and apart[3:6].max() < 1e-3 and apart[6:].max() < 1e-2
-    assert np.linalg.norm(errors_of(anew.state.packed(), truth)[6:]) < 40.0
+    assert np.linalg.norm(errors_of(reset.state.packed(), truth)[6:]) < 40.0
 
 
 def errors_of(row, truth):

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.estimate import linear_filter as estimate
-from foucault.estimate.h_infinity import h_infinity
+from foucault.infer import linear_filter as estimate
+from foucault.infer.h_infinity import h_infinity
 from foucault.kernels import linear_filter as module
 from plain_kernels import kernel
 

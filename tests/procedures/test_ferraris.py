@@ -231,7 +231,7 @@ def test_accelerometers_see_the_tilt_after_a_turn_and_not_the_heading():
         accel=SITE.gravity * np.radians(0.5) * np.roll(rests.readings.up_k[k], 1),
     )
     words = " ".join(c.sentence for c in level_of(tilted)[0].checks)
-    assert "Rests on the same face differ by" in words
+    assert "The specific force at rest scatters by" in words
 
 
 def test_a_turn_at_a_constant_rate_is_no_rest():

@@ -342,7 +342,7 @@ def disturbed(sensor, size):
 
 def test_a_disturbed_reading():
     words = judged("gyro over index angle", disturbed("gyro", DEG_H))
-    assert "scatter by" in words and "disturbance" in words
+    assert "times what the noise explains" in words and "disturbance" in words
     words = judged("accelerometer over index angle", disturbed("accel", 5e-3))
     assert "accelerometer" in words
 

@@ -16,7 +16,7 @@ from foucault.diagnose.systematic import deflection_verdict as verdicts
 from foucault.diagnose.systematic.deflection_choice import GENERAL18, UNIT, Told
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.systematic.fit import attitude_at_start, solve
+from foucault.estimate.systematic.fit import Start, attitude_at_start
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.procedures import systematic
@@ -195,10 +195,8 @@ def test_odds_are_what_filters_with_each_model_say(bending):
                 at = begun.sensors.layout.index(state)
                 values[i] = base.states.values[at]
                 sd[i] = min(base.states.prior_sd[at], 30 * base.states.sd[at])
-        found = solve(
-            q.increments, C_nb, SITE, q.sensors, q.rests, q.start_cov(phi, sd), NOISE,
-            first=q.first, at_rest=q.at_rest, estimate=values,
-        ).run  # fmt: skip
+        start = Start(q.first, C_nb, p.start_cov(phi)[:9, :9])
+        found = replace(q.model, noise=NOISE).filtered([start], values, sd)
         return -0.5 * np.nansum(found.innovation**2 / found.variance + np.log(found.variance))
 
     odds = {(c.model.name, c.model.chirality): c.log_odds for c in choice.candidates}

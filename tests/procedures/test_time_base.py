@@ -59,6 +59,8 @@ def worst(made, of=1.0):
 )  # fmt: skip
 def test_stamps_that_are_fast_shift_what_the_time_base_says(name, increments):
     made = make_guard.session(name)
+    if name == "six_position":  # a size that is found from six numbers moves with every edge
+        made = made.with_keys(procedure={"placement_sd": "1 arcmin"})
     off, said = worst(as_increments(made) if increments else made)
     assert off < 0.4  # an edge of a rest may move by a sample
     still = (name, increments) in (("six_position", False), ("rate_table", True))

@@ -17,7 +17,7 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.plans.manoeuvres import Straight
 from foucault.procedures import transfer_alignment
 from foucault.procedures.record import Beforehand
-from foucault.procedures.transfer_alignment.foresight import manoeuvres, moved, shown
+from foucault.procedures.transfer_alignment.foresight import foreseen, manoeuvres, moved
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.result import Level
@@ -445,7 +445,7 @@ def test_what_each_manoeuvre_shows():
     for name, segments in manoeuvres(float(plan.start.speed)).items():
         half = Straight((plan.hand_over - sum(s.time for s in segments)) / 2)
         one = replace(plan, name=name, calibration=(half, *segments, half))
-        seen[name] = shown(one, c.settings, c.session, c.site, c.noise, {}).vector
+        seen[name] = foreseen(one, Beforehand(c.settings, c.session, c.site, c.noise)).vector
     straight = seen["straight on"]
     for name, vector in seen.items():
         if name == "straight on":

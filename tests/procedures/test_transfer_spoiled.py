@@ -10,6 +10,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.transfer import model as transfer_model
 from foucault.models.attitude import angles_of, matrix_of
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -314,6 +315,25 @@ def test_a_wrong_lever_arm_is_named_with_its_size(levered, given, words: str) ->
     shown = [float(x.strip(' "m')) for x in one.cure.split("[")[1].split("]")[0].split(",")]
     np.testing.assert_allclose(shown, [1, 2, -0.5], atol=0.06)
     assert "transfer.spread" not in codes(result)
+
+
+@pytest.mark.thorough
+def test_a_lever_arm_is_as_sure_on_a_run_that_is_reset(levered, monkeypatch) -> None:
+    """Four pieces of a minute: what a reset takes out is no innovation."""
+    none = ("0 m", "0 m", "0 m")
+    whole, _ = _lever_arm(said(levered, as_it_is, lever_arm=none))
+    monkeypatch.setattr(transfer_model, "PIECE", 60.0)
+    assert codes(said(levered, as_it_is)) == []
+    arm, sd = _lever_arm(said(levered, as_it_is, lever_arm=none))
+    np.testing.assert_allclose(arm, whole, atol=0.02)
+    assert np.abs((np.array(arm) - [1, 2, -0.5]) / sd).max() < 4.0 and max(sd) < 0.02
+
+
+def _lever_arm(result) -> list[list[float]]:
+    """Return the arm and its sd as they are told [m]."""
+    (one,) = [f for f in result.findings if f.code == "transfer.lever"]
+    told = re.findall(r"\(([^()]*)\)", one.message)[:2]
+    return [[float(x) for x in part.split(",")] for part in told]
 
 
 def test_the_right_lever_arm_is_left_alone(levered) -> None:

@@ -142,7 +142,7 @@ def test_what_all_set_ups_share_is_said_once(tmp_path):
     record = made(tmp_path, many(12), quiet)
     setups = [Setup(record, i) for i in range(12)]
     (shared,) = common(setups)
-    assert shared.startswith("Over all set-ups the readings of the gyro scatter by")
+    assert shared.startswith("The residuals of the gyro over all set-ups are")
     assert all(shared in s.said["warnings"] and shared not in own(s, [shared]) for s in setups)
     assert any(own(s, [shared]) for s in setups) and common(setups[:1]) == []
     page = unescape(page_of.html(record))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault import procedures
 from foucault.campaign.mistakes import parse_at, validate
@@ -29,6 +29,7 @@ from foucault.procedures.merged import (
 )
 from foucault.result import Result
 from foucault.run_folder import RESULT_FILE, load_result
+from foucault.strict import Strict
 
 if TYPE_CHECKING:
     from foucault.campaign.reading import Campaign
@@ -37,25 +38,18 @@ if TYPE_CHECKING:
 Priors = dict[str, tuple[float, float]]
 
 
-class EarlierTable(BaseModel):
+class EarlierTable(Strict):
     """Keys of [prior] about an earlier result; every other key is a coefficient."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     run: str = Field(
         alias="from",
         description="Run folder of an earlier result of this instrument; all of its covariance is "
         "used. An entry of its own takes its place for that coefficient.",
     )
-    growth: dict[str, str] = Field(
-        default={},
-        description="By how much coefficients or groups may have changed since, as a standard "
-        "deviation.",
-        examples=[{"gyro.bias": "2 deg/h"}],
-    )
-    inflate: float = Field(
-        default=1.0, description="Factor of all its standard deviations.", examples=[2.0]
-    )
+    growth: dict[str, str] = Field(default={}, examples=[{"gyro.bias": "2 deg/h"}])
+    """By how much coefficients or groups may have changed since, as a standard deviation."""
+    inflate: float = Field(default=1.0, examples=[2.0])
+    """Factor of all its standard deviations."""
 
 
 KEYS = ("from", "growth", "inflate")

@@ -182,4 +182,4 @@ def _example(model: type[BaseModel], loc: tuple[str | int, ...]) -> str:
         return f'{loc[-1]} = "{units.KINDS[kind].example}"'
     if models_in(field.annotation) or field.annotation == dict[str, Any]:
         return f"a table [{dotted(loc)}]"
-    return " ".join((field.description or f"{loc[-1]} = ...").split())
+    return field.description or f"{loc[-1]} = ..."

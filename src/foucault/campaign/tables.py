@@ -8,12 +8,13 @@ from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from foucault.errors import Finding, error, finding
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, noise
+from foucault.strict import Strict
 from foucault.units import Quantity
 
 GRAVITY_LIMITS = (9.7, 9.9)
@@ -26,45 +27,37 @@ GRAVITY_ANOMALY = 500e-6
 """Largest believable departure from normal gravity, relative; anomalies reach 400 mGal."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Instrument(_Table):
+class Instrument(Strict):
     """What was calibrated; repeated in the result and the report."""
 
-    name: str = Field(default="", description="Make and model.")
-    serial: str = Field(default="", description="Serial number.")
-    operator: str = Field(default="", description="Who made the measurement.")
-    due: str = Field(default="", description="When it must be calibrated again.")
-    note: str = Field(
-        default="", description="Anything else worth keeping, such as the temperature."
-    )
+    name: str = ""
+    """Make and model."""
+    serial: str = ""
+    """Serial number."""
+    operator: str = ""
+    """Who made the measurement."""
+    due: str = ""
+    """When it must be calibrated again."""
+    note: str = ""
+    """Anything else worth keeping, such as the temperature."""
 
 
-class SiteTable(_Table):
+class SiteTable(Strict):
     """Where it was calibrated."""
 
-    latitude: Annotated[float, Quantity("angle")] | None = Field(
-        default=None,
-        description="Geodetic latitude, positive north. Without it Earth rate is not modelled.",
-    )
-    longitude: Annotated[float, Quantity("angle")] | None = Field(
-        default=None, description="Longitude, positive east; kept for the record."
-    )
-    height: Annotated[float, Quantity("length")] = Field(
-        default=0.0, description="Height above the ellipsoid."
-    )
-    gravity: Annotated[float, Quantity("gravity")] | None = Field(
-        default=None, description="Local gravity; left out, normal gravity at latitude and height."
-    )
+    latitude: Annotated[float, Quantity("angle")] | None = None
+    """Geodetic latitude, positive north. Without it Earth rate is not modelled."""
+    longitude: Annotated[float, Quantity("angle")] | None = None
+    """Longitude, positive east; kept for the record."""
+    height: Annotated[float, Quantity("length")] = 0.0
+    """Height above the ellipsoid."""
+    gravity: Annotated[float, Quantity("gravity")] | None = None
+    """Local gravity; left out, normal gravity at latitude and height."""
     gravity_sd: Annotated[float, Quantity("gravity")] | None = Field(
-        default=None,
-        ge=0,
-        examples=["0.0004 m/s^2"],
-        description="Its standard uncertainty. Left out: that of the gravity model of the place, "
-        "40 mGal; a value of a gravimeter has its own, such as 0.00001 m/s^2.",
+        default=None, ge=0, examples=["0.0004 m/s^2"]
     )
+    """Its standard uncertainty. Left out: that of the gravity model of the place, 40 mGal; a value
+    of a gravimeter has its own, such as 0.00001 m/s^2."""
 
     @property
     def said(self) -> bool:
@@ -98,7 +91,7 @@ class SiteTable(_Table):
         return (finding("site.gravity_differs", given=self.gravity, normal=normal, ppm=off * 1e6),)
 
 
-class _Noise(_Table):
+class _Noise(Strict):
     def over(self, start: noise.TriadNoise) -> noise.TriadNoise:
         """Replace in `start` what the file gives."""
         return replace(start, **self.model_dump(exclude_none=True))
@@ -107,55 +100,42 @@ class _Noise(_Table):
 class AccelNoise(_Noise):
     """Noise of the accelerometers."""
 
-    white: Annotated[float, Quantity("velocity random walk")] | None = Field(
-        default=None, ge=0, description="Velocity random walk."
-    )
+    white: Annotated[float, Quantity("velocity random walk")] | None = Field(default=None, ge=0)
+    """Velocity random walk."""
     bias_instability: Annotated[float, Quantity("specific force")] | None = Field(
-        default=None, ge=0, description="Standard deviation of a first-order Markov bias."
+        default=None, ge=0
     )
-    correlation_time: Annotated[float, Quantity("time")] | None = Field(
-        default=None, gt=0, description="Correlation time of that bias."
-    )
+    """Standard deviation of a first-order Markov bias."""
+    correlation_time: Annotated[float, Quantity("time")] | None = Field(default=None, gt=0)
+    """Correlation time of that bias."""
     random_walk: Annotated[float, Quantity("acceleration random walk")] | None = Field(
-        default=None, ge=0, description="Acceleration random walk."
+        default=None, ge=0
     )
-    quantisation: Annotated[float, Quantity("specific force")] | None = Field(
-        default=None,
-        ge=0,
-        description="Step of the output; of increments, that of the sum over the sample interval.",
-    )
+    """Acceleration random walk."""
+    quantisation: Annotated[float, Quantity("specific force")] | None = Field(default=None, ge=0)
+    """Step of the output; of increments, that of the sum over the sample interval."""
 
 
 class GyroNoise(_Noise):
     """Noise of the gyros."""
 
-    white: Annotated[float, Quantity("angle random walk")] | None = Field(
-        default=None, ge=0, description="Angle random walk."
-    )
-    bias_instability: Annotated[float, Quantity("angular rate")] | None = Field(
-        default=None, ge=0, description="Standard deviation of a first-order Markov bias."
-    )
-    correlation_time: Annotated[float, Quantity("time")] | None = Field(
-        default=None, gt=0, description="Correlation time of that bias."
-    )
-    random_walk: Annotated[float, Quantity("rate random walk")] | None = Field(
-        default=None, ge=0, description="Rate random walk."
-    )
-    quantisation: Annotated[float, Quantity("angular rate")] | None = Field(
-        default=None,
-        ge=0,
-        description="Step of the output; of increments, that of the sum over the sample interval.",
-    )
+    white: Annotated[float, Quantity("angle random walk")] | None = Field(default=None, ge=0)
+    """Angle random walk."""
+    bias_instability: Annotated[float, Quantity("angular rate")] | None = Field(default=None, ge=0)
+    """Standard deviation of a first-order Markov bias."""
+    correlation_time: Annotated[float, Quantity("time")] | None = Field(default=None, gt=0)
+    """Correlation time of that bias."""
+    random_walk: Annotated[float, Quantity("rate random walk")] | None = Field(default=None, ge=0)
+    """Rate random walk."""
+    quantisation: Annotated[float, Quantity("angular rate")] | None = Field(default=None, ge=0)
+    """Step of the output; of increments, that of the sum over the sample interval."""
 
 
-class NoiseTable(_Table):
+class NoiseTable(Strict):
     """Noise of the sensors, where it is known better than the rests can tell."""
 
-    grade: str | None = Field(
-        default=None,
-        description="Start from a typical class.",
-        json_schema_extra={"enum": [*noise.GRADES, None]},
-    )
+    grade: str | None = Field(default=None, json_schema_extra={"enum": [*noise.GRADES, None]})
+    """Start from a typical class."""
     accel: AccelNoise | None = None
     gyro: GyroNoise | None = None
 
@@ -172,27 +152,22 @@ class NoiseTable(_Table):
         )
 
 
-class PriorEntry(_Table):
+class PriorEntry(Strict):
     """What is known of a coefficient, or of every coefficient of a group, beforehand."""
 
     mean: str = Field(description="Expected value with its unit.", examples=["0 deg/h"])
     sd: str = Field(description="Standard deviation with its unit.", examples=["10 deg/h"])
 
 
-class SimulateTable(_Table):
+class SimulateTable(Strict):
     """How `foucault simulate` makes the instrument."""
 
-    seed: int = Field(default=1, ge=0, description="Seed of every random number.")
-    grade: str = Field(
-        default="mems",
-        description="Typical class its errors and noise are drawn from.",
-        json_schema_extra={"enum": list(noise.GRADES)},
-    )
-    errors: dict[str, str] = Field(
-        default={},
-        description="Coefficients set to a value instead of drawn.",
-        examples=[{"gyro.bias.x": "30 deg/h"}],
-    )
+    seed: int = Field(default=1, ge=0)
+    """Seed of every random number."""
+    grade: str = Field(default="mems", json_schema_extra={"enum": list(noise.GRADES)})
+    """Typical class its errors and noise are drawn from."""
+    errors: dict[str, str] = Field(default={}, examples=[{"gyro.bias.x": "30 deg/h"}])
+    """Coefficients set to a value instead of drawn."""
 
     @model_validator(mode="before")
     @classmethod
@@ -202,18 +177,18 @@ class SimulateTable(_Table):
         return raw
 
 
-class CampaignFile(_Table):
+class CampaignFile(Strict):
     """A campaign of Foucault."""
 
     instrument: Instrument = Instrument()
     site: SiteTable = SiteTable()
     log: LogDescription
-    master: dict[str, Any] = {}
+    master: dict[str, Any] = Field(default={})
     procedure: dict[str, Any]
     noise: NoiseTable | None = None
-    prior: dict[str, PriorEntry] = {}
-    simulate: dict[str, Any] = {}
-    optimise: dict[str, Any] = {}
+    prior: dict[str, PriorEntry] = Field(default={})
+    simulate: dict[str, Any] = Field(default={})
+    optimise: dict[str, Any] = Field(default={})
 
     @model_validator(mode="before")
     @classmethod

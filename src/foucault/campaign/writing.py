@@ -21,6 +21,7 @@ from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
 from foucault.escape import commented, toml_text
 from foucault.procedures.record import Procedure
 from foucault.run_folder import RESOLVED
+from foucault.strict import description_of
 from foucault.tables import IndexedLog, Log
 
 _HEAD = """\
@@ -162,7 +163,7 @@ def _commented(
     for name, field in model.model_fields.items():
         if name in leave_out:
             continue
-        out += [f"# {line}" for line in textwrap.wrap(field.description or "", 92)]
+        out += [f"# {line}" for line in textwrap.wrap(description_of(model, name), 92)]
         value = values.get(name, _default(field))
         out.append(f"{name} = {value}" if value is not None else f"# {name} = {_sample(field)}")
         if len(out[-1]) > WIDTH and value is not None and value.startswith("["):

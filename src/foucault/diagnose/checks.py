@@ -71,12 +71,13 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
 
 
 def judge_prior(estimate: Estimate) -> list[Check]:
-    """Return the check of what was said to be known beforehand, where anything was.
+    """Return the check of what was said to be known beforehand, where anything tests it.
 
     `estimate`: a solution of `estimate.gauss_newton`, best of its `add_prior`.
     """
-    known = int(np.isfinite(estimate.coefficients.prior_sd).sum())
-    if not known:
+    c = estimate.coefficients
+    known = int(np.isfinite(c.prior_sd).sum())
+    if not (1.0 - (c.sd / c.prior_sd)[np.isfinite(c.prior_sd)] ** 2 > SEEN).any():
         return []
     rows = estimate.residuals[-known:]  # the prior's rows come last
     return [prior_check(estimate.coefficients, rows, estimate.alone)]

@@ -35,17 +35,6 @@ TESTED = 3.0
 """Half a session with fewer degrees of freedom is not compared with the other [1]."""
 
 
-NOISE_BASIS = {
-    "declared": ("B", "noise as declared in the campaign"),
-    "measured": ("A", "scatter of the samples within the readings"),
-    "unknown": ("A", "scatter of the residuals"),
-}
-"""Where a noise is from -> type and basis of its sources."""
-
-UNEXPLAINED_BASIS = ("A", "scatter of the residuals beyond the noise")
-"""Type and basis of what is found from the residuals."""
-
-
 class Limit(NamedTuple):
     """From what size on a scatter is no longer a calibration."""
 
@@ -71,6 +60,8 @@ class Judged:
     readings: str = "readings"
     cure: str = "Add readings."
     more: str = "repeat the readings"
+    overstated: str = "the noise is"  # what is, where the residuals are too small
+    too_much: float = TOO_MUCH  # residuals so many times the noise are no scatter [1]
     silent: bool = False  # a log without any noise says nothing of what is too much
     cause: Mapping[str, str] = field(default_factory=dict)  # kind -> why it does not fit
     held_out: HeldOut | None = None
@@ -94,7 +85,7 @@ def checks(e: Judged) -> list[Check]:
 
 def redundancy(e: Judged) -> Check:
     """Judge whether enough is left over to notice a wrong reading."""
-    dof = sum(c.redundancy for c in e.fit.after.values())
+    dof = round(sum(c.redundancy for c in e.fit.after.values()), 6)  # often exactly `ENOUGH`
     n = int(np.sum(e.fit.estimate.weights > 0.5))
     given = {"n": n, "readings": e.readings, "cure": e.cure}
     return check("redundancy", "redundancy", dof, ENOUGH, None, given)
@@ -122,11 +113,12 @@ def explained(e: Judged, kind: str) -> Check:
     if c.redundancy < 0.5:
         return check("noise untested", name, float("nan"), None, None, told)
     ratio = float(np.sqrt(c.ratio))
-    given = told | {"ratio": ratio, "then": _then(e, kind, ratio, added, c.redundancy)}
+    then = _then(e, kind, ratio, added, c.redundancy)
+    given = told | {"ratio": ratio, "then": then, "overstated": e.overstated}
     if e.noise == "declared":
         return check("noise", name, c.chi_square, c.low, c.high, given)
     known = added and c.redundancy >= e.told_apart
-    high = max(c.high, TOO_MUCH**2 * c.redundancy) if known else c.high
+    high = max(c.high, e.too_much**2 * c.redundancy) if known else c.high
     careful = c.chi_square < c.low or c.chi_square <= high or (added and e.silent)
     return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful)
 
@@ -148,11 +140,11 @@ def _then(e: Judged, kind: str, ratio: float, added: bool, dof: float) -> str:
             "; so few readings are redundant that one wrong reading would look like this too. "
             "The scatter is part of the uncertainties; measure more to tell."
         )
-    if ratio > TOO_MUCH and not e.silent:
+    if ratio > e.too_much and not e.silent:
         return (
-            f", more than {TOO_MUCH:g} times: something is wrong that is no scatter, such as lost "
-            "samples, a wrong sample rate, or a term that is not estimated. The scatter is part of "
-            "the uncertainties, but such errors do not average out."
+            f", more than {e.too_much:g} times: something is wrong that is no scatter, such as "
+            "lost samples, a wrong sample rate, or a term that is not estimated. The scatter is "
+            "part of the uncertainties, but such errors do not average out."
         )
     return "; the scatter was estimated and is part of the uncertainties."
 
@@ -255,13 +247,17 @@ def sizes_json(fit: Fit) -> dict[str, float]:
     return {name: float(sd) for name, sd in fit.found.items()}
 
 
-def budget_json(fit: Fit, more: Mapping[str, tuple[FloatArray, str, str]]) -> dict[str, object]:
+def budget_json(
+    fit: Fit,
+    more: Mapping[str, tuple[FloatArray, str, str]],
+    gain: FloatArray | None = None,
+) -> dict[str, object]:
     """Return budget and what its rows rest on, for result.json.
 
     `more`: source -> variance, type and basis of what is added to the covariance afterwards, such
-    as local gravity [SI^2].
+    as local gravity [SI^2]; `gain` (p, n d) or None: of another estimate from the same readings.
     """
-    parts = mixed.budget(fit)
+    parts = mixed.budget(fit, gain)
     rest = {"prior": ["B", "prior as given in the campaign"]} | mixed.bases(fit)
     for name, (variance, kind, basis) in more.items():
         parts[name] = parts.get(name, 0.0) + variance

@@ -200,14 +200,7 @@ class Information:
 
         `limit`: smallest absolute correlation [1].
         """
-        rho, names = self.correlation(), self.layout.names
-        first, second = np.triu_indices(len(names), 1)
-        strong = np.argsort(-np.abs(rho[first, second]).round(9), kind="stable")
-        return tuple(
-            (names[i], names[j], float(rho[i, j]))
-            for i, j in zip(first[strong].tolist(), second[strong].tolist(), strict=True)
-            if abs(rho[i, j]) >= limit
-        )
+        return correlated(self.layout.names, self.correlation(), limit)
 
     def distance(self, estimate: CoefficientVector) -> FloatArray:
         """Return the standard deviation of an estimate over the bound, shape (n,) [1].
@@ -257,3 +250,19 @@ def bound(problem: Problem, state: Any) -> dict[str, Any]:
     """
     info = information(problem.linearise(state, np.ones(problem.n_blocks)), problem.layout)
     return {"bound": info.sd.tolist(), "weakest": [c.words for c in info.weakest()]}
+
+
+def correlated(
+    names: tuple[str, ...], rho: FloatArray, limit: float
+) -> tuple[tuple[str, str, float], ...]:
+    """Return the pairs whose errors are correlated beyond `limit` [1], strongest first.
+
+    `rho` (n, n): their correlation [1].
+    """
+    first, second = np.triu_indices(len(names), 1)
+    strong = np.argsort(-np.abs(rho[first, second]).round(9), kind="stable")
+    return tuple(
+        (names[i], names[j], float(rho[i, j]))
+        for i, j in zip(first[strong].tolist(), second[strong].tolist(), strict=True)
+        if abs(rho[i, j]) >= limit
+    )

@@ -254,22 +254,52 @@ WORDS = {
         above="... The instrument changed, or an uncertainty is too small.",
     ),
     "own verdict": Words("{label}: its own verdict is {level}.{reason}"),
+    # -- finding north -------------------------------------------------------------------------
+    "sees the Earth": Words(
+        "The Earth's horizontal rate is {ratio} times the uncertainty of the rates.",
+        "...: the gyro is too noisy by a factor of {factor:.2g}; dwell {times:.2g} times as long, "
+        "or take a better gyro.",
+    ),
+    "rate and latitude": Words(
+        "The Earth's rate as measured fits the latitude to {sd:.2f} sd.",
+        above="...: latitude, scale factor or sign of the accelerometer may be wrong.",
+    ),
+    "one heading": Words(
+        "No other heading fits.",
+        "Heading {heading:.3f} deg, at latitude {latitude:.2f} deg, fits as well.",
+    ),
+    "tilt": Words(
+        "The tilt is {value:.2f} deg.", above="...: heading is hardly defined there."
+    ),
+    "accuracy": Words(
+        "The heading has a standard deviation of {value:.4g} deg.",
+        above="...; {high:.4g} deg was wanted.",
+    ),
+    "worst": Words(
+        "The {what} that fits worst is {size:.1f} standard deviations from the others.",
+        above="...: more than chance gives.",
+    ),
+    "level": Words(
+        "The {what} stands {ratio:.2f} times level_sd off level.",
+        above="...: it is less level than was said.",
+    ),
+    "calibration used": Words("The calibration that was used is {level}."),
     # -- every mixed model ---------------------------------------------------------------------
     "redundancy": Words(
         "{n} {readings} leave {value:.3g} numbers more than the unknowns need.",
-        "...: at least {low} are needed to notice a bad one. {cure}",
+        "...: at least {low:g} are needed to notice a bad one. {cure}",
     ),
     "noise": Words(
         "The residuals of {what} are {ratio:.2f} times what the noise says ({dof} redundant).",
         "The residuals of {what} are only {ratio:.2f} times what the noise says ({dof} redundant): "
-        "the noise is overstated and so are the uncertainties.",
+        "{overstated} overstated and so are the uncertainties.",
         "The residuals of {what} are {ratio:.1f} times what the noise explains ({dof} redundant)"
         "{then}",
     ),
-    "noise untested": Words("Nothing tests the noise of the {what}: no reading is redundant."),
+    "noise untested": Words("Nothing tests the noise of {what}: no reading is redundant."),
     "noise unknown": Words(
-        "The noise of the {what} is unknown and was taken from its residuals ({dof} redundant).",
-        "The noise of the {what} is unknown and the residuals do not tell it ({dof} redundant, "
+        "The noise of {what} is unknown and was taken from its residuals ({dof} redundant).",
+        "The noise of {what} is unknown and the residuals do not tell it ({dof} redundant, "
         "{low:g} needed): the uncertainties mean little. Declare [noise], or {more}.",
     ),
     "repeatability": Words(
@@ -319,6 +349,50 @@ WORDS = {
         "The vertical Earth rate is seen as {seen:+.1f} +- {sd:.1f} deg/h, expected {want:+.1f}.",
         "... Its sign is reversed: {cause}.",
         "..., more than twice that: g-sensitivity, or a bias that drifts.",
+    ),
+    # -- on faces ------------------------------------------------------------------------------
+    "single faces": Words(
+        "{n} rests on {faces} faces leave {free} of {equations} equations of specific force over. "
+        "They test whether opposite faces have the same bias; scale factors and misalignments are "
+        "not tested: an error there would not be seen."
+    ),
+    "repeated faces": Words(
+        "{n} rests on {faces} faces leave {free} of {equations} equations of specific force over. "
+        "They test whether opposite faces have the same bias, and whether rests on the same face "
+        "agree."
+    ),
+    "turns untested": Words(
+        "{n} turns determine nine gyro coefficients and nothing is left over: a turn that was not "
+        "as declared would not be seen. Turn about each axis twice to test it."
+    ),
+    "whole turns": Words(
+        "The turns, as the data show: {turns}. They are as whole as the scale factors of the gyros "
+        "allow to say; they count as exact to {sd} arcmin (sd), {where}.",
+        above="The turn about {axis} is {value:+.1f} % off: a scale factor error of the gyro, or "
+        "{off:.0f} deg that were turned too much or too little. {alone}Turn against a stop, and "
+        "twice about each axis, or declare `angle_sd`.",
+    ),
+    "placement exact": Words("The placements count as exact{where}."),
+    "placement": Words(
+        "The placements are off by {size} arcmin (sd), {where}; they are part of the "
+        "uncertainties.",
+        above="... That is too much: use a block with square faces on a level support.",
+    ),
+    "placement beyond": Words(
+        "The placements are off by {size} arcmin (sd), more than the {high:.2g} arcmin that "
+        "`placement_sd` says, or a rest is wrong; it is part of the uncertainties. Leave "
+        "`placement_sd` out to have it estimated."
+    ),
+    # -- rate table ----------------------------------------------------------------------------
+    "scale factor terms": Words(
+        "The scale factors change by {value:.3g} ppm over the rates measured.",
+        above="...: that is saturation or a wrong rate of the table, not a gyro.",
+    ),
+    "bias drift": Words(
+        "The gyro bias moved by {moved}, {value:.2g} times the noise of a step; it is part of the "
+        "uncertainties.",
+        above="The gyro bias moved by {moved}, {value:.2g} times the noise of a step: let the "
+        "gyros warm up, or hold the steps shorter. It is part of the uncertainties.",
     ),
 }  # fmt: skip
 """Key of a check -> its sentences."""

@@ -678,7 +678,8 @@ def budget(at: Fit, gain: FloatArray | None = None) -> dict[str, FloatArray]:
             out[name] = out.get(name, np.zeros(len(gain))) + column
     explained = np.sum(list(out.values()), axis=0)
     total = explained if other else np.diag(at.estimate.state_cov)[: len(gain)]
-    out["prior"] = np.maximum(total - explained, 0.0)
+    if at.at.known is not None or np.isfinite(at.estimate.coefficients.prior_sd).any():
+        out["prior"] = np.maximum(total - explained, 0.0)
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
 
 

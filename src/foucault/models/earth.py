@@ -160,6 +160,12 @@ class Site:
         """Return the site at `latitude` [rad] and `height` [m] with normal gravity."""
         return cls(gravity(latitude, height), latitude, height, "normal gravity")
 
+    @property
+    def anomaly(self) -> float:
+        """Local minus normal gravity; the latitude must be known [m/s^2]."""
+        assert self.latitude is not None
+        return self.gravity - float(gravity(self.latitude, self.height))
+
     def as_dict(self) -> dict[str, float | str | None]:
         """Return the site as plain values for result.json."""
         return {

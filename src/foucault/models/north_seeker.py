@@ -28,6 +28,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -112,7 +113,7 @@ class Compensation:
     )
     serial: str = ""  # of which instrument; empty where unknown
 
-    @property
+    @cached_property
     def model(self) -> ImuModel:
         """The same as matrices."""
         return ImuModel.from_coefficients(self.coefficients)

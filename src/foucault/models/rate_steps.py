@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.models.earth import Site
 from foucault.models.noise import TriadNoise
 
@@ -44,6 +45,26 @@ class Steps:
     def sense(self) -> FloatArray:
         """1 where that axis points up, -1 where it points down, shape (n,)."""
         return np.asarray(np.sign(np.take_along_axis(self.up, self.axis[:, None], 1)[:, 0]))
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """The next two axes of the fixture, which are level, shape (n, 3, 2) [1]."""
+        eye = np.eye(3)
+        return np.stack([eye[(self.axis + 1) % 3], eye[(self.axis + 2) % 3]], axis=2)
+
+    @cached_property
+    def azimuth_known(self) -> BoolArray:
+        """Whether the table told its angle when a step began, shape (n,)."""
+        told = np.zeros(len(self)) if self.azimuth is None else np.isfinite(self.azimuth)
+        return np.asarray(told, bool)
+
+    @cached_property
+    def level_at_zero(self) -> FloatArray:
+        """What is `level` where the table is at angle 0, as seen by the steps, (n, 3, 2) [1]."""
+        angle = np.zeros(len(self)) if self.azimuth is None else self.azimuth
+        turn = np.where(self.azimuth_known, angle, 0.0) * self.sense
+        c, s = np.cos(turn), np.sin(turn)
+        return np.asarray(self.level @ np.moveaxis(np.array([[c, s], [-s, c]]), 2, 0))
 
     @property
     def half_time(self) -> float:

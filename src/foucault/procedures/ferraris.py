@@ -21,6 +21,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, field_validator
 
 from foucault.arrays import FloatArray
+from foucault.diagnose.faces.checks import FaceEvidence
 from foucault.diagnose.faces.moves import check_moves
 from foucault.diagnose.faces.whole_turns import BUMP, find_turns, is_whole
 from foucault.diagnose.spikes import without_spikes
@@ -31,7 +32,6 @@ from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.procedures import on_faces
-from foucault.procedures.on_faces import Solution
 from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
@@ -131,52 +131,41 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     check_moves(log, faces)
     given.progress(0.5, "calibrating")
     declared = (settings.placement_sd, settings.level_sd, settings.angle_sd)
-    solution = on_faces.solve(
-        log, faces, turns, site, names_of(settings), on_faces.noise_of(log, faces, turns, noise),
-        noise is not None, declared, given.prior,
-    )  # fmt: skip
+    names = names_of(settings)
+    solved = on_faces.solve(log, faces, turns, site, names, noise, declared, given.prior)
     extra: dict[str, Any] = {}
     if settings.solution == "published":
-        solution, extra = _published(solution)
-    result = on_faces.result_of("ferraris", log, solution)
+        solved, extra = _published(solved)
+    result = on_faces.result_of("ferraris", log, solved)
     return replace(result, diagnostics=result.diagnostics | extra)
 
 
-def _published(solution: Solution) -> tuple[Solution, dict[str, Any]]:
+def _published(e: FaceEvidence) -> tuple[FaceEvidence, dict[str, Any]]:
     """Put the published solution in the place of the likelihood's, with its own covariance."""
-    e, names = solution.evidence, solution.names
+    names, scene = e.model.layout.names, e.scene
 
     def solved(readings: FloatArray) -> ImuModel:
-        n, _, _ = e.scene.sizes
-        rests, turns = e.scene.rests, e.scene.turns
-        assert turns is not None
-        rests = replace(rests, accel=readings[:n], gyro=readings[n : 2 * n])
-        turns = replace(turns, gyro=readings[2 * n :])
-        return published(rests, turns, e.scene.site, e.scene.spread)
+        n, _, _ = scene.sizes
+        assert scene.turns is not None
+        rests = replace(scene.rests, accel=readings[:n], gyro=readings[n : 2 * n])
+        turns = replace(scene.turns, gyro=readings[2 * n :])
+        return published(rests, turns, scene.site, scene.spread)
 
-    model_k = solved(e.scene.readings)
+    model_k = solved(scene.readings)
     model, C_bk = model_k.in_gauge(Gauge.LOWER)
-    gain = _slope(lambda x: solved(x).in_gauge(Gauge.LOWER)[0].coefficients(names).values, e.scene)
-    cov = gain @ e.cov @ gain.T
+    gain = _slope(lambda x: solved(x).in_gauge(Gauge.LOWER)[0].coefficients(names).values, scene)
+    cov = gain @ e.fit.covariance.whole @ gain.T
     vector = replace(model.coefficients(names), cov=cov)
     # The residuals and the redundancy stay those of the likelihood: this solution has none.
-    estimate = replace(e.estimate, coefficients=vector, state=State(model, C_bk))
+    estimate = replace(e.fit.estimate, coefficients=vector, state=State(model, C_bk))
     K_a, R_a = scale_and_rotation(model_k.accel_matrix)
     K_g, R_g = scale_and_rotation(model_k.gyro_matrix)
     terms = {
         "K_a": K_a, "R_a": R_a, "b_a": model_k.accel_bias, "K_g": K_g, "R_g": R_g,
         "b_g": model_k.gyro_bias, "K_ga": model_k.g_sensitivity,
     }  # fmt: skip
-    parts = {name: _variance(gain, part) for name, part in solution.parts.items()}
-    extra = {
-        "published": {name: value.tolist() for name, value in terms.items()},
-        "budget": {name: value.tolist() for name, value in parts.items() if value.any()},
-    }
-    return replace(solution, evidence=replace(e, estimate=estimate)), extra
-
-
-def _variance(gain: FloatArray, cov: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("ij,jk,ik->i", gain, cov, gain))
+    extra = {"published": {name: value.tolist() for name, value in terms.items()}}
+    return replace(e, fit=replace(e.fit, estimate=estimate), gain=gain), extra
 
 
 def _slope(values: Any, scene: Scene) -> FloatArray:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import Field, ValidationInfo
 
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
+from foucault.strict import Strict
 from foucault.units import AngleSd, Quantity, RatioSd, Seconds
 
 Checked = TypeVar("Checked")
@@ -71,24 +72,6 @@ Rows = Annotated[
     Literal["samples", "means"],
     Field(description="A row per sample, or one mean per position, step or stop."),
 ]
-
-
-def _flowing(schema: dict[str, Any]) -> None:
-    """Let a description of several lines be one, as users see it."""
-    for field in schema.get("properties", {}).values():
-        if "description" in field:
-            field["description"] = " ".join(field["description"].split())
-
-
-class Strict(BaseModel):
-    """A table of a campaign file: keys that it does not know are refused.
-
-    The docstring of a field is its description, in the template and in the schema.
-    """
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, use_attribute_docstrings=True, json_schema_extra=_flowing
-    )
 
 
 class EarthRate(Strict):

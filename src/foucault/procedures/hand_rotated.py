@@ -65,6 +65,7 @@ from foucault.procedures.record import Given, Procedure
 from foucault.result import Result, Verdict
 from foucault.simulate.hand_rotated import Simulation
 from foucault.simulate.hand_rotated import simulate as simulate_plan
+from foucault.strict import Strict
 from foucault.tables import Log
 from foucault.units import Seconds
 
@@ -82,7 +83,7 @@ class Settings(fields.Robust, fields.EarthRate, fields.Terms):
     threshold: fields.Threshold = None
 
 
-class Session(fields.Strict):
+class Session(Strict):
     """The session that `simulate` makes."""
 
     rests: int = Field(default=24, ge=2)

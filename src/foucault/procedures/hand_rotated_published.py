@@ -34,10 +34,10 @@ from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, Im
 from foucault.models.references import gravity_error, with_references
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures import hand_rotated
-from foucault.procedures.fields import Strict
 from foucault.procedures.hand_rotated import NEEDED, complete
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result, Verdict
+from foucault.strict import Strict
 from foucault.tables import AXES, Log
 from foucault.units import Seconds
 

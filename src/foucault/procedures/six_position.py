@@ -59,12 +59,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     faces = on_faces.found_faces(log, site, settings)
     check_moves(log, faces)
     given.progress(0.5, "calibrating")
-    solution = on_faces.solve(
-        log, faces, None, site, settings.estimated(gyro=log.gyro is not None, turns=False),
-        on_faces.noise_of(log, faces, None, noise), noise is not None,
-        (settings.placement_sd, 0.0, 0.0), given.prior,
-    )  # fmt: skip
-    return on_faces.result_of("six_position", log, solution)
+    names = settings.estimated(gyro=log.gyro is not None, turns=False)
+    declared = (settings.placement_sd, 0.0, 0.0)
+    solved = on_faces.solve(log, faces, None, site, names, noise, declared, given.prior)
+    return on_faces.result_of("six_position", log, solved)
 
 
 PROCEDURE = Procedure(

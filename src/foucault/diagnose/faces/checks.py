@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.checks import (
-    drift_check,
-    judge_prior,
-    plausible_scales,
-    reversed_earth_check,
-    status_check,
-)
+from foucault.diagnose.checks import reversed_earth_at_rest, reversed_earth_check
 from foucault.diagnose.faces.rests import Faces
+from foucault.diagnose.fit_checks import Judged, Limit
+from foucault.diagnose.fit_checks import checks as fit_checks
+from foucault.diagnose.words import check
 from foucault.errors import Finding, finding
-from foucault.estimate.chi_square import TOLD, chi_square_limits
-from foucault.estimate.drift import Drift
-from foucault.estimate.faces.covariance import Belief, FaceNoise
-from foucault.estimate.faces.likelihood import Scene
-from foucault.estimate.faces.scatter import Scatter
-from foucault.estimate.snooping import Snooping
+from foucault.estimate import gauss_newton
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.estimate.faces.likelihood import BEYOND, SCATTER, OnFaces, Scene
+from foucault.estimate.snooping import Snooping, snoop
+from foucault.infer import mixed
+from foucault.infer.mixed import Fit
 from foucault.models.earth import EARTH_RATE
 from foucault.models.faces import face_name, turn_name
-from foucault.result import Check, Estimate
+from foucault.result import Check
 from foucault.tables import AXES
 from foucault.units import plain
 
 ROUGH = np.radians(1.0)
 """Placements that are off by more than this are no calibration [rad]."""
+
+UNSTILL = 0.05
+"""Scatter of rests that is no longer a calibration: 5 mg [m/s^2]."""
+
+TURNED = np.radians(1.0)
+"""Scatter of rates that no instrument at rest has [rad/s]."""
 
 PARTIAL = 0.03
 """A gyro scale factor error beyond this looks like a turn that was not whole [1]."""
@@ -46,164 +48,115 @@ ARCMIN = np.degrees(1.0) * 60
 class FaceEvidence:
     """Everything the checks look at."""
 
-    scene: Scene  # what was observed [SI]
+    fit: Fit  # of `model`, solved
+    model: OnFaces
     faces: Faces  # where it was observed
-    estimate: Estimate
-    noise: FaceNoise  # its noise [SI]
-    declared: bool  # whether the noise was declared
-    belief: Belief  # what is believed of placements and turns [rad]
-    placement_given: bool  # whether the placement was declared
-    found: Mapping[str, Scatter]  # what the residuals said before the placement was settled
-    cov: FloatArray  # (3 k, 3 k) covariance of all readings [SI]
     snooping: Snooping  # tests of the single readings
-    angle_given: bool = False  # whether it was declared how nearly the turns ended where they began
-    drift: Drift | None = None  # the drift of a coefficient that the residuals show most clearly
+    # whether it was declared how the instrument was placed, and how nearly the turns ended where
+    # they began
+    placement_given: bool
+    angle_given: bool
+    # (p, 3 k) what a unit of each reading does to the coefficients of another estimate than the
+    # fit's, None: they are the fit's
+    gain: FloatArray | None = None
 
-    def component(self, kind: str) -> tuple[float, float]:
-        """Return sum of squares and redundancy of the "accel", "gyro" or "turns" residuals [1]."""
-        n, rated, m = self.scene.sizes
-        edges = np.cumsum([0, n, rated, m]) * 3
-        k = ("accel", "gyro", "turns").index(kind)
-        rows = slice(int(edges[k]), int(edges[k + 1]))
-        e = self.estimate
-        return float(np.sum(e.residuals[rows] ** 2)), float(np.sum(1 - e.leverage[rows]))
+    @property
+    def scene(self) -> Scene:
+        """What was observed [SI]."""
+        return self.model.scene
 
+    def tilt(self, which: int) -> float:
+        """Return the sd of an error of how it lay and turned, as it was used [rad].
 
-def checks(e: FaceEvidence) -> tuple[Check, ...]:
-    """Return every test of the result; a failed one carries its reason."""
-    vector = e.estimate.coefficients
-    out = [status_check(e.estimate.status, e.estimate.weakest), _redundancy(e)]
-    out += judge_prior(e.estimate)
-    out += [*plausible_scales(vector), *drift_check(e.drift, vector.layout)]
-    out.append(_explained(e, "accel"))
-    if e.scene.rests.gyro is not None:
-        out.append(_explained(e, "gyro"))
-    if e.scene.turns is not None:
-        out += [_turns(e), _whole(e)]
-    out.append(_placement(e))
-    sign = reversed_earth_check(vector, e.scene.site)
-    out += [sign] if sign is not None else []
-    return tuple(out)
+        `which`: 0 for placement, 1 for level, 2 for angle [1].
+        """
+        source = self.model.tilt(which)
+        beyond = 0.0 if which else self.fit.sds.get(BEYOND, 0.0)
+        return float(np.hypot(mixed.size_of(source, self.fit.sds), beyond))
 
 
-def _redundancy(e: FaceEvidence) -> Check:
-    n, _, _ = e.scene.sizes
-    free = e.component("accel")[1]
-    faces = len({(a, s) for a, s in zip(e.scene.rests.axis, e.scene.rests.sign, strict=True)})
-    words = (
-        f"{n} rests on {faces} faces leave {plain(free, 2)} of {3 * n} equations of specific force "
-        "over. They test whether opposite faces have the same bias"
-    )
-    words += (
-        "; scale factors and misalignments are not tested: an error there would not be seen."
-        if n == faces
-        else ", and whether rests on the same face agree."
-    )
-    return Check("redundancy", free, None, None, True, words)
-
-
-def _explained(e: FaceEvidence, kind: str) -> Check:
-    """Compare residuals with all that is believed, and say what had to be added for that."""
-    value, dof = e.component(kind)
-    what = _KINDS[kind]
-    name = f"noise of {what}"
-    if not e.noise.known and kind in e.found:
-        left, known = float(e.found[kind].dof), e.found[kind].sd > 0
-        fine = left >= TOLD and known
-        words = f"The noise of {what} is unknown " + (
-            f"and was taken from its residuals ({plain(left, 2)} redundant)."
-            if fine
-            else f"and the residuals do not tell it ({plain(left, 2)} redundant, {TOLD:g} needed): "
-            "the uncertainties mean little. Declare [noise], or repeat the rests."
-        )
-        return Check(name, left if known else 0.0, TOLD, None, fine, words)
-    if dof < 0.5:
-        return Check(name, float("nan"), None, None, True, f"Nothing tests the noise of {what}.")
-    low, high = chi_square_limits(dof)
-    words = _added(e, kind)
-    added = bool(words)
-    ratio, free = plain(float(np.sqrt(value / dof)), 3), plain(dof, 2)
-    words += f"The residuals of {what} are {ratio} times what is expected"
-    words += f" ({free} degrees of freedom)"
-    if value > high:
-        words += _excess(e, kind)
-    elif value < low and not added:
-        words += ": the noise or the errors of placement are overstated, and so are the "
-        words += "uncertainties."
-    else:
-        words += "."
-    # Uncertainties that are too large, from noise measured at rest, are only careful. Declared
-    # noise that is contradicted is not.
-    wrong = e.declared and _contradicted(e, kind)
-    least = low if e.declared and not added else None
-    return Check(name, value, least, high, value <= high and not wrong, words)
-
-
-_KINDS = {
+KINDS = {
     "accel": "specific force at rest",
     "gyro": "angular rate at rest",
     "turns": "turns",
 }
+"""Kind of reading -> what people call it."""
 
 
-def _contradicted(e: FaceEvidence, kind: str) -> bool:
-    part = {"accel": "repeats", "gyro": "gyro"}.get(kind, "")
-    return part in e.found and e.found[part].significant
-
-
-def _added(e: FaceEvidence, kind: str) -> str:
-    """Say what was added to the noise because the residuals asked for it."""
-    placed = e.found.get("placement")
-    out = ""
-    if kind == "accel" and e.belief.accel > 0:
-        size = plain(e.belief.accel / 9.80665e-3, 2)
-        out += f"rests on the same face differ by {size} mg beyond the noise; "
-    if kind == "accel" and placed is not None and placed.sd > 0:
-        ratio = plain(float(np.sqrt(placed.chi_square / placed.dof)), 3)
-        out += (
-            f"opposite faces disagree {ratio} times as much as the noise explains, which was taken "
-            f"for errors of placement of {plain(placed.sd * ARCMIN, 2)} arcmin; "
-        )
-    if kind == "gyro" and e.belief.gyro > 0:
-        size = plain(np.degrees(e.belief.gyro) * 3600, 2)
-        out += f"the rates scatter by {size} deg/h beyond the noise"
-        if "gyro.g_sensitivity.xx" not in e.estimate.coefficients.layout:
-            out += " (try g_sensitivity = true in [procedure])"
-        out += "; "
-    if not out:
-        return ""
-    return f"{out[0].upper()}{out[1:-2]}: this is part of the uncertainties. "
-
-
-def _excess(e: FaceEvidence, kind: str) -> str:
-    if kind == "accel" and e.placement_given:
-        return (
-            ": the instrument was not placed as well as `placement_sd` says, or a rest is wrong. "
-            "Leave `placement_sd` out to have it estimated."
-        )
-    if kind == "turns":
-        return (
-            ": the turns did not end as well as `angle_sd` and `level_sd` say. The uncertainties "
-            "do not know it."
-        )
-    return ": a rest was disturbed, or is not what it is taken for."
-
-
-def _turns(e: FaceEvidence) -> Check:
-    _, dof = e.component("turns")
-    m = e.scene.sizes[2]
-    if dof >= 0.5:
-        return _explained(e, "turns")
-    words = (
-        f"{m} turns determine nine gyro coefficients and nothing is left over: a turn that was not "
-        "as declared would not be seen. Turn about each axis twice to test it."
+def checks(e: FaceEvidence) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason."""
+    known, beyond = e.model.noise.known, bool(e.fit.found.get(BEYOND))
+    placed = (
+        "the instrument was not placed as well as `placement_sd` says, or a rest is wrong; leave "
+        "`placement_sd` out to have it estimated"
     )
-    return Check("noise of turns", float("nan"), None, None, True, words)
+    disturbed = "a rest was disturbed, or is not what it is taken for"
+    judged = Judged(
+        e.fit, KINDS, e.model.noise.source, e.model.middle,
+        found_in={"accel": (SCATTER["accel"], BEYOND), "gyro": (SCATTER["gyro"],)} if known
+        else {"accel": ("accelerometer noise",), "gyro": ("gyro noise",)},
+        limits={
+            SCATTER["accel"]: Limit(
+                "The specific force at rest", UNSTILL, 1 / 9.80665e-3, "mg",
+                "the instrument moved in its rests, or the log is damaged",
+            ),
+            SCATTER["gyro"]: Limit(
+                "The angular rate at rest", TURNED, ARCMIN * 60, "deg/h", "the instrument turned",
+            ),
+        },
+        # How it settles after a turn has nothing to do with its noise: `limits` judge it.
+        too_much=np.inf,
+        overstated="the noise or the errors of placement are",
+        cure="Rest on each face again.",
+        more="repeat the rests",
+        cause={
+            "accel": placed if beyond else disturbed,
+            "gyro": disturbed if "gyro.g_sensitivity.xx" in e.model.layout
+            else "the gyros feel specific force (try g_sensitivity = true in [procedure]), or a "
+            "rest was disturbed",
+            "turns": "the turns did not end as well as `angle_sd` and `level_sd` say",
+        },
+    )  # fmt: skip
+    own = {c.name: c for c in (_redundancy(e), *_untested_turns(e))}
+    out = [own.get(c.name, c) for c in fit_checks(judged)]
+    out += [_whole(e)] if e.scene.turns is not None else []
+    out.append(_placement(e))
+    out += [sign for sign in (_turned_round(e),) if sign is not None]
+    return tuple(out)
+
+
+def _turned_round(e: FaceEvidence) -> Check | None:
+    """Doubt rates at rest, or a g-sensitivity, that a reversed sign of the Earth's rate makes."""
+    rests, site, state = e.scene.rests, e.scene.site, e.fit.estimate.state
+    if rests.gyro is None or "gyro.g_sensitivity.xx" in e.model.layout:
+        return reversed_earth_check(e.fit.estimate.coefficients, site)
+    matrix = state.model.gyro_matrix @ state.C_bk
+    noise = float(np.sqrt(e.model.noise.gyro_var.mean())) if e.model.noise.known else 0.0
+    rates = rests.gyro - e.scene.rate_k @ matrix.T
+    return reversed_earth_at_rest(rates, rests.up_k, matrix, site, noise)
+
+
+def _redundancy(e: FaceEvidence) -> Check:
+    """Say what is left over of the specific forces, and what that does not test."""
+    n, faces = len(e.scene.rests), len(np.unique(e.scene.rests.up_k, axis=0))
+    free = e.fit.after["accel"].redundancy
+    given = {"n": n, "faces": faces, "free": plain(free, 2), "equations": 3 * n}
+    key = "single faces" if n == faces else "repeated faces"
+    return check(key, "redundancy", free, given=given)
+
+
+def _untested_turns(e: FaceEvidence) -> list[Check]:
+    turns = e.fit.after.get("turns")
+    if turns is None or turns.redundancy >= 0.5:
+        return []
+    return [
+        check("turns untested", "noise of turns", np.nan, given={"n": len(e.scene.turns or ())})
+    ]
 
 
 def _whole(e: FaceEvidence) -> Check:
     """Doubt a turn that a plausible scale factor hardly explains: one turn cannot tell the two."""
-    vector, turns = e.estimate.coefficients, e.scene.turns
+    vector, turns = e.fit.estimate.coefficients, e.scene.turns
     assert turns is not None
     names = [f"gyro.scale.{a}" for a in AXES]
     values = np.array([vector.value(n) for n in names])
@@ -212,34 +165,28 @@ def _whole(e: FaceEvidence) -> Check:
     alone = single & ~known & (not e.angle_given)
     limits = np.where(alone, SINGLE, PARTIAL)
     k = int(np.argmax(np.abs(values) / limits))
-    value, limit = float(values[k]), float(limits[k])
-    fine = abs(value) <= limit
-    sd = f"{plain(e.belief.angle * ARCMIN, 2)} arcmin"
-    words = f"The turns, as the data show: {'; '.join(turns_in_words(e.scene))}. They are as whole "
-    words += f"as the scale factors of the gyros allow to say; they count as exact to {sd} (sd)"
-    words += ", as declared." if e.angle_given else ", like the placements: declare `angle_sd`."
-    if not fine:
-        off = np.degrees(np.abs(turns.angle[turns.axis == k]).min()) * abs(value)
-        words = (
-            f"The turn about {AXES[k]} is {100 * value:+.1f} % off: a scale factor error of the "
-            f"gyro, or {off:.0f} deg that were turned too much or too little. "
-        )
-        words += "A single turn cannot tell. " if alone[k] else ""
-        words += "Turn against a stop, and twice about each axis, or declare `angle_sd`."
-    return Check("whole turns", 100 * value, -100 * limit, 100 * limit, fine, words)
+    value, limit = float(values[k]), 100 * float(limits[k])
+    given = {
+        "turns": "; ".join(turns_in_words(e.scene)), "sd": plain(e.tilt(2) * ARCMIN, 2),
+        "where": "as declared" if e.angle_given else "like the placements: declare `angle_sd`",
+        "axis": AXES[k], "alone": "A single turn cannot tell. " if alone[k] else "",
+        "off": np.degrees(np.abs(turns.angle[turns.axis == k]).min()) * abs(value),
+    }  # fmt: skip
+    return check("whole turns", "whole turns", 100 * value, -limit, limit, given)
 
 
 def _placement(e: FaceEvidence) -> Check:
-    sd = e.belief.placement
-    size = f"{plain(sd * ARCMIN, 2)} arcmin"
-    where = "as declared" if e.placement_given else "as the residuals show"
-    words = f"The placements are off by {size} (sd), {where}; they are part of the uncertainties."
-    if sd == 0:
-        words = "The placements count as exact" + (", as declared." if e.placement_given else ".")
-    fine = sd <= ROUGH
-    if not fine:
-        words += " That is too much: use a block with square faces on a level support."
-    return Check("placement", sd * ARCMIN, None, ROUGH * ARCMIN, fine, words)
+    sd, declared = e.tilt(0), e.placement_given
+    size = {"size": plain(sd * ARCMIN, 2)}
+    if e.fit.found.get(BEYOND):
+        high = (e.model.given[0] or 0.0) * ARCMIN
+        return check("placement beyond", "placement", sd * ARCMIN, None, high, size)
+    where = ", as declared" if declared else ""
+    if sd:
+        where = "as declared" if declared else "as the residuals show"
+    key = "placement" if sd else "placement exact"
+    given = size | {"where": where}
+    return check(key, "placement", sd * ARCMIN, None, ROUGH * ARCMIN, given)
 
 
 def findings(e: FaceEvidence) -> list[Finding]:
@@ -250,9 +197,9 @@ def findings(e: FaceEvidence) -> list[Finding]:
     elif e.scene.site.latitude is None:
         sd = np.degrees(EARTH_RATE / np.sqrt(3)) * 3600
         out.append(finding("session.no_latitude", sd=f"{sd:.0f}"))
-    if not e.noise.known:
+    if not e.model.noise.known:
         out.append(finding("readings.noise_unknown"))
-    if e.noise.known:
+    if e.model.noise.known:
         out += _outliers(e)
     return out
 
@@ -267,8 +214,17 @@ def turns_in_words(scene: Scene) -> list[str]:
 
 
 def _outliers(e: FaceEvidence) -> list[Finding]:
-    """Name the rest that fits worst, where it fits worse than chance allows."""
+    """Name the rest that fits worst, where it fits worse than chance allows.
+
+    One bad rest looks like scatter of all. It is one where without it nothing is left of that.
+    """
     s, n = e.snooping, e.scene.sizes[0]
+    scatter = {name: 0.0 for name in (*SCATTER.values(), BEYOND) if e.fit.sds.get(name)}
+    alone = None
+    if scatter:
+        problem = mixed.stated(e.model, {**e.fit.sds, **scatter})
+        alone = gauss_newton.solve(replace(problem, start=e.fit.state))
+        s = snoop(problem.linearise(alone.state, alone.weights), alone.state_cov)
     tested = np.flatnonzero(s.dof > 0)
     if not len(tested):
         return []
@@ -276,6 +232,8 @@ def _outliers(e: FaceEvidence) -> list[Finding]:
     over = s.test[tested] / limit
     j = int(tested[np.argmax(over)])
     if over.max() <= 1 or j >= 2 * n:
+        return []
+    if alone and alone.chi_square - s.test[j] > chi_square_limits(alone.dof - s.dof[j])[1]:
         return []
     r, k = e.scene.rests, j % n
     face = face_name(int(r.axis[k]), r.sign[k])
@@ -313,7 +271,7 @@ def unseen(e: FaceEvidence) -> list[str]:
         )
     if e.scene.rests.gyro is not None and e.scene.site.latitude is None:
         out.append("The Earth's rotation: without a latitude it cannot be told from gyro bias.")
-    if "accel.quadratic.x" in e.estimate.coefficients.layout:
+    if "accel.quadratic.x" in e.fit.estimate.coefficients.layout:
         out.append(
             "The quadratic terms apart from errors of placement: they are the difference between "
             "the bias along the vertical and that across it."

@@ -12,11 +12,11 @@ from foucault.tables import AXES
 
 def readings_table(e: FaceEvidence) -> dict[str, FloatArray]:
     """Return the table "readings": the rests, then the turns."""
-    scene, state = e.scene, e.estimate.state
-    r, n = scene.rests, len(scene.rests)
+    scene, estimate = e.scene, e.fit.estimate
+    state, r, n = estimate.state, scene.rests, len(scene.rests)
     at = 3 * np.arange(n)[:, None, None] + np.arange(3)
-    own = e.cov[at, np.swapaxes(at, 1, 2)]
-    norm, joint = norm_with_cov(state.model, e.estimate.coefficients, r.accel, own)
+    own = e.fit.covariance.whole[at, np.swapaxes(at, 1, 2)]
+    norm, joint = norm_with_cov(state.model, estimate.coefficients, r.accel, own)
     size = np.linalg.norm(
         np.einsum("kij,kj->ki", np.linalg.cholesky(own), e.snooping.direction[:n]), axis=1
     )
@@ -39,7 +39,7 @@ def readings_table(e: FaceEvidence) -> dict[str, FloatArray]:
 
 
 def _turn_columns(e: FaceEvidence) -> dict[str, FloatArray]:
-    scene, state = e.scene, e.estimate.state
+    scene, state = e.scene, e.fit.estimate.state
     t = scene.turns
     assert t is not None
     m, time = len(t), t.time[:, None]
@@ -65,5 +65,5 @@ def _triad(name: str, x: FloatArray) -> dict[str, FloatArray]:
 
 def _worst(e: FaceEvidence) -> FloatArray:
     """Largest white residual of each observation, with its sign."""
-    rows = e.estimate.residuals[e.estimate.blocks >= 0].reshape(-1, 3)
+    rows = e.fit.estimate.residuals[e.fit.estimate.blocks >= 0].reshape(-1, 3)
     return np.asarray(np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], 1)[:, 0])

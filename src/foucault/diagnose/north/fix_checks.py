@@ -8,13 +8,10 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.diagnose.north.noise import signal_to_noise
+from foucault.diagnose.words import check
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import (
-    Fixes,
-    Known,
-    solve,
-)
+from foucault.estimate.north.attitude import Fixes, Known, solve
 from foucault.estimate.north.reduction import Pairs
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
@@ -83,10 +80,11 @@ def _checks(
     out.append(_ambiguous(j, i))
     out.append(_upright(j, i))
     if j.accuracy is not None:
-        out.append(_accurate(j, i))
+        out.append(_accurate(float(j.fixes.sd[i, 0]), j.accuracy))
     if calibration is not None and calibration is not Level.PASS:
-        words = f"The calibration that was used is {calibration.value}."
-        out.append(Check("calibration", 0.0, 1.0, None, False, words, calibration))
+        given = {"level": calibration.value}
+        out.append(check("calibration used", "calibration", 0.0, 1.0, None, given,
+                         fails=calibration))  # fmt: skip
     return tuple(out)
 
 
@@ -100,32 +98,22 @@ def _solved(j: Judged, i: int) -> Check:
         2: "The solution did not settle.",
         3: "The readings do not determine the attitude.",
     }.get(status, "A reading is not a finite number.")
-    return Check("solved", float(fine), 1.0, None, fine, words, Level.UNUSABLE)
+    given = {"advice": words}
+    return check("converged", "solved", float(fine), 1.0, None, given, fails=Level.UNUSABLE)
 
 
 def _sees(ratio: float) -> Check:
-    fine = ratio >= SEES
-    words = f"The Earth's horizontal rate is {plain(ratio, 3)} times the uncertainty of the rates"
-    if not fine:
-        words += (
-            f": the gyro is too noisy by a factor of {SEES / max(ratio, 1e-9):.2g}; dwell "
-            f"{(SEES / max(ratio, 1e-9)) ** 2:.2g} times as long, or take a better gyro"
-        )
-    return Check("sees the Earth", ratio, SEES, None, fine, words + ".", Level.UNUSABLE)
+    factor = SEES / max(ratio, 1e-9)
+    given = {"ratio": plain(ratio, 3), "factor": factor, "times": factor**2}
+    name = "sees the Earth"
+    return check(name, name, ratio, SEES, None, given, fails=Level.UNUSABLE)
 
 
 def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
-    dof = int(j.pairs.dof[i, sensor])
-    if dof < 1 or (sensor == 1 and not j.noise.accel.white):
-        return None
-    value = float(j.pairs.chi_square[i, sensor])
-    _, high = chi_square_limits(dof, tests=TESTS)
-    fine = value <= high
+    dof, value = int(j.pairs.dof[i, sensor]), float(j.pairs.chi_square[i, sensor])
     what = ("gyro", "accelerometer")[sensor]
-    words = f"The readings of the {what} scatter by {np.sqrt(value / dof):.2f} times their noise"
-    if not fine:
-        words += ": a disturbance, a drift, too few digits, or more noise than was said"
-    return Check(f"{what} over index angle", value, None, high, fine, words + ".")
+    then = ": a disturbance, a drift, too few digits, or more noise than was said."
+    return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, then)
 
 
 def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
@@ -133,63 +121,46 @@ def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
     dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
     usual = (dof > 0) & (value <= FAR_OUT**2 * dof)
     total, n = float(value[usual].sum()), int(dof[usual].sum())
-    if n < 2 or (sensor == 1 and not j.noise.accel.white):
+    name = ("gyro", "accelerometer")[sensor] + " over all set-ups"
+    then = ": there is more noise than was said, or the bias wanders."
+    return None if n < 2 else _noise(j, sensor, name, f"the {name}", total, n, then)
+
+
+def _noise(
+    j: Judged, sensor: int, name: str, what: str, value: float, dof: int, then: str
+) -> Check | None:
+    if dof < 1 or (sensor == 1 and not j.noise.accel.white):
         return None
-    high = chi_square_limits(n, tests=TESTS)[1]
-    fine = total <= high
-    what = ("gyro", "accelerometer")[sensor]
-    words = (
-        f"Over all set-ups the readings of the {what} scatter by {np.sqrt(total / n):.2f} times "
-        "their noise"
-    )
-    words += "." if fine else ": there is more noise than was said, or the bias wanders."
-    return Check(f"{what} over all set-ups", total, None, high, fine, words)
+    given = {"what": what, "ratio": np.sqrt(value / dof), "dof": dof, "then": then}
+    return check("noise", name, value, None, chi_square_limits(dof, tests=TESTS)[1], given)
 
 
 def _norm(j: Judged, i: int) -> Check:
     value, high = float(j.fixes.square[i]), chi_square_limits(1, tests=TESTS)[1]
-    fine = value <= high
-    words = f"The Earth's rate as measured fits the latitude to {np.sqrt(value):.2f} sd"
-    if not fine:
-        words += ": latitude, scale factor or sign of the accelerometer may be wrong"
-    return Check("rate and latitude", value, None, high, fine, words + ".")
+    name = "rate and latitude"
+    return check(name, name, value, None, high, {"sd": np.sqrt(value)})
 
 
 def _level(value: float) -> Check:
-    high = chi_square_limits(2, tests=TESTS)[1]
-    fine = value <= high
-    words = f"The tilt that the accelerometers say is {np.sqrt(value / 2):.2f} times level_sd"
-    words += "." if fine else ": the case is less level than was said."
-    return Check("level", value, None, high, fine, words)
+    given = {"what": "case", "ratio": np.sqrt(value / 2)}
+    return check("level", "level", value, None, chi_square_limits(2, tests=TESTS)[1], given)
 
 
 def _ambiguous(j: Judged, i: int) -> Check:
-    fine = not bool(j.fixes.ambiguous[i])
-    words = "No other heading fits." if fine else (
-        f"Heading {np.degrees(j.fixes.other[i, 0]):.3f} deg, at latitude "
-        f"{np.degrees(j.fixes.other[i, 3]):.2f} deg, fits as well."
-    )  # fmt: skip
-    return Check("one heading", float(fine), 1.0, None, fine, words)
+    heading, latitude = np.degrees(j.fixes.other[i, [0, 3]])
+    given = {"heading": heading, "latitude": latitude}
+    fine = float(not j.fixes.ambiguous[i])
+    return check("one heading", "one heading", fine, 1.0, None, given)
 
 
 def _upright(j: Judged, i: int) -> Check:
     _, pitch, roll, _ = j.fixes.angles[i]
-    tilt = float(np.arccos(np.clip(np.cos(pitch) * np.cos(roll), -1.0, 1.0)))
-    fine = tilt < STEEP
-    words = f"The tilt is {np.degrees(tilt):.2f} deg"
-    words += "." if fine else ": heading is hardly defined there."
-    limit = float(np.degrees(STEEP))
-    return Check("tilt", float(np.degrees(tilt)), None, limit, fine, words)
+    tilt = np.arccos(np.clip(np.cos(pitch) * np.cos(roll), -1.0, 1.0))
+    return check("tilt", "tilt", float(np.degrees(tilt)), None, float(np.degrees(STEEP)))
 
 
-def _accurate(j: Judged, i: int) -> Check:
-    assert j.accuracy is not None
-    sd = float(j.fixes.sd[i, 0])
-    fine = sd <= j.accuracy
-    words = f"The heading has a standard deviation of {np.degrees(sd):.4g} deg"
-    words += "." if fine else f"; {np.degrees(j.accuracy):.4g} deg was wanted."
-    return Check("accuracy", float(np.degrees(sd)), None, float(np.degrees(j.accuracy)), fine,
-                 words)  # fmt: skip
+def _accurate(sd: float, wanted: float) -> Check:
+    return check("accuracy", "accuracy", float(np.degrees(sd)), None, float(np.degrees(wanted)))
 
 
 def findings(j: Judged) -> tuple[tuple[Finding, ...], ...]:
@@ -261,10 +232,8 @@ def _fitting(j: Judged, i: int) -> Check | None:
     found = _worst(j, i)
     if found is None:
         return None
-    fine = found[1] <= 1
-    words = f"The reading that fits worst is {found[2]:.1f} standard deviations from the fit"
-    words += "." if fine else ": more than chance gives."
-    return Check("every reading fits", found[1], None, 1.0, fine, words)
+    given = {"what": "reading", "size": found[2]}
+    return check("worst", "every reading fits", found[1], None, 1.0, given)
 
 
 def _outlier(j: Judged, i: int) -> list[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -10,6 +11,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.estimate.north.attitude import Fixes
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
+from foucault.infer.mixed import Component
 from foucault.models.dwells import Dwells
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -25,18 +27,18 @@ NEARLY_FREE = 1.1
 
 
 def from_residuals(
-    pairs: Pairs, accelerometers: bool, more: tuple[FloatArray, FloatArray] | None = None
+    pairs: Pairs, accelerometers: bool, more: Sequence[Component] = ()
 ) -> ImuNoise | None:
     """Measure white noise by what the fits over the index angle leave.
 
-    `pairs`: set-ups, reduced with the noise of `GUESS` [SI]; `more` or None: further sums of
-    squares and degrees of freedom of gyro and accelerometers, shape (2,) each, with the noise of
-    `GUESS` [1]. Returns white noise of both [SI]; None where either has too few redundant
-    readings.
+    `pairs`: set-ups, reduced with the noise of `GUESS` [SI]; `more`: how gyro, and accelerometers,
+    fit over the set-ups, with the noise of `GUESS`. Returns white noise of both [SI]; None where
+    either has too few redundant readings.
     """
     square, dof = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0).astype(float)
-    if more is not None:
-        square, dof = square + more[0], dof + more[1]
+    for k, over in enumerate(more):
+        square[k] += over.chi_square
+        dof[k] += over.redundancy
     if dof[0] < FEWEST or (accelerometers and dof[1] < FEWEST):
         return None
     # From few readings the noise itself is uncertain: errors over their sd are then Student's t,

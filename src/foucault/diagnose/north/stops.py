@@ -50,9 +50,7 @@ def stop_offsets(
     [rad/s]; empty where these set-ups do not show it; `chance`: how often chance gives so much
     [1].
     """
-    from scipy.special import fdtrc
-
-    stops, m = _alike(dwells), len(dwells.names)
+    stops = _alike(dwells)
     if stops is None:
         return {}, 1.0
     before = reduce(dwells, noise, nuisance)
@@ -60,12 +58,21 @@ def stop_offsets(
         return {}, 1.0
     left = dwells.gyro - before.fit
     found = {f"{stop}": float(left[stops == stop].mean()) for stop in np.unique(stops)}
-    after = reduce(without(dwells, found), noise, nuisance)
+    return found, _chance(before, reduce(without(dwells, found), noise, nuisance), spent=0, more=1)
+
+
+def _chance(before: Pairs, after: Pairs, *, spent: int, more: int) -> float:
+    """Return how often chance lets the residuals fall by so much, by an F test [1].
+
+    `spent`, `more`: numbers that were taken off each stop before, and now [1].
+    """
+    from scipy.special import fdtrc
+
     total, rest = (float(p.chi_square[:, 0].sum()) for p in (before, after))
     shared = int(before.dof[0, 0])
-    ratio = (total - rest) / shared / max(rest / (shared * (m - 1)), 1e-300)
-    chance = float(fdtrc(float(shared), float(shared * (m - 1)), max(ratio, 0.0)))
-    return found, chance
+    gained, free = float(more * shared), float(shared * (len(before) - spent - more))
+    ratio = (total - rest) / gained / max(rest / free, 1e-300)
+    return float(fdtrc(gained, free, max(ratio, 0.0)))
 
 
 Gains = dict[str, list[float]]
@@ -83,13 +90,11 @@ def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gai
     `noise`: noise of the sensors, its size does not matter [SI]. Returns `gains`: by index angle
     [1]; empty where the test does not see them; `chance`: how often chance gives so much [1].
     """
-    from scipy.special import fdtrc
-
     stops = _alike(dwells)
     if stops is None:
         return {}, 1.0
-    before, m = reduce(dwells, noise, nuisance), len(dwells.names)
-    if before.dof[:, 0].min() < 1 or m < FEWEST:
+    before = reduce(dwells, noise, nuisance)
+    if before.dof[:, 0].min() < 1:
         return {}, 1.0
     left = dwells.gyro - before.fit
     rates = before.values[dwells.setup, :2]
@@ -99,11 +104,7 @@ def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gai
         design = np.column_stack([np.ones(at.sum()), rates[at]])
         found[f"{stop}"] = np.linalg.lstsq(design, left[at], rcond=None)[0][1:].tolist()
     after = reduce(without_gains(dwells, found, before.values), noise, nuisance)
-    total, rest = (float(p.chi_square[:, 0].sum()) for p in (before, after))
-    shared = int(before.dof[0, 0])
-    free = float(shared * (m - 3))
-    ratio = (total - rest) / (2 * shared) / max(rest / free, 1e-300)
-    chance = float(fdtrc(2.0 * shared, free, max(ratio, 0.0)))
+    chance = _chance(before, after, spent=1, more=2)
     return (found if chance < GAINS else {}), chance
 
 

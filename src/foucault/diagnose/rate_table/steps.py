@@ -14,11 +14,9 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, error, finding
-from foucault.estimate import gauss_newton
 from foucault.models.earth import Site
 from foucault.models.rate_steps import Steps, mean_force_of_steps
 from foucault.models.readings import Readings, wander_variance
-from foucault.result import Problem
 from foucault.tables import AXES
 from foucault.units import plain
 
@@ -33,9 +31,6 @@ SLOW = np.radians(0.05)
 
 LARGEST_BIAS = np.radians(20.0)
 """No gyro has a larger bias [rad/s]."""
-
-BLURRED = 1000.0
-"""Coefficients this many times less certain together than each alone are not separated [1]."""
 
 
 @dataclass(frozen=True)
@@ -278,39 +273,11 @@ def _missing(
     return [finding("rate_table.missing", steps="; ".join(words))] if words else []
 
 
-# -- can they be told apart? ----------------------------------------------------------------------
-
-
-def require_determined(steps: Steps, names: tuple[str, ...], problem: Problem) -> None:
-    """Refuse steps that cannot separate the coefficients.
+def lacking(steps: Steps) -> list[str]:
+    """Say what steps lack to tell scale factors.
 
     `steps`: what was measured [SI].
     """
-    at = problem.linearise(problem.start, np.ones(problem.n_blocks))
-    at = gauss_newton.with_prior(problem, problem.start, at)
-    # What is unknown of table and place is known so far that it can hide no coefficient.
-    columns = at.jacobian[:, : len(names)]
-    size = np.linalg.norm(columns, axis=0)
-    unit = columns / np.where(size > 0, size, 1.0)
-    squares, directions = np.linalg.eigh(unit.T @ unit)
-    weak = directions.T[squares < squares[-1] / BLURRED**2]
-    if not len(weak):
-        return
-    seen_in = np.linalg.norm(weak, axis=0)
-    blind = [n for n, share in zip(names, seen_in, strict=True) if share > 0.2]
-    listed = ", ".join(blind)
-    tied = all(n.startswith(("gyro.g_sensitivity.", "gyro.bias.")) for n in blind)
-    if tied and any(n.startswith("gyro.g_sensitivity.") for n in blind):
-        seen = dict.fromkeys(name_of(u) for u in steps.up)
-        raise error("rate_table.g_sensitivity", placements=", ".join(seen), names=listed)
-    reason = "; ".join(_lacking(steps))
-    raise error(
-        "rate_table.undetermined", steps=len(steps), names=listed,
-        reason=f": {reason}" if reason else "",
-    )  # fmt: skip
-
-
-def _lacking(steps: Steps) -> list[str]:
     out = []
     for i, a in enumerate(AXES):
         speed = (steps.rate * steps.sense)[steps.axis == i]

@@ -12,7 +12,6 @@ the calibration is to explain, and the velocity at the end of a rest is what it 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,10 +20,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.estimate.ins_filter import FilterRun, Updates, run
 from foucault.estimate.smoother import smooth
-from foucault.estimate.systematic.fit import AtRest
-from foucault.models.earth import Site, gravity
-from foucault.models.noise import ImuNoise
-from foucault.navigate.increments import Increments
+from foucault.estimate.systematic.fit import SystematicModel
 from foucault.navigate.state import State
 from foucault.navigate.strapdown import navigate
 
@@ -52,24 +48,11 @@ class Legs:
     anew: bool  # whether velocities are those gained since the rest began
 
 
-def legs_of(
-    increments: Increments,
-    rests: Sequence[tuple[int, int]],
-    site: Site,
-    found: FilterRun,
-    noise: ImuNoise,
-    at_rest: AtRest,
-) -> Legs:
-    """Navigate from each rest to the next.
-
-    `increments`: the session as measured [SI]; `rests`: first and last row of each rest, in order
-    [1]; `site`: where it stood, the latitude must be known; `found`: the last pass of the filter,
-    made with ``keep=True``; `noise`: white noise [SI]; `at_rest`: what the filter took for
-    granted at rest.
-    """
+def legs_of(model: SystematicModel, found: FilterRun) -> Legs:
+    """Navigate from each rest to the next; `found` is the last pass, made with ``keep=True``."""
+    increments, rests, site, at_rest = model.increments, model.rests, model.site, model.at_rest
     assert site.latitude is not None
-    seen = smooth(found)
-    offset = site.gravity - float(gravity(site.latitude, site.height))
+    seen, offset = smooth(found), site.anomaly
     ends = np.array([b for _, b in rests])
     # The last epoch of the filter in each rest; a filter may have begun after the first ones.
     epoch = np.searchsorted(found.time, increments.time[ends] + 1e-9, side="right") - 1
@@ -96,8 +79,8 @@ def legs_of(
             updates.position[anew] = site.latitude, 0.0, site.height
             updates.sd[anew] = np.repeat([at_rest.velocity_sd, at_rest.position_sd], 3)
         free = run(
-            increments, state, found.sensors.during(int(recording[k])), updates, P, noise, first=a,
-            estimate=seen.coefficients[epoch[there[k]]], gravity_offset=offset,
+            increments, state, found.sensors.during(int(recording[k])), updates, P, model.noise,
+            first=a, estimate=seen.coefficients[epoch[there[k]]], gravity_offset=offset,
         )  # fmt: skip
         after.append(free.trajectory.velocity_n[-1])
         sd.append(free.sd[-1, 3:6])

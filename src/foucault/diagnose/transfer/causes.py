@@ -15,12 +15,13 @@ import numpy as np
 from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.transfer.checks import Evidence, Spread, spreads, standardised, whiteness
+from foucault.diagnose.transfer.checks import EACH, Evidence, fits, spreads, whiteness
 from foucault.errors import Finding, finding
 from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.estimate.linear_filter import LinearSystem, kalman
-from foucault.estimate.transfer.fit import solve
-from foucault.estimate.transfer.flexure import likeliest_flexure
+from foucault.estimate.transfer.likeliest import likeliest_flexure
+from foucault.infer import filtered
+from foucault.infer.filtered import Component
+from foucault.infer.linear_filter import extended, kalman
 from foucault.models.rotation import cross_matrix, exp
 from foucault.units import plain
 
@@ -89,47 +90,35 @@ class LeverArm:
 
 def lever_arm(e: Evidence) -> LeverArm | None:
     """Find the lever arm beside all that was estimated; None where velocities are not used."""
-    if not np.isfinite(e.matching.velocity_sd):
+    if not np.isfinite(e.model.matching.velocity_sd):
         return None
-    s, n = e.found.free.system, len(e.found.free.layout)
-    more = (0, 3)  # states, the last ones: they stay as they are
-    H, P0 = np.pad(s.H, ((0, 0), (0, 0), more)), np.pad(s.P0, (more, more))
-    H[:, :3, n:] = leverage(e)
-    P0[range(3, 6), range(3, 6)] += UNSETTLED**2
-    P0[range(n, n + 3), range(n, n + 3)] = FAR**2
-    run = kalman(LinearSystem(np.pad(s.Phi, ((0, 0), (0, 0), more)),
-                              np.pad(s.half, ((0, 0), more)), H, s.z, s.R, np.pad(s.x0, more),
-                              P0))  # fmt: skip
-    d, cov = run.states[-1, n:], run.cov[n:, n:]
+    system = extended(e.fit.system, leverage(e), FAR)
+    system.P0[range(3, 6), range(3, 6)] += UNSETTLED**2
+    run = kalman(system)
+    d, cov = run.states[-1, -3:], run.cov[-3:, -3:]
     if not (np.isfinite(d).all() and np.isfinite(cov).all()):
         return None
     gain = 0.5 * float(d @ np.linalg.solve(cov, d))
-    with np.errstate(invalid="ignore"):
-        u = run.innovation / np.sqrt(run.variance)
-    scatter = Spread.of(u[:, :3], 1)
+    scatter = Component.of(run.white[:, e.model.kinds["velocity"]], EACH)
     if scatter is None:
         return None
     cov = cov * max(1.0, scatter.ratio**2 * scatter.count / scatter.independent)
-    return LeverArm(e.mount.lever_m + d, cov, gain, scatter.ratio, scatter.high)
+    return LeverArm(e.model.mount.lever_m + d, cov, gain, scatter.ratio, scatter.high)
 
 
 def leverage(e: Evidence) -> FloatArray:
-    """Return ``C_nm [w x]`` at the messages, which a lever arm is multiplied by.
+    """Return ``C_nm [w x]`` at the messages, which a lever arm is multiplied by in velocities.
 
-    Returns (m, 3, 3): velocity per length [1/s].
+    Returns (m, 6, 3): velocity per length [1/s].
     """
-    free, at, x = e.found.free, e.found.at, e.slave.increments
-    names = e.slave.sensors.layout.names
-    inside = np.minimum(free.rows + (free.time > x.time[free.rows]), len(x) - 1)
-    bias = [at.coefficients[names.index(f"gyro.bias.{a}")] for a in "xyz"]
-    w_s = x.dtheta_b[inside] / x.dt[inside, None] - bias
-    C_ms = e.mount.C_ms @ exp(at.installation)
-    return np.asarray(e.master.C_nm[free.used] @ cross_matrix(w_s @ C_ms.T))
+    system, C_ms = e.fit.system, e.model.mount.C_ms @ exp(e.fit.point.installation)
+    turning = e.model.master.C_nm[system.used] @ cross_matrix(system.w_ib_b @ C_ms.T)
+    return np.concatenate([turning, np.zeros_like(turning)], axis=1)
 
 
 def of_lever(e: Evidence) -> list[Finding]:
     """Say so where the velocities show another lever arm than was given."""
-    found, given = lever_arm(e), e.mount.lever_m
+    found, given = lever_arm(e), e.model.mount.lever_m
     if found is None or found.off(given) < chi_square_limits(3, 2 * SURELY)[1]:
         return []
     now = spreads(e)["velocity"]
@@ -178,7 +167,7 @@ def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
     was said to be, or where innovations are too large without priors too [SI].
     """
     suspects = contradicted(e)
-    if not suspects and all(s.ratio <= s.high for s in spreads(e).values()):
+    if not suspects and fits(e):
         return []
     # What priors hide of each other cannot be told: each that would do is named.
     named = [one for group in suspects for one in _freed(e, [group])]
@@ -202,13 +191,13 @@ def contradicted(e: Evidence) -> list[str]:
     """
     c, groups = e.states, _groups(e)
     assert c.cov is not None
-    if not e.nominal or not np.isfinite(c.cov).all():
+    if not e.fit.nominal or not np.isfinite(c.cov).all():
         return []
     gains: dict[str, float] = {}
     for group in groups:
         at = c.layout.group(group)
         sd = c.prior_sd[at]
-        u = (c.values - e.mean)[at] / sd
+        u = (c.values - e.prior.values)[at] / sd
         size, axes = np.linalg.eigh(np.eye(len(at)) - c.cov[np.ix_(at, at)] / np.outer(sd, sd))
         seen = size > VISIBLE
         w, own = (axes.T @ u)[seen], size[seen]
@@ -226,20 +215,18 @@ def contradicted(e: Evidence) -> list[str]:
 
 def _freed(e: Evidence, groups: Sequence[str]) -> list[tuple[str, CoefficientVector]]:
     """Return what the messages say of groups whose priors are wide, those that were wrong."""
-    layout, wide = e.found.free.layout, e.sd.copy()
-    loose = [i for group in groups for i in layout.group(group)]
+    loose = [i for group in groups for i in e.model.layout.group(group)]
     if "installation" in groups:
         loose += [0, 1, 2]  # the start is turned as the mounting is
+    wide = e.model.sd.copy()
     wide[loose] *= LOOSE
-    found = solve(e.slave, e.master, e.mount, e.matching, e.prior, wide, passes=4, settled=1.0)
-    freed = replace(e, found=found)
-    if not np.isfinite(standardised(freed)).any() or any(
-        s.ratio > s.high for s in spreads(freed).values()
-    ):
+    found = filtered.fit(replace(e.model, sd=wide), passes=4, settled=1.0)
+    freed = replace(e, fit=found)
+    if not np.isfinite(found.run.white).any() or not fits(freed):
         return []
-    alone = replace(found.estimate.chosen(e.states.names), prior_sd=e.states.prior_sd)
+    alone, mean = freed.states, e.prior.values
     limit = np.sqrt(chi_square_limits(1, FALSE_ALARM, len(alone))[1])
-    off = np.abs(alone.values - e.mean) / np.hypot(alone.sd, alone.prior_sd)
+    off = np.abs(alone.values - mean) / np.hypot(alone.sd, alone.prior_sd)
     wrong = {n.rpartition(".")[0] for n, x in zip(alone.names, off, strict=True) if x > limit}
     return [(group, alone[group]) for group in groups if group in wrong]
 
@@ -248,8 +235,8 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
     """Name the priors without which the innovations would fit."""
     out = []
     for group, alone in priors:
-        at = [e.states.layout.index(name) for name in alone.names]
-        away = alone.values - e.mean[at]
+        mean = e.prior.values[[e.prior.layout.index(name) for name in alone.names]]
+        away = alone.values - mean
         k = int(np.argmax(np.abs(away) / alone.prior_sd))
         kind = alone.layout.coefficients[k].kind
         unit = units.display_unit(kind, float(np.abs(away).max()))
@@ -259,7 +246,7 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
 
         out.append(finding(
             "transfer.prior", group=group, name=alone.names[k], found=said(alone.values[k]),
-            mean=said(e.mean[at][k]), prior=said(alone.prior_sd[k]),
+            mean=said(mean[k]), prior=said(alone.prior_sd[k]),
             wide=said(2.0 * float(np.abs(away).max())),
         ))  # fmt: skip
     return out
@@ -267,18 +254,14 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
 
 def of_flexure(e: Evidence) -> list[Finding]:
     """Offer the bending of the mount that makes the innovations likeliest, where one is seen."""
-    if not e.nominal or not np.isfinite(e.matching.attitude_sd):
+    if not e.fit.nominal or not np.isfinite(e.model.matching.attitude_sd):
         return []
-    layout, now = e.found.free.layout, e.found.run.log_likelihood
-    fit = likeliest_flexure(e.slave, e.master, e.mount, e.matching, e.found.at, e.prior, e.sd,
-                            layout, now)  # fmt: skip
+    fit = likeliest_flexure(e.model, e.fit.point, e.fit.run.log_likelihood)
     if fit.gain < BENDS:
         return []
-    after = replace(e, found=replace(e.found, run=fit.run))
-    fits = whiteness(after)[0] <= whiteness(after)[1] and all(
-        s.ratio <= s.high for s in spreads(after).values()
-    )
-    left = "innovations are then as they should be" if fits else "something else is left"
+    worst, limit = whiteness(fit.run)
+    good = worst <= limit and fits(replace(e, fit=replace(e.fit, run=fit.run)))
+    left = "innovations are then as they should be" if good else "something else is left"
     arcmin = np.radians(1 / 60)
     return [finding(
         "transfer.flexure", sd=plain(fit.sd / arcmin, 3), time=plain(fit.time, 2),
@@ -288,17 +271,15 @@ def of_flexure(e: Evidence) -> list[Finding]:
 
 def of_outliers(e: Evidence) -> list[Finding]:
     """Name the few messages that are off, where the others fit."""
-    u = standardised(e)
+    u, system = e.fit.run.white, e.fit.system
     with np.errstate(invalid="ignore"):
         off = np.asarray((np.abs(u) > OUTLIER).any(axis=1))
     if not 0 < np.sum(off) <= FEW * len(u):
         return []
-    system = e.found.free.system
-    R = np.where(off[:, None], np.inf, system.R)
-    without = replace(e, found=replace(e.found, run=kalman(replace(system, R=R))))
-    if any(s.ratio > s.high for s in spreads(without).values()):
+    without = replace(system, R=np.where(off[:, None], np.inf, system.R))
+    if not fits(replace(e, fit=replace(e.fit, run=kalman(without)))):
         return []
-    times = e.found.free.time[off] + e.found.at.delay
+    times = system.time[off] + e.fit.point.delay
     shown = ", ".join(plain(round(float(t), 2), 13) for t in times[:MOST])
     more = f" and {len(times) - MOST} more" if len(times) > MOST else ""
     return [finding("transfer.outliers", count=len(times), limit=f"{OUTLIER:g}",

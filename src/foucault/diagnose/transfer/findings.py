@@ -8,7 +8,6 @@ import numpy as np
 
 from foucault.diagnose.transfer.causes import narrow, of_flexure, of_lever, of_outliers, of_priors
 from foucault.diagnose.transfer.checks import (
-    BLOCKS,
     NEAR,
     Evidence,
     bracket,
@@ -59,17 +58,19 @@ def findings(
     priors = narrow(e)
     causes = [*of_priors(e, priors), *of_lever(e)] or of_outliers(e)
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
-    told += [*_unseen(e, [group for group, _ in priors]), *_hidden(e)]
-    dependent, allowed = whiteness(e)
+    # What was said to be known too well is not hidden by the motion.
+    known = [group for group, _ in priors]
+    told += [*unseen([n for n in hardly(e) if n.rpartition(".")[0] not in known]), *_hidden(e)]
+    dependent, allowed = whiteness(e.fit.run)
     if not causes and dependent > allowed:
         causes = of_flexure(e)
     return [*told, *(causes or _of_spread(e))]
 
 
 def _of_edge(e: Evidence) -> list[Finding]:
-    if e.fit is None or not e.fit.at_edge:
+    if e.likeliest is None or not e.likeliest.at_edge:
         return []
-    return [finding("transfer.edge", delay=_ms(e.fit.delay), longest=_ms(e.longest))]
+    return [finding("transfer.edge", delay=_ms(e.likeliest.delay), longest=_ms(e.longest))]
 
 
 def _of_delay(e: Evidence) -> list[Finding]:
@@ -90,7 +91,7 @@ def _two_delays(e: Evidence, tau: float, sd: float) -> list[Finding]:
     """Say so where rate matching and the filter disagree on the delay."""
     if e.delay is None or not e.delay.seen:
         return []
-    later = float(np.mean(e.master.time)) - e.delay.middle
+    later = float(np.mean(e.model.master.time)) - e.delay.middle
     other, other_sd = e.delay.delay + e.delay.drift * later, e.delay.delay_sd
     if abs(other - tau) < max(CONTRADICT * float(np.hypot(sd, other_sd)), NEAR):
         return []
@@ -103,7 +104,7 @@ def _ms(seconds: float) -> str:
 
 
 def _straight(e: Evidence) -> list[Finding]:
-    C, v = e.master.C_nm, e.master.velocity_n
+    C, v = e.model.master.C_nm, e.model.master.velocity_n
     turn = float(np.max(np.linalg.norm(rotation_vector(C[0].T @ C), axis=1)))
     speed = float(np.ptp(np.linalg.norm(v, axis=1)))
     if turn > TURNED or speed > SPED:
@@ -111,9 +112,8 @@ def _straight(e: Evidence) -> list[Finding]:
     return [finding("transfer.straight", turn=f"{np.degrees(turn):.1f}", speed=f"{speed:.1f}")]
 
 
-def _unseen(e: Evidence, known: Sequence[str]) -> list[Finding]:
-    # What was said to be known too well is not hidden by the motion.
-    names = [n for n in hardly(e) if n.rpartition(".")[0] not in known]
+def unseen(names: Sequence[str]) -> list[Finding]:
+    """Name the coefficients that a motion does not show, and what would show them."""
     if not names:
         return []
     groups = [g for g in WANTED if any(n == g or n.startswith(f"{g}.") for n in names)]
@@ -132,14 +132,14 @@ def _of_spread(e: Evidence) -> list[Finding]:
     out = []
     units = {"velocity": (1.0, "m/s"), "attitude": (np.radians(1 / 60), "arcmin")}
     for name, s in spreads(e).items():
-        if s.low <= s.ratio <= s.high or (s.ratio < s.low and not e.nominal):
+        if s.low <= s.ratio <= s.high or (s.ratio < s.low and not e.fit.nominal):
             continue
         size, unit = units[name]
         # What the state is uncertain by belongs to the innovation, and not to the messages. It is
         # most at the start: the median is of a filter that has settled.
-        run, block = e.found.run, BLOCKS[name]
+        run, block = e.fit.run, e.model.kinds[name]
         S = run.variance[:, block][np.isfinite(run.innovation[:, block])]
-        given = getattr(e.matching, f"{name}_sd")
+        given = getattr(e.model.matching, f"{name}_sd")
         left = given**2 + (s.ratio**2 - 1.0) * float(np.median(S))
         if left <= 0:
             continue

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer import stretches as transfer_stretches
 from foucault.diagnose.transfer.checks import Evidence
 from foucault.estimate.ins_filter import seen_at_place
-from foucault.estimate.linear_filter import LinearSmoothed
-from foucault.estimate.transfer.fit import HandOver, Transfer
+from foucault.estimate.transfer.hand_over import HandOver
+from foucault.infer.linear_filter import LinearSmoothed
 from foucault.kernels.ins_filter import corrected
 from foucault.models.attitude import angles_of
 from foucault.models.rotation import exp, turned
@@ -42,27 +43,32 @@ def tables(
     e: Evidence,
     names: Sequence[str],
     backward: LinearSmoothed | None,
-    undelayed: Transfer | None,
+    undelayed: Evidence | None,
 ) -> dict[str, TableData]:
     """Return the tables of the report.
 
     `backward` or None: the run as seen from its end; `undelayed` or None: the same run, had the
     delay been ignored.
     """
-    out = {"innovations": _innovations(e), "estimates": estimates(e.found, names)}
+    system, run = e.fit.system, e.fit.run
+    out = {"innovations": _innovations(e), "estimates": estimates(e, names)}
     if backward is not None:
-        out |= {"smoothed": _smoothed(e, backward), "delayed": _delayed(e, backward)}
+        history = corrected(system.history, np.ascontiguousarray(backward.states[:, :9]))
+        states, time = states_of(history), e.model.slave.increments.time[system.rows]
+        sd = _attitude_sd(history, backward.cov[:, :9, :9])
+        out["smoothed"] = {"time": time, **_place(states), **sd}
+        out["delayed"] = _delayed(e, states, time)
     if undelayed is not None:
-        both = [name for name in names if name in undelayed.free.layout]
+        both = [name for name in names if name in undelayed.model.layout]
         out["undelayed"] = estimates(undelayed, both)
-    if np.isfinite(e.found.run.margin).any():
-        out["gamma"] = {"time": e.found.free.time, "margin": e.found.run.margin}
+    if not e.fit.nominal:
+        out["gamma"] = {"time": system.time, "margin": run.margin}
     made: dict[str, TableData] = {n: _thinned(table, MOST[n]) for n, table in out.items()}
-    layout = e.found.free.layout
-    sd = {name: e.found.run.sd[:, layout.index(name)] for name in names}
-    made["stretches"] = transfer_stretches.table(e.master[e.found.free.used], sd)
-    if e.fit is not None:
-        made["likelihood"] = {"delay": e.fit.tried, "log_likelihood": e.fit.log_likelihood}
+    sds = {name: run.sd[:, e.model.layout.index(name)] for name in names}
+    made["stretches"] = transfer_stretches.table(e.model.master[system.used], sds)
+    if e.likeliest is not None:
+        tried, likely = e.likeliest.tried, e.likeliest.log_likelihood
+        made["likelihood"] = {"delay": tried, "log_likelihood": likely}
     if e.delay is not None:
         d = e.delay
         made["delay_parts"] = {"start": d.part_start, "end": d.part_end, "delay": d.part_delay,
@@ -76,53 +82,44 @@ def _thinned(table: Table, most: int) -> Table:
 
 
 def _innovations(e: Evidence) -> Table:
-    run, out = e.found.run, {"time": e.found.free.time}
+    run, out = e.fit.run, {"time": e.fit.system.time}
     for i, name in enumerate(CHANNELS):
         if np.isfinite(run.variance[:, i]).any():
             out |= {name: run.innovation[:, i], f"{name}_sd": np.sqrt(run.variance[:, i])}
     return out | {"nis": run.nis}
 
 
-def estimates(found: Transfer, names: Iterable[str]) -> Table:
+def estimates(e: Evidence, names: Iterable[str]) -> Table:
     """Return coefficients along the run with their standard deviations."""
-    layout, run = found.free.layout, found.run
-    out = {"time": found.free.time}
+    out, point = {"time": e.fit.system.time}, e.model.values(e.fit.point)
     for name in names:
-        i = layout.index(name)
-        out |= {name: found.point[i - 9] + run.states[:, i], f"{name}_sd": run.sd[:, i]}
+        i = e.model.layout.index(name)
+        out |= {name: point[i - 9] + e.fit.run.states[:, i], f"{name}_sd": e.fit.run.sd[:, i]}
     return out
 
 
-def _smoothed(e: Evidence, backward: LinearSmoothed) -> Table:
-    """Return attitude and position of the slave as seen from the end, and sds of the attitude."""
-    free = e.found.free
-    history = corrected(free.history, np.ascontiguousarray(backward.states[:, :9]))
-    states = states_of(history)
+def _place(states: dict[str, FloatArray]) -> Table:
+    angles = dict(zip(("heading", "pitch", "roll"), angles_of(states["C_nb"]).T, strict=True))
+    return {"latitude": states["latitude"], "longitude": states["longitude"], **angles}
+
+
+def _attitude_sd(history: FloatArray, cov: FloatArray) -> Table:
     A = seen_at_place(history)[:, :3]
-    cov = A @ backward.cov[:, :9, :9] @ np.swapaxes(A, 1, 2)
-    sd = np.sqrt(np.maximum(np.einsum("kii->ki", cov), 0.0))  # of a run that went astray too
-    heading, pitch, roll = angles_of(states["C_nb"]).T
-    return {
-        "time": e.slave.increments.time[free.rows], "latitude": states["latitude"],
-        "longitude": states["longitude"], "heading": heading, "pitch": pitch, "roll": roll,
-        "phi_east_sd": sd[:, 0], "phi_north_sd": sd[:, 1], "phi_up_sd": sd[:, 2],
-    }  # fmt: skip
+    variance = np.einsum("kii->ki", A @ cov @ np.swapaxes(A, 1, 2))
+    sd = np.sqrt(np.maximum(variance, 0.0))  # of a run that went astray too
+    return {f"phi_{a}_sd": column for a, column in zip(("east", "north", "up"), sd.T, strict=True)}
 
 
-def _delayed(e: Evidence, backward: LinearSmoothed) -> Table:
+def _delayed(e: Evidence, states: dict[str, FloatArray], time: FloatArray) -> Table:
     """Return how the slave has gone on between validity and arrival of each message."""
-    free = e.found.free
-    history = corrected(free.history, np.ascontiguousarray(backward.states[:, :9]))
-    states, time = states_of(history), e.slave.increments.time[free.rows]
+    v, arrival = states["velocity_n"], e.model.master.time[e.fit.system.used]
     heading = np.unwrap(angles_of(states["C_nb"])[:, 0])
-    v, arrival = states["velocity_n"], e.master.time[free.used]
-    gone = {
-        name: np.interp(arrival, time, x) - np.interp(free.time, time, x)
-        for name, x in (("heading", heading), ("velocity_east", v[:, 0]),
-                        ("velocity_north", v[:, 1]))
-    }  # fmt: skip
     inside = arrival <= time[-1]
-    return {"time": arrival[inside]} | {name: x[inside] for name, x in gone.items()}
+    out = {"time": arrival[inside]}
+    for name, x in (("heading", heading), ("velocity_east", v[:, 0]), ("velocity_north", v[:, 1])):
+        gone = np.interp(arrival, time, x) - np.interp(e.fit.system.time, time, x)
+        out[name] = gone[inside]
+    return out
 
 
 def hand_over(handed: HandOver, increments: Increments) -> dict[str, Any]:

@@ -1,9 +1,9 @@
-"""The likelihood of rests on six faces, and of turns about the case axes.
+"""The model of rests on six faces, and of turns about the case axes, and what makes it uncertain.
 
 A rest on a face says what the accelerometers measure when f is known in case axes k, a turn what
 the gyros add up when the angle is known::
 
-    accel mean     a_j = L C_bk f_k + b_a + K q(C_bk f_k),     f_k = g up_k
+    accel mean     a_j = L C_bk f_k + b_a + K q(C_bk f_k),     f_k = g (up_k + d)
     gyro mean      w_j = A_g C_bk w_ie_k + b_g + G C_bk f_k
     gyro integral  W_t = A_g C_bk (angle axis_k + int w_ie_k dt) + b_g T + G C_bk int f_k dt
 
@@ -12,31 +12,60 @@ axes everything is linear, ``A = L C_bk``: least squares gives the exact start, 
 size, and the iteration from there weighs the readings and carries their covariance through the
 change of gauge.
 
+No instrument lies on a face as it should. Up differs from the case axis by a small random vector
+d across it, another one in each placement; turning the instrument on the spot keeps it. The axis
+of a turn differs from up by another one, for the support is not level, and the angle of a turn is
+not what it was meant to be::
+
+    turn    W_t = ... + A_g C_bk angle (+-d + d_level) + A_g C_bk axis_k d_angle
+
 Of the Earth's rotation only the vertical part is known in case axes; the horizontal part, whose
-heading is not, is in the covariance (see `covariance`).
+heading is not, is a source of error, and all of it where the latitude is unknown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 
-from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
-from foucault.estimate import gauss_newton
-from foucault.estimate.drift import Drift, by_time, find_drift
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import Layout
 from foucault.estimate.faces.ferraris import turn_spread
+from foucault.infer import mixed
+from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.faces import FaceReadings, TurnReadings
-from foucault.models.imu import LAYOUT, Gauge, ImuModel
+from foucault.models.imu import LAYOUT, Gauge, ImuModel, coefficient_slot
+from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import cross_matrix, exp
-from foucault.result import Estimate, Linearised, Problem
+from foucault.models.session_noise import QUIET_ENDS, SessionNoise, window_covariance
+from foucault.result import Estimate
 from foucault.tables import Log
 
 PASSES = 2
 """Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1]."""
+
+QUIETEST = 1e-10
+"""Least sd of a mean, [m/s^2] and [rad/s]: far below what any instrument has."""
+
+SCATTER = {"accel": "scatter of specific force at rest", "gyro": "scatter of angular rate at rest"}
+"""Kind of reading -> source of what neither its noise nor the placement explains."""
+
+BEYOND = "placement beyond placement_sd"
+"""Source of what placements are off by beyond what was declared."""
+
+FOUND = Source("", sd=None, type=UNEXPLAINED_BASIS[0], basis=UNEXPLAINED_BASIS[1])
+"""A source whose size the residuals tell."""
+
+TILTS = (
+    ("placement", "placement_sd"), ("level of the turns", "level_sd"),
+    ("angle of the turns", "angle_sd"),
+)  # fmt: skip
+"""Sources of error of how the instrument lay and turned, and the settings that say their sizes."""
 
 
 @dataclass(frozen=True)
@@ -178,94 +207,292 @@ def _in_body(scene: Scene, model_k: ImuModel) -> tuple[Scene, State]:
     return scene, State(replace(model, accel_quadratic=own), C_bk)
 
 
-def predict(scene: Scene, names: Sequence[str], state: State) -> tuple[FloatArray, FloatArray]:
-    """Compare the readings with the model at a state.
+@dataclass(frozen=True)
+class FaceNoise:
+    """Noise of the means and integrals."""
 
-    `scene`: what was observed [SI]. Returns `residuals` (k, 3): readings minus prediction, in the
-    order of `Scene.readings` [SI]; `jacobian` (k, 3, p + 3): derivative of the prediction; the
-    last three columns are the mounting [SI].
+    # accel_var, gyro_var: (n, 3) variance of the means, slow noise and shared rounding left out
+    # [SI]
+    accel_var: FloatArray
+    gyro_var: FloatArray
+    turn_var: FloatArray  # (m, 3) variance of the integrals [rad^2]
+    session: SessionNoise  # what they were made of; its slow part is added exactly [SI]
+    source: Literal["declared", "measured", "unknown"]  # where it is from
+
+    @property
+    def known(self) -> bool:
+        """False where nobody knows the noise: means without a declaration."""
+        return self.source != "unknown"
+
+    @classmethod
+    def sampled(
+        cls,
+        noise: SessionNoise,
+        rests: FaceReadings,
+        turns: TurnReadings | None,
+        source: Literal["declared", "measured"],
+    ) -> FaceNoise:
+        """Take the noise of samples.
+
+        `noise`: declared, or measured in the rests [SI]; `turns` or None: the turns.
+        """
+        time = rests.time[:, None]
+        turn = np.zeros((0, 1)) if turns is None else turns.time[:, None]
+        quiet = np.minimum(turn, QUIET_ENDS)
+        return cls(
+            noise.accel_psd / time + noise.accel_rounding**2 + 2 * noise.accel_carried / time**2,
+            noise.gyro_psd / time + 2 * noise.gyro_carried / time**2,
+            noise.turn_psd * turn + (noise.gyro_rounding * quiet) ** 2 + 2 * noise.gyro_carried,
+            noise, source,
+        )  # fmt: skip
+
+    @classmethod
+    def of_means(cls, noise: ImuNoise | None, rests: FaceReadings) -> FaceNoise:
+        """Take the noise of rows that are means already: how long they are says how quiet.
+
+        `noise`: declared noise [SI]; None where unknown: the variances are those of a noise of 1.
+        """
+        zero, given = np.zeros(3), noise or ImuNoise(TriadNoise(1.0), TriadNoise(1.0))
+        accel, gyro = (
+            np.repeat(triad.white**2 / rests.time[:, None], 3, axis=1)
+            for triad in (given.accel, given.gyro)
+        )
+        session = SessionNoise(zero, zero, zero, given)
+        return cls(accel, gyro, np.zeros((0, 3)), session, "declared" if noise else "unknown")
+
+
+@dataclass(frozen=True)
+class OnFaces:
+    """The model of a session on faces, as `infer.mixed` solves it.
+
+    Its readings are those of `Scene.readings`; the last three columns are the mounting.
     """
-    model, C = state.model, state.C_bk
-    n, rated, m = scene.sizes
-    p = len(names)
-    J = np.zeros((n + rated + m, 3, p + 3))
-    f, w = scene.force_k @ C.T, scene.rate_k @ C.T
-    accel, gyro = model.measure(f, w)
-    out = [accel]
-    slopes = model.slopes(f, w, names)
-    J[:n, :, :p], J[:n, :, p:] = slopes.accel, -slopes.accel_by_force @ cross_matrix(f)
-    if rated:
-        out.append(gyro)
-        J[n : 2 * n, :, :p] = slopes.gyro
-        J[n : 2 * n, :, p:] = -slopes.gyro_by_force @ cross_matrix(f)
-        if m:  # without turns the gyros' axes are unknown: they say nothing of the mounting
-            J[n : 2 * n, :, p:] -= slopes.gyro_by_rate @ cross_matrix(w)
-    if m and scene.turns is not None:
-        v, F, T = scene.turn_k @ C.T, scene.turn_force_k @ C.T, scene.turns.time
-        G = model.g_sensitivity
-        out.append(v @ model.gyro_matrix.T + T[:, None] * model.gyro_bias + F @ G.T)
-        J[2 * n :, :, p:] = -model.gyro_matrix @ cross_matrix(v) - G @ cross_matrix(F)
-        # Linear, so that what holds of rates holds of their integrals; a bias adds up with time.
-        summed = np.where([name.startswith("gyro.bias.") for name in names], T[:, None], 1.0)
-        J[2 * n :, :, :p] = model.slopes(F, v, names).gyro * summed[:, None]
-    return scene.readings - np.concatenate(out), J
+
+    scene: Scene
+    layout: Layout
+    start: State
+    noise: FaceNoise
+    # sds of placement, level and angle, about each axis: of up against the case axis, of the axis
+    # of a turn against up, of the angle of a turn. None: to be found, or like the placement [rad]
+    given: tuple[float | None, float | None, float | None]
+    near: tuple[float, float] = (0.0, 0.0)  # placement and level whose squares are taken [rad]
+
+    @cached_property
+    def kinds(self) -> dict[str, BoolArray]:
+        """Kind of reading -> its components, shape (k, 3)."""
+        kind = np.repeat(["accel", "gyro", "turns"], self.scene.sizes)
+        return {name: np.tile(kind == name, (3, 1)).T for name in dict.fromkeys(kind.tolist())}
+
+    @property
+    def middle(self) -> FloatArray:
+        """Middle of every reading, shape (k,) [s]."""
+        start, time = self.windows
+        return start + time / 2
+
+    @cached_property
+    def windows(self) -> tuple[FloatArray, FloatArray]:
+        """Beginning and length of every reading, shape (k,) each [s]."""
+        _, rated, m = self.scene.sizes
+        parts: list[Any] = [self.scene.rests] * (1 + bool(rated)) + [self.scene.turns] * bool(m)
+        return np.concatenate([x.start for x in parts]), np.concatenate([x.time for x in parts])
+
+    def retract(self, state: State, step: FloatArray) -> State:
+        """Apply `step` (p + 3,): coefficients and a rotation of the mounting [SI]."""
+        p = len(self.layout)
+        return State(state.model.moved(self.layout.names, step[:p]), exp(step[p:]) @ state.C_bk)
+
+    def values(self, state: State) -> FloatArray:
+        """Return the coefficients of a state, shape (p,) [SI]."""
+        return state.model.coefficients(self.layout.names).values
+
+    def linearise(self, state: State) -> Linearisation:
+        """Compare the readings with the model at a state."""
+        scene, names, model, C = self.scene, self.layout.names, state.model, state.C_bk
+        n, rated, m = scene.sizes
+        p = len(names)
+        J = np.zeros((n + rated + m, 3, p + 3))
+        f, w = scene.force_k @ C.T, scene.rate_k @ C.T
+        accel, gyro = model.measure(f, w)
+        out = [accel]
+        slopes = model.slopes(f, w, names)
+        J[:n, :, :p], J[:n, :, p:] = slopes.accel, -slopes.accel_by_force @ cross_matrix(f)
+        if rated:
+            out.append(gyro)
+            J[n : 2 * n, :, :p] = slopes.gyro
+            J[n : 2 * n, :, p:] = -slopes.gyro_by_force @ cross_matrix(f)
+            if m:  # without turns the gyros' axes are unknown: they say nothing of the mounting
+                J[n : 2 * n, :, p:] -= slopes.gyro_by_rate @ cross_matrix(w)
+        if m and scene.turns is not None:
+            v, F, T = scene.turn_k @ C.T, scene.turn_force_k @ C.T, scene.turns.time
+            G = model.g_sensitivity
+            out.append(v @ model.gyro_matrix.T + T[:, None] * model.gyro_bias + F @ G.T)
+            J[2 * n :, :, p:] = -model.gyro_matrix @ cross_matrix(v) - G @ cross_matrix(F)
+            # Linear: what holds of rates holds of their integrals; a bias adds up with time.
+            summed = np.where([name.startswith("gyro.bias.") for name in names], T[:, None], 1.0)
+            J[2 * n :, :, :p] = model.slopes(F, v, names).gyro * summed[:, None]
+        sources = (*self._noise, *self._earth(state), *self._tilts(state))
+        return Linearisation(scene.readings - np.concatenate(out), J, sources)
+
+    def _rows(self, first: int, blocks: FloatArray) -> FloatArray:
+        """Put blocks (r, 3, c) at the readings from `first` on, nothing at the others."""
+        out = np.zeros((sum(self.scene.sizes), 3, blocks.shape[2]))
+        out[first : first + len(blocks)] = blocks
+        return out
+
+    def _grouped(self, first: int, blocks: FloatArray, group: IntArray) -> FloatArray:
+        """Do the same where the readings of one group share their causes."""
+        out = np.zeros((len(blocks), 3, int(group.max(initial=0)) + 1, blocks.shape[2]))
+        out[np.arange(len(blocks)), :, group] = blocks
+        return self._rows(first, out.reshape(len(blocks), 3, -1))
+
+    @cached_property
+    def _noise(self) -> tuple[Source, ...]:
+        """What the sensors are off by, known and unknown; none of it depends on the state."""
+        n, rated, m = self.scene.sizes
+        noise, slow = self.noise, self.noise.session.slow
+        (kind, basis), (start, time) = NOISE_BASIS[noise.source], self.windows
+        # What a rate is off by adds up over a turn.
+        size = np.append(np.ones(n + rated), time[n + rated :])
+        effect = size[:, None, None] * np.eye(3)
+        triads = [
+            ("accelerometer noise", SCATTER["accel"], slice(0, n), noise.accel_var, slow.accel)
+        ]
+        if rated:
+            variance = np.concatenate([noise.gyro_var, noise.turn_var])
+            mine = slice(n, n + rated + m)
+            triads.append(("gyro noise", SCATTER["gyro"], mine, variance, slow.gyro))
+        out = []
+        for name, scatter, mine, variance, wander in triads:
+            sensor = Source(name, noise=True, type=kind, basis=basis)
+            white = self._rows(mine.start, np.sqrt(variance)[:, :, None] * np.eye(3))
+            out.append(replace(sensor, each=white, sd=1.0 if noise.known else None, price=0.0))
+            each = self._rows(mine.start, effect[mine])
+            out.append(Source("least noise", each, sd=QUIETEST, noise=True))
+            if noise.known:
+                out.append(replace(FOUND, name=scatter, each=each, unexplained=True))
+            if wander.bias_instability or wander.random_walk:
+                cov = window_covariance(start[mine], start[mine] + time[mine], wander)
+                squares, axes = np.linalg.eigh(cov)
+                root = axes * np.sqrt(np.maximum(squares, 0.0))
+                blocks = np.einsum("nij,nk->nikj", effect[mine], root).reshape(len(cov), 3, -1)
+                out.append(replace(sensor, shared=self._rows(mine.start, blocks)))
+        if rated and noise.session.gyro_rounding.any():  # the same in all rests
+            blocks = np.broadcast_to(np.diag(noise.session.gyro_rounding), (n, 3, 3))
+            out.append(replace(sensor, shared=self._rows(n, blocks)))
+        return tuple(out)
+
+    def _earth(self, state: State) -> list[Source]:
+        """The part of the Earth's rotation whose direction is unknown.
+
+        Across up it is one vector for all of a placement: whole turns lead back to the same
+        heading. Along up, where the latitude is unknown, it is one number for the session; both
+        together have a third of the squared rate about every axis.
+        """
+        scene, latitude = self.scene, self.scene.site.latitude
+        n, rated, _ = scene.sizes
+        if not rated:
+            return []
+        parts = [x for x in (scene.rests, scene.turns) if x is not None]
+        up, group = (
+            np.concatenate([getattr(x, name) for x in parts]) for name in ("up_k", "group")
+        )
+        turned = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), scene.spread])
+        effect = state.model.gyro_matrix @ state.C_bk @ turned
+        across = self._grouped(n, effect @ _across(up), group)
+        if latitude is not None:
+            size, basis = (
+                EARTH_RATE * np.cos(latitude) / np.sqrt(2),
+                "heading not given: the whole circle",
+            )
+            return [Source("unknown heading", shared=across, sd=size, basis=basis)]
+        along = self._rows(n, effect @ up[:, :, None])
+        size, basis = EARTH_RATE / np.sqrt(3), "latitude not given: any direction"
+        both = np.concatenate([across, along], axis=2)
+        return [Source("unknown Earth rate", shared=both, sd=size, basis=basis)]
+
+    def _tilts(self, state: State) -> list[Source]:
+        """How far placements, the axes of turns and their angles are from what they should be.
+
+        Along the vertical the cosine of a tilt scatters about its mean (see `Scene.tilted`) by the
+        square of its sd, and so does its product with the misalignments, of which as much is
+        unknown.
+        """
+        scene, C = self.scene, state.C_bk
+        n, rated, m = scene.sizes
+        rests, turns, model = scene.rests, scene.turns, state.model
+        placed = rests.group if turns is None else np.concatenate([rests.group, turns.group])
+        total = int(placed.max(initial=0)) + 1 + m
+        off, square = np.zeros((n + rated + m, 3, total, 3)), np.zeros((n + rated + m, 3, total))
+        row, g = np.arange(n), scene.site.gravity * _across(rests.up_k)
+        off[row, :, rests.group] = model.accel_matrix @ C @ g
+        square[row, :, rests.group] = scene.force_k @ (model.accel_matrix @ C).T
+        if rated:
+            off[n + row, :, rests.group] = model.g_sensitivity @ C @ g
+        near, out = np.sqrt(2) * np.array(self.near), list[Source]()
+        if turns is not None:
+            seen, row = model.gyro_matrix @ C, 2 * n + np.arange(m)
+            tilt = turns.angle[:, None, None] * (seen @ _across(turns.axis_k))
+            squares = scene.turn_k @ seen.T
+            # An axis that is level is off by itself; a vertical one by as much as up is.
+            own = np.where(turns.about_up == 0, total - m + np.arange(m), turns.group)
+            sign = np.where(turns.about_up == 0, 1.0, turns.about_up)
+            off[row, :, own], square[row, :, own] = sign[:, None, None] * tilt, squares
+            level = np.concatenate([tilt, near[1] * squares[:, :, None]], axis=2)
+            angle = (turns.axis_k @ seen.T)[:, :, None]
+            out = [
+                replace(self.tilt(k + 1), each=self._rows(2 * n, one))
+                for k, one in enumerate((level, angle))
+            ]
+        first = off.reshape(len(off), 3, -1)
+        out.append(replace(self.tilt(0), shared=np.concatenate([first, near[0] * square], axis=2)))
+        if self.given[0] is not None and self.noise.known:
+            # What a tilt explains as well as scatter does is taken for a tilt: it costs less.
+            price = 0.9 * mixed.SIGNIFICANT
+            beyond = replace(FOUND, name=BEYOND, shared=first, price=price, unexplained=True)
+            out.append(beyond)
+        return out
+
+    def tilt(self, which: int) -> Source:
+        """Return name and size of an error of how it lay and turned, without what it does.
+
+        `which`: 0 for placement, 1 for level, 2 for angle [1].
+        """
+        like = 0 if self.given[which] is None else which
+        (name, setting), sd = TILTS[like], self.given[like]
+        if sd is None:
+            return replace(FOUND, name=name, price=0.0)
+        return Source(name, sd=sd, basis=f"{setting} as given in the campaign")
 
 
-def build(
+def _across(u: FloatArray) -> FloatArray:
+    """Projection on the plane across unit vectors, shape (..., 3, 3)."""
+    return np.asarray(np.eye(3) - u[..., :, None] * u[..., None, :])
+
+
+def on_faces(
     scene: Scene,
-    names: tuple[str, ...],
     start: State,
-    cov: FloatArray,
-    prior: CoefficientVector | None = None,
-) -> Problem:
-    """Build the least-squares problem.
+    names: Sequence[str],
+    noise: FaceNoise,
+    given: tuple[float | None, float | None, float | None],
+) -> OnFaces:
+    """State the model; the squares of tilts of unknown size are as large as they seem at first.
 
-    `scene`: what was observed [SI]; `cov` (3 k, 3 k): covariance of all readings [SI]; `prior` or
-    None: what is known of the coefficients [SI].
+    `scene`, `start`: as `closed_form` returns them; `given`: placement, level and angle as
+    declared, None: to be found, the last two are then like the placement [rad].
     """
-    from scipy.linalg import solve_triangular
-
-    layout, root = LAYOUT.subset(names), np.linalg.cholesky(cov)
-    p, k = len(names), len(cov) // 3
-
-    def linearise(state: State, weights: FloatArray) -> Linearised:
-        r, J = predict(scene, names, state)
-        both = np.concatenate([J, r[:, :, None]], axis=2).reshape(3 * k, p + 4)
-        white = solve_triangular(root, both, lower=True, check_finite=False)
-        return Linearised(white[:, -1], white[:, :-1], np.repeat(np.arange(k), 3))
-
-    def retract(state: State, step: FloatArray) -> State:
-        return State(state.model.moved(names, step[:p]), exp(step[p:]) @ state.C_bk)
-
-    def values(state: State) -> FloatArray:
-        return state.model.coefficients(names).values
-
-    return Problem(layout, start, linearise, retract, values, k, prior)
-
-
-def clearest_drift(
-    scene: Scene, problem: Problem, estimate: Estimate, cov: FloatArray
-) -> Drift | None:
-    """Return the drift of a coefficient that the residuals show most clearly.
-
-    `scene`: what was observed [SI]; `cov` (3 k, 3 k): covariance of all readings [SI].
-    """
-    from scipy.linalg import solve_triangular
-
-    names, rests = problem.layout.names, scene.rests
-    middle = rests.start + rests.time / 2
-    n, rated, m = scene.sizes
-    time = np.concatenate([middle, middle[:rated]])
-    if scene.turns is not None:
-        time = np.append(time, scene.turns.start + scene.turns.time / 2)
-    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
-    at = gauss_newton.with_prior(problem, estimate.state, at)
-    changed = predict(scene, names, estimate.state)[1][:, :, : len(names)]
-    changed = (changed * by_time(time)[:, None, None]).reshape(len(cov), -1)
-    rows = np.zeros((len(at.residuals), len(names)))
-    rows[: len(cov)] = solve_triangular(np.linalg.cholesky(cov), changed, lower=True)
-    kinds = np.repeat([0, 1, 2], (n, rated, m))
-    return find_drift(at, names, time, kinds=kinds, candidates=rows)
+    if given[0] is None and not noise.known:  # it is part of the noise that is found
+        given = (0.0, *given[1:])
+    model = OnFaces(scene, LAYOUT.subset(names), start, noise, given)
+    size = given[0]
+    if (
+        size is None
+    ):  # the mean of sd^2 over Student's distribution; noise has squares of no account
+        left = model.linearise(start).residuals[: len(scene.rests)]
+        dof = left.size - sum(name.startswith("accel.") for name in names) - 3
+        size = float(np.linalg.norm(left)) / scene.site.gravity / np.sqrt(max(dof - 2, dof / 2))
+    level = size if given[1] is None else given[1]
+    return replace(model, scene=scene.tilted(size, level), near=(size, level))
 
 
 def unbiased(estimate: Estimate) -> Estimate:
@@ -274,27 +501,25 @@ def unbiased(estimate: Estimate) -> Estimate:
     The matrices in case axes are linear in the readings, so their errors have no mean. The body
     axes follow the accelerometers that were found, and are bent by the square of these errors:
     an error of placement of 5 arcmin makes 1 ppm of scale factor. The mean of the matrices in case
-    axes over the errors of the solution (its sigma points) undoes this to second order.
+    axes over the errors of the solution undoes this to second order: of ``(A + dA) exp(phi) C_bk``
+    it is ``(A (1 + <[phi x]^2> / 2) + <dA [phi x]>) C_bk``.
     """
-    state, layout = estimate.state, estimate.coefficients.layout
-    p, total = len(layout), len(estimate.state_cov)
-    scale = np.sqrt(np.diag(estimate.state_cov))
-    if not scale.all():
-        return estimate
-    values, vectors = np.linalg.eigh(estimate.state_cov / np.outer(scale, scale))
-    points = (vectors * np.sqrt(total * np.maximum(values, 0.0))) * scale[:, None]
-    blocks = ("accel_matrix", "gyro_matrix", "g_sensitivity")
-    mean = {name: np.zeros((3, 3)) for name in blocks}
-    for step in np.concatenate([points.T, -points.T]):
-        vector = CoefficientVector(layout, estimate.coefficients.values + step[:p])
-        model, C_bk = ImuModel.from_coefficients(vector), exp(step[p:]) @ state.C_bk
-        for name in blocks:
-            mean[name] += getattr(model, name) @ C_bk / (2 * total)
-    model, C_bk = replace(state.model, **mean, accel_quadratic=np.zeros((3, 6))).in_gauge(
-        Gauge.LOWER
-    )
-    if not any(name.startswith("gyro.scale.") for name in layout.names):
+    state, names, P = estimate.state, estimate.coefficients.names, estimate.state_cov
+    p = len(names)
+    square = P[p:, p:] - np.trace(P[p:, p:]) * np.eye(3)
+    mean = {
+        block: getattr(state.model, block) @ (np.eye(3) + square / 2)
+        for block in ("accel_matrix", "gyro_matrix", "g_sensitivity")
+    }
+    for k, name in enumerate(names):
+        block, where = coefficient_slot(name)
+        if block in mean:
+            mean[block][where[0]] += cross_matrix(P[k, p:])[where[1]]
+    in_case = {block: matrix @ state.C_bk for block, matrix in mean.items()}
+    model_k = replace(state.model, **in_case, accel_quadratic=np.zeros((3, 6)))
+    model, C_bk = model_k.in_gauge(Gauge.LOWER)
+    if not any(name.startswith("gyro.scale.") for name in names):
         model = replace(model, gyro_matrix=np.eye(3))
     model = replace(model, accel_quadratic=state.model.accel_quadratic)
-    vector = replace(estimate.coefficients, values=model.coefficients(layout.names).values)
+    vector = replace(estimate.coefficients, values=model.coefficients(names).values)
     return replace(estimate, coefficients=vector, state=State(model, C_bk))

@@ -102,31 +102,13 @@ def closed_form(
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.int8]]:
     """Solve many set-ups in closed form, with standard deviations.
 
-    Parameters
-    ----------
-    rate : ndarray, shape (n, 2)
-        Compensated rate along x_b and y_b [rad/s].
-    up : ndarray, shape (n, 2)
-        Compensated specific force along x_b and y_b over gravity [1].
-    latitude : float or None
-        Of all of them [rad]; None where unknown.
-    rate_sd, up_sd : float
-        Standard deviation of each component of `rate` [rad/s] and `up` [1].
-    latitude_sd : float
-        Of the latitude [rad].
-    hemisphere : {"north", "south"}
-        Sign of the rate along z_b where the latitude is unknown; see `solve` for other cases.
-    threads : int, shape ()
-        Threads to use [1].
-
-    Returns
-    -------
-    angles : ndarray, shape (n, 4)
-        Heading, pitch, roll, latitude [rad].
-    sd : ndarray, shape (n, 4)
-        Their standard deviations [rad].
-    status : ndarray of int, shape (n,)
-        See `kernels.north_seeking`.
+    `rate` (n, 2): compensated rate along x_b and y_b [rad/s]; `up` (n, 2): compensated specific
+    force along x_b and y_b over gravity [1]; `latitude`: of all of them, None where unknown [rad];
+    `rate_sd`, `up_sd`: standard deviation of each component of `rate` [rad/s] and `up` [1];
+    `latitude_sd`: of the latitude [rad]; `hemisphere`: sign of the rate along z_b where the
+    latitude is unknown, see `solve` for other cases; `threads`: threads to use [1]. Returns
+    `angles` (n, 4): heading, pitch, roll, latitude [rad]; `sd` (n, 4): their standard deviations
+    [rad]; `status` (n,): see `kernels.north_seeking`.
     """
     from foucault.kernels.north_seeking import closed_form_batch
 

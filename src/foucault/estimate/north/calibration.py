@@ -6,9 +6,11 @@ Every heading psi_i gives four numbers (`reduction`). On a table with one vertic
 
 with the errors A, b of the instrument, the table's axis off the vertical by phi about East and
 North, and all headings off by d. Accelerometers show phi, because it turns with the heading while
-their biases do not. On a table that was tilted on purpose, pitch and roll of every set-up come from
-the accelerometers instead. Least squares with everything that is uncertain in it: noise, random
-errors of the headings, and d, phi and the latitude with what was known of them.
+their biases do not: it is an unknown then, for errors of accelerometers that are not found act by
+how far it leans. On a table that was tilted on purpose, pitch and roll of every set-up come from
+the accelerometers instead. Everything else that is uncertain is a source of error of known size
+(`infer.mixed`): noise, random errors of the headings, and d, phi and the latitude with what was
+known of them.
 
 With 12 headings, level, exact headings and equal noise this is the regression of ref. [1] on
 ``[1, w_x, w_y]``.
@@ -22,16 +24,25 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
-from foucault.estimate import gauss_newton
-from foucault.estimate.north.reduction import Pairs
+from foucault.arrays import BoolArray, FloatArray
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.estimate.north.reduction import (
+    GYRO_DRIFT,
+    GYRO_NOISE,
+    GYRO_OFFSET,
+    INDEXING,
+    TILT_DRIFT,
+    TILT_NOISE,
+    Pairs,
+)
 from foucault.estimate.north.roots import compensated, tilt_of
+from foucault.infer.mixed import Linearisation, Source
 from foucault.models.earth import EARTH_RATE, Site, earth_rate_n
 from foucault.models.north_seeker import (
     RATE_LEVEL,
@@ -41,12 +52,25 @@ from foucault.models.north_seeker import (
     attitude,
 )
 from foucault.models.rotation import cross_matrix, exp
-from foucault.result import Estimate, Linearised, Problem
 
 Tilt = Literal["one axis", "each"]
 
 BIASES = ("accel.bias.x", "accel.bias.y")
 """What a table with one vertical axis shows of the accelerometers."""
+
+GYRO, ACCEL = "gyro over headings", "accel over headings"
+"""Kinds of reading."""
+
+LEVEL = "level of the table"
+HEADINGS, COMMON_HEADING = "reference headings", "common error of the headings"
+
+BASIS = {
+    GYRO_DRIFT: "slow noise and drift as given",
+    GYRO_OFFSET: "gyro_offset_sd as given",
+    TILT_DRIFT: "slow noise as given",
+    INDEXING: "index_sd and index_lag_sd as given",
+}
+"""What the sources of a set-up rest on that are not its noise."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +86,6 @@ class Rig:
     # of the tilt of the table's axis, infinite where the accelerometers have to find it [rad]
     level_sd: float = np.inf
     latitude_sd: float = 0.0  # of the latitude [rad]
-
-
-@dataclass(frozen=True)
-class State:
-    """What is estimated."""
-
-    values: FloatArray  # (n,) the coefficients [SI]
-    # (4 + k,) tilt of the axis about East and North, error of all headings and of the latitude
-    # [rad]; errors of accelerometers that give the tilt of every set-up [SI]
-    table: FloatArray
 
 
 def names_of(rig_tilt: Tilt, accelerometers: bool, z_coupling: bool) -> tuple[str, ...]:
@@ -93,170 +107,159 @@ def tilts(pairs: Pairs, gravity: float, compensation: Compensation) -> FloatArra
     return np.stack(tilt_of(x, y), 1)
 
 
-def build(
-    pairs: Pairs,
-    rig: Rig,
-    names: tuple[str, ...],
-    prior: CoefficientVector | None = None,
-    known: Compensation | None = None,
-    table: FloatArray | None = None,
-) -> Problem:
-    """State the calibration as a least-squares problem.
+@dataclass(frozen=True)
+class OnTurntable:
+    """A north seeker on a turntable, as `infer.mixed` solves it.
 
-    `pairs`: four numbers of every set-up [SI]; `prior` or None: what is known of them [SI];
-    `known` or None: errors of the accelerometers that are not found here, with covariance (its
-    diagonal); `table` (4,) or None: tilt of the table, if it was found before: what wrong
-    headings do depends on it [rad].
+    A state is the coefficients, and the tilt of the axis about East and North [rad] where
+    accelerometers show it.
     """
-    known = known or Compensation()
-    scene = _Scene(pairs, rig, names, known)
-    root = np.linalg.cholesky(np.asarray(sum(scene.covariance(table).values())))
-    m = len(pairs)
-    blocks = np.repeat(np.arange(m), scene.used.size)
-    sd = np.where(scene.free, scene.table_sd, 1.0)
 
-    def linearise(state: State, weights: FloatArray) -> Linearised:
-        predicted, J = scene.predict(state)
-        left = (pairs.values[:, scene.used] - predicted)[..., None]
-        share = np.sqrt(weights)[:, None, None]
-        white = np.linalg.solve(root, np.concatenate([J, left], axis=2)) * share
-        flat = white.reshape(m * scene.used.size, -1)
-        tied = np.flatnonzero(scene.free & np.isfinite(sd))
-        rows = np.zeros((len(tied), flat.shape[1] - 1))
-        columns = len(names) + np.flatnonzero(np.isin(np.flatnonzero(scene.free), tied))
-        rows[np.arange(len(tied)), columns] = 1.0 / sd[tied]
-        return Linearised(
-            np.concatenate([flat[:, -1], -state.table[tied] / sd[tied]]),
-            np.concatenate([flat[:, :-1], rows]),
-            np.concatenate([blocks, np.full(len(tied), -1)]),
-        )
-
-    def retract(state: State, step: FloatArray) -> State:
-        table = state.table.copy()
-        table[scene.free] += step[len(names) :]
-        return State(state.values + step[: len(names)], table)
-
-    start = np.zeros(len(names)) if prior is None else prior.values
-    layout = SEEKER.subset(names)
-    state = State(start, np.zeros(len(sd)))
-    return Problem(layout, state, linearise, retract, lambda s: s.values, m, prior)
-
-
-def covariance_parts(
-    pairs: Pairs, rig: Rig, table: FloatArray | None = None
-) -> dict[str, FloatArray]:
-    """Return the covariance of the numbers that are used, by source, shape (m, k, k) each [SI].
-
-    `pairs`: four numbers of every set-up [SI]; `table` (4,) or None: tilt of the table, if it was
-    found before [rad].
-    """
-    return _Scene(pairs, rig, (), Compensation()).covariance(table)
-
-
-def fit(problem: Problem) -> Estimate:
-    """Solve it."""
-    return gauss_newton.solve(problem)
-
-
-@dataclass
-class _Scene:
-    """What is predicted for a state, and how sure the observations are."""
-
-    pairs: Pairs
+    pairs: Pairs  # four numbers of every set-up [SI]
     rig: Rig
-    names: tuple[str, ...]
-    known: Compensation
+    layout: Layout  # the coefficients that are found
+    # errors of the accelerometers that are not found here, with covariance (its diagonal)
+    known: Compensation = field(default_factory=Compensation)
+    # type and basis of the noise
+    noise: tuple[str, str] = ("B", "noise as declared in the campaign")
 
-    def __post_init__(self) -> None:
-        rig, m = self.rig, len(self.pairs)
-        one = rig.tilt == "one axis"
-        self.used = np.arange(4 if rig.accelerometers and one else 2)
-        angles = np.zeros((m, 2))
-        if not one:
-            angles = tilts(self.pairs, rig.site.gravity, self.known)
-        # Errors of the accelerometers that are not found here are unknowns with a known size.
-        c = self.known.coefficients
-        self.own = [i for i, n in enumerate(c.names) if n not in self.names]
-        own = np.zeros(len(c)) if c.cov is None else np.sqrt(np.diag(c.cov))
-        own = own[self.own] if rig.accelerometers else np.zeros(len(self.own))
-        level = rig.level_sd if one else 0.0
-        self.table_sd = np.array(
-            [level, level, rig.heading_offset_sd, rig.latitude_sd, *own.tolist()]
-        )
-        self.free = self.table_sd > 0
-        self.angles = angles
-        self.by_force = np.zeros((m, 2, 2)) if one else self._by_force()
+    @cached_property
+    def start(self) -> FloatArray:
+        """A perfect instrument on a level table."""
+        return np.zeros(len(self.layout) + (2 if self._seen else 0))
 
-    def truth(self, table: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return w_b, f_b, each (m, 3), and their slopes against the table, (m, 3, 4)."""
+    @property
+    def _seen(self) -> bool:
+        return self.rig.tilt == "one axis" and self.rig.accelerometers and self.rig.level_sd > 0
+
+    @property
+    def kinds(self) -> dict[str, BoolArray]:
+        """Rates and, on one axis, specific forces."""
+        gyro = np.broadcast_to(np.arange(self._used.shape[1]) < 2, self._used.shape[:2])
+        return {GYRO: gyro} | ({ACCEL: ~gyro} if not gyro.all() else {})
+
+    def retract(self, state: FloatArray, step: FloatArray) -> FloatArray:
+        """Add `step` (p,) to `state` (p,) [SI]."""
+        return state + step
+
+    def values(self, state: FloatArray) -> FloatArray:
+        """Return the coefficients of `state` (p,) [SI]."""
+        return state[: len(self.layout)]
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        """Compare the four numbers, or two, with the model at `state` (p,) [SI]."""
+        p = len(self.layout)
+        w, f, dw, df = self._truth(state[p:] if self._seen else np.zeros(2))
+        whole = Compensation(CoefficientVector(*self._all(state[:p])))
+        model = whole.model
+        by_table = np.concatenate([model.gyro_matrix[:2] @ dw, model.accel_matrix[:2] @ df], axis=1)
+        left = (self.pairs.values - whole.predict(w, f))[..., None]
+        both = self._used @ np.concatenate([whole.slopes(w, f), by_table, left], axis=2)
+        by_own, by_table = both[..., p:-5], both[..., -5:-1]
+        sources = self._sources(by_table, by_own)
+        if not self._seen:
+            return Linearisation(both[..., -1], both[..., :p], sources)
+        J = np.concatenate([both[..., :p], by_table[..., :2]], axis=2)
+        tie = np.eye(p + 2)[p:] / self.rig.level_sd
+        known = (-tie @ state, tie) if tie.any() else None
+        return Linearisation(both[..., -1], J, sources, known, (LEVEL, LEVEL))
+
+    def _all(self, values: FloatArray) -> tuple[Layout, FloatArray]:
+        """The coefficients that are found, then those that are not."""
+        more = self.known.coefficients
+        layout = SEEKER.subset([*self.layout.names, *(more.names[i] for i in self._own)])
+        return layout, np.append(values, more.values[self._own])
+
+    @cached_property
+    def _own(self) -> list[int]:
+        names = self.known.coefficients.names
+        return [i for i, name in enumerate(names) if name not in self.layout.names]
+
+    @cached_property
+    def _angles(self) -> FloatArray:
+        """Pitch and roll of the case on the table, (m, 2)."""
+        if self.rig.tilt == "one axis":
+            return np.zeros((len(self.pairs), 2))
+        return tilts(self.pairs, self.rig.site.gravity, self.known)
+
+    def _truth(self, phi: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return w_b, f_b, each (m, 3), and their slopes, (m, 3, 4).
+
+        Slopes are those against phi, an error of all headings, and one of the latitude.
+        """
         site = self.rig.site
         assert site.latitude is not None
-        latitude = site.latitude + table[3]
-        w_n, f_n = earth_rate_n(latitude), np.array([0.0, 0.0, site.gravity])
-        heading = self.rig.heading + table[2]
-        C = attitude(heading, self.angles[:, 0], self.angles[:, 1])
-        leaned = exp(-np.array([table[0], table[1], 0.0]))
-        out, slopes = [], []
-        slope_n = EARTH_RATE * np.array([0.0, -np.sin(latitude), np.cos(latitude)])
+        C = attitude(self.rig.heading, *self._angles.T)
+        leaned = exp(-np.array([*phi, 0.0]))
+        north = EARTH_RATE * np.array([0.0, -np.sin(site.latitude), np.cos(site.latitude)])
         down = np.array([0.0, 0.0, -1.0])  # heading is clockwise: about -up
-        for v, by_latitude in ((w_n, slope_n), (f_n, np.zeros(3))):
-            turned = leaned @ v
-            slope = np.empty((3, 4))
-            slope[:, :2] = cross_matrix(turned)[:, :2]  # d exp(-[phi x]) v = [v x] phi
-            slope[:, 2] = cross_matrix(turned) @ down
-            slope[:, 3] = leaned @ by_latitude
-            out.append(C @ turned)
-            slopes.append(C @ slope)
+        out, slopes = [], []
+        for v, by_latitude in (
+            (earth_rate_n(site.latitude), north), (np.array([0.0, 0.0, site.gravity]), np.zeros(3)),
+        ):  # fmt: skip
+            turn = cross_matrix(leaned @ v)  # d exp(-[phi x]) v = [v x] phi
+            out.append(C @ leaned @ v)
+            slopes.append(C @ np.column_stack([turn[:, :2], turn @ down, leaned @ by_latitude]))
         return out[0], out[1], slopes[0], slopes[1]
 
-    def predict(self, state: State) -> tuple[FloatArray, FloatArray]:
-        """Return the numbers predicted, (m, k), and their slopes, (m, k, n)."""
-        found = Compensation(CoefficientVector(SEEKER.subset(self.names), state.values))
-        w, f, dw, df = self.truth(state.table)
-        model = found.model
-        by_table = np.concatenate([model.gyro_matrix[:2] @ dw, model.accel_matrix[:2] @ df], axis=1)
-        by_own = self.known.slopes(w, f)[..., self.own]
-        if self.rig.tilt == "each":  # they turn the rate through the tilts that they give
-            by_own[:, :2] = -self.by_force @ by_own[:, 2:]
-        predicted = found.predict(w, f) + by_own @ state.table[4:]
-        tied = np.concatenate([by_table, by_own], axis=2)[..., self.free]
-        J = np.concatenate([found.slopes(w, f), tied], axis=2)
-        return predicted[:, self.used], J[:, self.used]
-
-    def covariance(self, table: FloatArray | None = None) -> dict[str, FloatArray]:
-        """Return the covariance of the numbers used by source, (m, k, k) each."""
-        _, _, dw, df = self.truth(np.zeros(4) if table is None else table)
-        by_heading = np.concatenate([dw[:, :2, 2], df[:, :2, 2]], axis=1)
-        parts = dict(self.pairs.sources)
-        # A case tilted on a table that leans has another heading than the table says.
-        lean = self.rig.level_sd if self.rig.tilt == "each" else 0.0
-        lean = lean if np.isfinite(lean) else 0.0
-        tilt = np.hypot(*np.tan(self.angles.T))
-        variance = self.rig.heading_sd**2 + (lean * tilt) ** 2
-        if np.any(variance > 0):
-            each = np.einsum("n,ni,nj->nij", variance, by_heading, by_heading)
-            parts["reference headings"] = each
-        if self.rig.tilt == "each":  # what is left of a rate has the error of the tilts in it
-            turn = np.broadcast_to(np.eye(4), (len(dw), 4, 4)).copy()
-            turn[:, :2, 2:] = -self.by_force
-            parts = {k: turn @ S @ np.swapaxes(turn, 1, 2) for k, S in parts.items()}
-        used = {k: v[:, self.used][:, :, self.used] for k, v in parts.items()}
-        return {k: v for k, v in used.items() if v.any()}
+    @cached_property
+    def _used(self) -> FloatArray:
+        """What of the four numbers is read, (m, d, 4)."""
+        one = self.rig.tilt == "one axis"
+        used = np.eye(4)[: 4 if self.rig.accelerometers and one else 2]
+        out = np.broadcast_to(used, (len(self.pairs), *used.shape)).copy()
+        if not one:  # what is left of a rate has the error of the tilts in it
+            out[:, :, 2:] = -self._by_force()
+        return out
 
     def _by_force(self) -> FloatArray:
         """Slope of the true rates against specific force through the tilts, (m, 2, 2)."""
-        w_n = earth_rate_n(self.rig.site.latitude or 0.0)
-        gravity, step = self.rig.site.gravity, 1e-6
-        slope = np.zeros((len(self.pairs), 2, 2))
-        for k in range(2):
-            ends = []
-            for sign in (1.0, -1.0):
-                values = self.pairs.values.copy()
-                values[:, 2 + k] += sign * step * gravity
-                angles = tilts(replace(self.pairs, values=values), gravity, self.known)
-                ends.append(attitude(self.rig.heading, *angles.T) @ w_n)
-            slope[:, :, k] = (ends[0] - ends[1])[:, :2] / (2 * step * gravity)
-        return slope
+        site, values = self.rig.site, self.pairs.values
+        w_n = earth_rate_n(site.latitude or 0.0)
+
+        def rate(moved: FloatArray) -> FloatArray:
+            angles = tilts(replace(self.pairs, values=values + moved), site.gravity, self.known)
+            return (attitude(self.rig.heading, *angles.T) @ w_n)[:, :2]
+
+        steps = 1e-6 * site.gravity * np.eye(4)[2:]
+        return np.stack([(rate(h) - rate(-h)) / (2 * h.sum()) for h in steps], axis=2)
+
+    @cached_property
+    def _within(self) -> tuple[Source, ...]:
+        """What every set-up has for itself."""
+        out = []
+        for name, cov in self.pairs.sources.items():
+            size, axes = np.linalg.eigh(cov)
+            root = self._used @ (axes * np.sqrt(np.maximum(size, 0.0))[:, None, :])
+            noise = name in (GYRO_NOISE, TILT_NOISE)
+            kind, basis = self.noise if noise else ("B", BASIS[name])
+            out.append(Source(name, each=root, noise=noise, type=kind, basis=basis))
+        return tuple(out)
+
+    def _sources(self, by_table: FloatArray, by_own: FloatArray) -> tuple[Source, ...]:
+        rig, c = self.rig, self.known.coefficients
+        heading, latitude = by_table[..., 2:3], by_table[..., 3:]
+        tilt = by_table[..., :2]
+        if rig.tilt == "each":
+            # A case tilted on a table that leans by (e, n) has another heading than the table says,
+            # by tan(pitch) (e sin psi + n cos psi).
+            turn = np.stack([np.sin(rig.heading), np.cos(rig.heading)], 1)
+            tilt = heading * (np.tan(self._angles[:, :1]) * turn)[:, None, :]
+        own = np.zeros(len(self._own)) if c.cov is None else np.sqrt(np.diag(c.cov)[self._own])
+        every = (
+            *self._within,
+            Source(HEADINGS, each=heading, sd=rig.heading_sd, basis="heading_sd as given"),
+            Source(COMMON_HEADING, shared=heading, sd=rig.heading_offset_sd,
+                   basis="heading_offset_sd as given"),
+            # What is known of it where it is an unknown is in rows of its own.
+            Source(LEVEL, shared=None if self._seen else tilt, sd=rig.level_sd,
+                   basis="level_sd as given"),
+            Source("latitude", shared=latitude, sd=rig.latitude_sd, basis="latitude_sd as given"),
+            Source("tilt: accelerometers", shared=by_own * own,
+                   basis="what is known beforehand of errors that this session does not show"),
+        )  # fmt: skip
+        effects = ((s, s.shared if s.each is None else s.each) for s in every if s.sd)
+        return tuple(s for s, effect in effects if effect is None or effect.any())
 
 
 def calibrate_batch(

@@ -149,30 +149,17 @@ def _attitude_of(
 
 @dataclass
 class Best:
-    """The best solution of each set-up, and the next best.
+    """The best solution of each set-up, and the next best."""
 
-    Attributes
-    ----------
-    angles, other : ndarray, shape (m, 4)
-        Heading, pitch, roll, latitude [rad].
-    cov : ndarray, shape (m, 4, 4)
-        Covariance [rad^2].
-    gain : ndarray, shape (m, 4, 5)
-        Slope of the angles against the four numbers [1/SI] and the latitude known before [1].
-    square, rank, other_square : ndarray, shape (m,)
-        Sum of squares; the same, and that of the other, with what speaks against it [1].
-    status : ndarray of int, shape (m,)
-        See `kernels.north_seeking`.
-    """
-
-    angles: FloatArray
-    cov: FloatArray
+    angles: FloatArray  # (m, 4) heading, pitch, roll, latitude [rad]
+    cov: FloatArray  # (m, 4, 4) covariance [rad^2]
+    # (m, 4, 5) slope of the angles against the four numbers [1/SI] and a latitude known before [1]
     gain: FloatArray
-    square: FloatArray
-    status: npt.NDArray[np.int8]
-    rank: FloatArray
-    other: FloatArray
-    other_square: FloatArray
+    square: FloatArray  # (m,) sum of squares [1]
+    status: npt.NDArray[np.int8]  # (m,) see `kernels.north_seeking`
+    rank: FloatArray  # (m,) the sum of squares, with what speaks against the solution [1]
+    other: FloatArray  # (m, 4) the next best [rad]
+    other_square: FloatArray  # (m,) its sum of squares, with what speaks against it [1]
 
 
 def best_of(

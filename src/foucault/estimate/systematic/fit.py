@@ -3,7 +3,7 @@
 The instrument navigates through turns and rests whose angles nobody needs to know. At rest its
 velocity is zero and its position that of the site; what the navigator says instead is the sum of
 what all errors have done since the start, each through the motion as it was. The filter is that of
-`estimate.ins_filter`; here are its measurements, its passes, and the two steps of the source.
+`estimate.ins_filter`; here are its measurements, and a pass over all recordings.
 
 A coefficient that turns up only in the second part of a session (the deflection of dithered gyros)
 must be a state from the beginning: carried over without it, the covariance of the first part is
@@ -21,16 +21,15 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.coefficients import CoefficientVector
 from foucault.estimate.ins_filter import FilterRun, Updates, run
-from foucault.models.earth import Site, gravity
+from foucault.models.earth import Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
@@ -103,107 +102,53 @@ def _between(rows: IntArray, rests: Sequence[tuple[int, int]]) -> npt.NDArray[np
 
 
 @dataclass(frozen=True)
-class SystematicRun:
-    """What a session has shown."""
-
-    run: FilterRun  # the last pass of the filter
-    estimate: CoefficientVector  # the coefficients with covariance
-    passes: tuple[FloatArray, ...]  # (p,) the coefficients after each pass [SI]
-
-
-@dataclass(frozen=True)
 class Start:
-    """Where a further recording begins, as the first one does."""
+    """Where a recording begins."""
 
     first: int  # row at whose end it starts, at rest [1]
     C_nb: FloatArray  # (3, 3) attitude there [1]
     cov: FloatArray  # (9, 9) covariance of the errors of navigation [SI]
 
 
-def solve(
-    increments: Increments,
-    C_nb: FloatArray,
-    site: Site,
-    sensors: Sensors,
-    rests: Sequence[tuple[int, int]],
-    P0: FloatArray,
-    noise: ImuNoise,
-    *,
-    at_rest: AtRest | None = None,
-    first: int = 0,
-    estimate: FloatArray | None = None,
-    passes: int = 1,
-    keep: bool = False,
-    further: Sequence[Start] = (),
-) -> SystematicRun:
-    """Estimate all coefficients in one filter over the whole session.
+@dataclass(frozen=True)
+class SystematicModel:
+    """What a session is: all that a pass of the filter takes, but for where it begins."""
 
-    `C_nb` (3, 3): attitude at the end of row `first` [1]; `site`: where it stands, the latitude
-    must be known; `rests`: first and last row of each rest, in order [1]; `P0` (9 + p, 9 + p):
-    covariance at the start, see `estimate.ins_filter.start_cov` [SI]; `noise`: white noise of the
-    sensors [SI]; `at_rest`: what is known at rest, None takes the defaults; `first`: row at whose
-    end the run starts, at rest [1]; `estimate` (p,) or None: coefficients at the start, zero by
-    default [SI]; `passes`: how often the session is gone through, each later pass starts from the
-    coefficients and the attitude that the one before has found, so that the equations are linear
-    about them [1]; `keep`: whether the last pass keeps what a smoother needs; `further`: further
-    recordings of the same instrument, in order: each begins with the coefficients of the one
-    before, and with an attitude, velocity and position of its own.
+    increments: Increments  # the log as measured
+    site: Site  # where it stood; the latitude is known
+    sensors: Sensors  # what is estimated
+    rests: Sequence[tuple[int, int]]  # first and last row of each rest, in order [1]
+    noise: ImuNoise  # white noise of the sensors [SI]
+    at_rest: AtRest = AtRest()  # what is known at rest
 
-    A later pass keeps P0: it is the same prior, about another point of linearisation. The prior
-    mean is zero, or `estimate`, in the first pass only; with priors much wider than the result this
-    makes no difference.
-    """
-    assert site.latitude is not None
-    starts = [Start(first, C_nb, P0[:9, :9]), *further]
-    ends = [*(start.first for start in further), len(increments)]
-    updates = [
-        (at_rest or AtRest()).updates(
-            increments, [(a, b) for a, b in rests if a < end and b > start.first], site, start.first
-        )
-        for start, end in zip(starts, ends, strict=True)
-    ]
-    offset = site.gravity - float(gravity(site.latitude, site.height))
-    seen: list[FloatArray] = []
-    for k in range(passes):
-        again = k + 1 < passes
-        P = P0
+    def filtered(
+        self, starts: Sequence[Start], values: FloatArray, sd: FloatArray, *, keep: bool = False
+    ) -> FilterRun:
+        """Estimate all coefficients in one filter over the whole session.
+
+        `starts`: of every recording of the instrument, in order: each begins with the coefficients
+        of the one before, and with an attitude, velocity and position of its own; `values`, `sd`
+        (p,): what is known of the coefficients, and where the equations are linear about first
+        [SI]; `keep`: whether it keeps what a smoother needs.
+        """
+        assert self.site.latitude is not None
         runs: list[FilterRun] = []
-        for number, (start, measured) in enumerate(zip(starts, updates, strict=True)):
-            P = P if not runs else _anew(start, runs[-1].cov, P0, sensors)
-            state = State.at_rest(start.C_nb, site.latitude, 0.0, site.height)
+        known, gone = np.diag(sd**2), self.sensors.wanders
+        ends = [*(start.first for start in starts[1:]), len(self.increments)]
+        for number, (start, end) in enumerate(zip(starts, ends, strict=True)):
+            mine = [(a, b) for a, b in self.rests if a < end and b > start.first]
+            measured = self.at_rest.updates(self.increments, mine, self.site, start.first)
+            P = np.zeros((9 + len(sd),) * 2)
+            P[:9, :9], P[9:, 9:] = start.cov, known
+            state = State.at_rest(start.C_nb, self.site.latitude, 0.0, self.site.height)
             runs.append(run(
-                increments, state, sensors.during(number), measured, P, noise, first=start.first,
-                estimate=estimate, gravity_offset=offset, keep=keep or again,
+                self.increments, state, self.sensors.during(number), measured, P, self.noise,
+                first=start.first, estimate=values, gravity_offset=self.site.anomaly, keep=keep,
             ))  # fmt: skip
-            estimate = np.where(sensors.wanders, 0.0, runs[-1].coefficients[-1])
-        estimate = runs[-1].coefficients[-1]
-        seen.append(estimate)
-        if again:
-            begun = attitudes_at_start(runs, estimate, [start.C_nb for start in starts])
-            starts = [replace(start, C_nb=C) for start, C in zip(starts, begun, strict=True)]
-    found = FilterRun.joined(runs, sensors)
-    return SystematicRun(found, found.estimate, tuple(seen))
-
-
-def _anew(start: Start, before: FloatArray, P0: FloatArray, sensors: Sensors) -> FloatArray:
-    """Return the covariance at the start of a recording: of the one before, what stays."""
-    P = np.zeros_like(P0)
-    P[:9, :9], P[9:, 9:] = start.cov, before[9:, 9:]
-    gone = 9 + np.flatnonzero(sensors.wanders)
-    P[gone], P[:, gone] = 0.0, 0.0
-    P[gone, gone] = P0[gone, gone]
-    return P
-
-
-def attitudes_at_start(
-    runs: Sequence[FilterRun], values: FloatArray, C_nb: Sequence[FloatArray]
-) -> list[FloatArray]:
-    """Return the attitudes that the recordings of a pass should have begun with, each (3, 3).
-
-    `runs`: the recordings of a pass made with ``keep=True``; `values` (p,): the coefficients at
-    the end of all [SI]; `C_nb` (3, 3): the attitudes that they began with [1].
-    """
-    return [attitude_at_start(run, C, values) for run, C in zip(runs, C_nb, strict=True)]
+            # Of one recording for the next, what stays.
+            values = np.where(gone, 0.0, runs[-1].coefficients[-1])
+            known = np.where(gone[:, None] | gone, np.diag(sd**2), runs[-1].cov[9:, 9:])
+        return FilterRun.joined(runs, self.sensors)
 
 
 def attitude_at_start(

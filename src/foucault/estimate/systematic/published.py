@@ -13,17 +13,12 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.ins_filter import run, start_cov
-from foucault.estimate.systematic.fit import AtRest, SystematicRun
-from foucault.models.earth import Site, gravity
-from foucault.models.ins_errors import Sensors
-from foucault.models.noise import ImuNoise
-from foucault.navigate.increments import Increments
+from foucault.estimate.ins_filter import FilterRun, run, start_cov
+from foucault.estimate.systematic.fit import SystematicModel
 
 RESET = {
     "gyro.bias": np.radians(0.003) / 3600.0,
@@ -38,37 +33,26 @@ RESET = {
 
 
 def second_step(
-    increments: Increments,
-    site: Site,
-    first: SystematicRun,
-    sensors: Sensors,
-    rests: Sequence[tuple[int, int]],
-    prior: CoefficientVector,
-    noise: ImuNoise,
-    *,
-    at_rest: AtRest | None = None,
-) -> SystematicRun:
+    model: SystematicModel, first: FilterRun, estimate: CoefficientVector, prior: CoefficientVector
+) -> tuple[FilterRun, FloatArray]:
     """Go on with the deflection from where the first step has ended, in one pass.
 
-    `site`: where it stands, the latitude must be known; `sensors`: coefficients of the second
-    step: those of the first, and more; `rests`: first and last row of each rest of the whole
-    session, in order [1]; `prior`: what was known of those that the first step did not have:
-    values and prior_sd [SI]; `noise`: white noise of the sensors [SI]; `at_rest`: what is known
-    at rest, None takes the defaults.
+    `model`: the whole session, with the coefficients of the second step: those of the first, and
+    more; `estimate`: what the first has found, with covariance [SI]; `prior`: what was known of
+    those that it did not have: values and prior_sd [SI]. Returns the run, and the coefficients
+    (p,) it began with [SI].
     """
-    assert site.latitude is not None
-    at_rest = at_rest or AtRest()
-    names = first.estimate.layout.names
+    at_rest, increments, layout = model.at_rest, model.increments, model.sensors.layout
     values, sd = prior.values.copy(), prior.prior_sd.copy()
-    keep = [sensors.layout.index(name) for name in names]
-    values[keep], sd[keep] = first.estimate.values, first.estimate.sd
+    keep = [layout.index(name) for name in estimate.layout.names]
+    values[keep], sd[keep] = estimate.values, estimate.sd
     for group, reset in RESET.items():
-        sd[sensors.layout.group(group)] = reset
-    last = increments.row_at(float(first.run.time[-1]))
-    P = start_cov(first.run.attitude_cov, at_rest.velocity_sd, at_rest.position_sd, sd)
+        sd[layout.group(group)] = reset
+    last = increments.row_at(float(first.time[-1]))
+    P = start_cov(first.attitude_cov, at_rest.velocity_sd, at_rest.position_sd, sd)
     two = run(
-        increments, first.run.trajectory.state(-1), sensors,
-        at_rest.updates(increments, rests, site, last), P, noise, first=last, estimate=values,
-        gravity_offset=site.gravity - float(gravity(site.latitude, site.height)), keep=True,
+        increments, first.trajectory.state(-1), model.sensors,
+        at_rest.updates(increments, model.rests, model.site, last), P, model.noise, first=last,
+        estimate=values, gravity_offset=model.site.anomaly, keep=True,
     )  # fmt: skip
-    return SystematicRun(two, two.estimate, (values, two.coefficients[-1]))
+    return two, values

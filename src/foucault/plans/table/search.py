@@ -15,7 +15,7 @@ from math import inf
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.diagnose.foresight import Limit
@@ -24,6 +24,7 @@ from foucault.plans.table.directions import spread_outer
 from foucault.plans.table.efficiency import efficiency
 from foucault.plans.table.information import Parts, half_covariance
 from foucault.plans.table.reach import NEARLY, Position, Reach, shortest_order, travel_time
+from foucault.strict import Strict
 
 Plan = tuple[Position, ...]
 Criterion = Literal["sd", "det"]
@@ -45,29 +46,18 @@ WIDE, NARROW = 0.6, 0.003
 """How far a position is shifted at the start of a descent and at its end [rad]."""
 
 
-class Wanted(BaseModel):
+class Wanted(Strict):
     """What a better set of positions is wanted for."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    positions: int | None = Field(
-        default=None, ge=1, examples=[20],
-        description="Number of positions; left out, that of the plan.",
-    )  # fmt: skip
-    criterion: Criterion = Field(
-        default="sd",
-        description="sd: the geometric mean of the standard deviations is made small; det: the "
-        "volume of their common ellipsoid (D-optimal), which does not depend on axes.",
-    )
-    integrity: bool = Field(
-        default=False,
-        description="Take only plans in whose residuals a bad rest shows, and shows which it is.",
-    )
-    weights: dict[str, float] = Field(
-        default={},
-        examples=[{"accel.bias": 3.0, "gyro": 0.0}],
-        description="How much coefficients or groups of them count; 1 where nothing is said.",
-    )
+    positions: int | None = Field(default=None, ge=1, examples=[20])
+    """Number of positions; left out, that of the plan."""
+    criterion: Criterion = "sd"
+    """sd: the geometric mean of the standard deviations is made small; det: the volume of their
+    common ellipsoid (D-optimal), which does not depend on axes."""
+    integrity: bool = False
+    """Take only plans in whose residuals a bad rest shows, and shows which it is."""
+    weights: dict[str, float] = Field(default={}, examples=[{"accel.bias": 3.0, "gyro": 0.0}])
+    """How much coefficients or groups of them count; 1 where nothing is said."""
 
 
 @dataclass(frozen=True)

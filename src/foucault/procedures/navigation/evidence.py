@@ -61,11 +61,11 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
     vector = _ordered(vector, sensors)
     sense = free_run.sensitivity(
         made.increments, made.state, sensors, rows, first=made.first,
-        gravity_offset=task.gravity_offset, held=task.held,
+        gravity_offset=task.site.anomaly, held=task.held,
     )  # fmt: skip
     noise = free_run.spread(
         made.increments, made.state, Sensors.of(()), rows, np.zeros((9, 9)), task.noise,
-        first=made.first, gravity_offset=task.gravity_offset, held=task.held,
+        first=made.first, gravity_offset=task.site.anomaly, held=task.held,
     )  # fmt: skip
     return budget(
         made.increments.time[rows], sense, _aligned(task, made, vector),

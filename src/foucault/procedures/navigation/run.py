@@ -11,7 +11,6 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.navigation.errors import NavigationError, error_of
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.logs.reference import Reference
-from foucault.models import earth
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import Increments, increments_of
@@ -43,11 +42,6 @@ class Task:
     seen: Opening  # the rest at the start
     noise: ImuNoise  # noise of the sensors [SI]
     reference: Reference | None  # what the runs are compared with
-
-    @property
-    def gravity_offset(self) -> float:
-        assert self.site.latitude is not None
-        return self.site.gravity - float(earth.gravity(self.site.latitude, self.site.height))
 
     @property
     def held(self) -> bool:
@@ -112,7 +106,7 @@ class Made:
                         last=plain(float(increments.time[-1]), 9))  # fmt: skip
         state = task.state(start)
         trajectory = navigate(
-            increments, state, first=first, gravity_offset=task.gravity_offset,
+            increments, state, first=first, gravity_offset=task.site.anomaly,
             vertical=task.settings.vertical or "free",
             heights=_heights(task, increments.time),
         )  # fmt: skip

@@ -18,14 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.north import calibration_checks as judge
-from foucault.diagnose.north import calibration_report as shown
+from foucault.diagnose.fit_checks import budget_json
+from foucault.diagnose.information import bound
+from foucault.diagnose.north import calibration as judge
 from foucault.diagnose.north.dwells import find_dwells, measured_noise
 from foucault.diagnose.north.input import alive, late_index, stops, units_first
 from foucault.diagnose.spikes import without_spikes
 from foucault.errors import error
 from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.attitude import Known
+from foucault.infer.mixed import noise_alone
 from foucault.logs import indexed, indexed_own
 from foucault.logs.indexed_description import IndexedDescription
 from foucault.models.dwells import Dwells
@@ -37,7 +39,7 @@ from foucault.procedures.north_seeking.settings import Session, Settings, draw_e
 from foucault.procedures.north_seeking.solution import Solution, require_latitude, solved
 from foucault.procedures.north_seeking.wanted import Wanted, space
 from foucault.procedures.record import Given, Procedure
-from foucault.result import Problem, Result, Verdict
+from foucault.result import Result, Verdict
 from foucault.tables import IndexedLog, temperature_range
 
 FRAME = "axes of the case, right-forward-up: headings of the turntable"
@@ -102,11 +104,12 @@ def _require_readings(log: IndexedLog, dwells: Dwells) -> None:
 
 
 def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Result:
-    checks = judge.checks(s.pairs, s.rig, s.problem, s.estimate, s.source)
-    headings = shown.heading_table(s.estimate, s.pairs, s.rig, dwells)
+    estimate, apart = s.fit.estimate, judge.each_apart(s.fit)
+    checks = judge.checks(s.fit, s.pairs, s.rig, dwells, s.source, apart)
+    headings = judge.heading_table(s.fit, s.pairs, s.rig, dwells, apart)
     return Result(
         procedure="north_seeking",
-        coefficients=s.estimate.coefficients,
+        coefficients=estimate.coefficients,
         equation=EQUATION,
         frame=FRAME,
         gauge=GAUGES[s.rig.tilt],
@@ -115,20 +118,19 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
         findings=(
             *dwells.findings,
             *s.findings,
-            *judge.suspicious(s.estimate, site.latitude or 0.0),
-            *judge.findings(s.problem, s.estimate, dwells, s.source),
+            *judge.suspicious(estimate, site.latitude or 0.0),
+            *judge.findings(apart, estimate, dwells, s.source),
         ),
-        status=s.estimate.status,
+        status=estimate.status,
         site=site.as_dict(),
         diagnostics={
-            "iterations": s.estimate.iterations,
+            "iterations": estimate.iterations,
             "noise": {"source": s.source} | noise_json(s.noise),
-            "chi_square": judge.chi_square(s.estimate, s.pairs),
-            "budget": shown.budget(s.problem, s.estimate, s.pairs, s.rig),
-            "unseen": shown.unseen(s.rig, s.estimate.coefficients.names),
-            "table": shown.table_json(s.estimate, s.rig),
+            "chi_square": judge.chi_square(s.fit, s.pairs),
+            "unseen": judge.unseen(s.rig, estimate.coefficients.names),
+            "table": judge.table_json(s.fit, s.rig),
             "circle_accuracy": {
-                when: shown.circle_accuracy(headings[f"heading_{when}"])
+                when: judge.circle_accuracy(headings[f"heading_{when}"])
                 for when in ("before", "after")
             },
             "stop_offsets": s.stop_offsets,
@@ -136,16 +138,11 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
             "gyro_offset": float(np.median(s.pairs.offset)),
             "drift": settings.drift if not s.nuisance.drift_sd else "estimated",
             "z_coupling": None if s.z_test is None else list(s.z_test),
-            **shown.bound(_noise_alone(s), s.estimate),
+            **budget_json(s.fit, {}),
+            **bound(noise_alone(s.fit), s.fit.state),
         },
         tables={"headings": headings},
     )
-
-
-def _noise_alone(s: Solution) -> Problem:
-    """The problem as it would be with a perfect table: what bounds any method."""
-    rig = replace(s.rig, heading_sd=0.0, heading_offset_sd=0.0, latitude_sd=0.0)
-    return estimation.build(s.pairs.noise_alone, rig, s.problem.layout.names)
 
 
 def _validity(log: IndexedLog, dwells: Dwells, s: Solution) -> dict[str, Any]:

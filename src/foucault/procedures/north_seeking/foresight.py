@@ -143,9 +143,10 @@ def _of_a_fix(p: _Planned, session: Session, told: list[Finding]) -> Foresight:
 
 def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> Foresight:
     s = p.calibrated(session)
-    found = s.estimate.coefficients
+    fit = s.fit
+    found = fit.estimate.coefficients
     of_data = information(
-        s.problem.linearise(s.estimate.state, np.ones(s.problem.n_blocks)), found.layout
+        fit.problem.linearise(fit.state, np.ones(fit.problem.n_blocks)), found.layout
     )
     seen = of_data.with_prior(found.prior_sd)
     share = found.sd / found.prior_sd
@@ -170,14 +171,14 @@ def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> For
         weakest=tuple(c.words for c in seen.weakest() if np.isfinite(c.factor)),
         correlated=seen.correlated(),
         limits=_limits(motion, p.settings),
-        more=_more(p, session, lambda x: p.calibrated(x).estimate.coefficients, found),
+        more=_more(p, session, lambda x: p.calibrated(x).fit.estimate.coefficients, found),
         findings=(*told, *s.findings),
     )
 
 
 def _in_the_field(p: _Planned, s: Solution, motion: Stops) -> Finding:
     """Say what a fix of the same stops will give with this calibration."""
-    found = s.estimate.coefficients
+    found = s.fit.estimate.coefficients
     more = held(accelerometers_before(p.settings, p.prior))
     keep = [i for i, name in enumerate(more.names) if name not in found.names]
     assert found.cov is not None and more.cov is not None

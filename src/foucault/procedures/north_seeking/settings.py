@@ -17,7 +17,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
 from foucault.models.rotation import turned
 from foucault.plans.north.orders import PALINDROME, PUBLISHED, SEQUENTIAL
-from foucault.procedures.fields import Rows, SampleRate, Strict
+from foucault.procedures.fields import Rows, SampleRate
 from foucault.simulate.north import (
     NorthPlan,
     NorthSimulation,
@@ -26,6 +26,7 @@ from foucault.simulate.north import (
     Stops,
     simulate_north,
 )
+from foucault.strict import Strict
 from foucault.units import Angle, AngleSd, Quantity, Rate, RatioSd, Seconds
 
 Ramp = Annotated[float, Quantity("rate ramp")]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north import calibration_checks as judge
+from foucault.diagnose.north import calibration as judge
 from foucault.diagnose.north.noise import GUESS, drift_sd, from_residuals
 from foucault.diagnose.north.stops import (
     Gains,
@@ -24,12 +24,13 @@ from foucault.errors import Finding, error
 from foucault.estimate.north import calibration as estimation
 from foucault.estimate.north.calibration import Rig
 from foucault.estimate.north.reduction import Nuisance, Pairs, reduce
+from foucault.infer import mixed
+from foucault.infer.mixed import NOISE_BASIS, Fit
 from foucault.models.dwells import Dwells
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
-from foucault.result import Estimate, Problem
 
 Z_COUPLING = ("gyro.misalignment.xz", "gyro.misalignment.yz")
 """The coupling of the rate along the axis of the base."""
@@ -53,8 +54,7 @@ class Solution:
     noise: ImuNoise  # noise that was weighed [SI]
     source: str  # where it came from
     nuisance: Nuisance  # offset, drift and index angles
-    problem: Problem
-    estimate: Estimate
+    fit: Fit
     # significance of the coupling along z_b: chi-square, and how often chance gives so much [1]
     z_test: tuple[float, float] | None
     findings: tuple[Finding, ...]
@@ -83,7 +83,8 @@ def solved(
     dwells = without(dwells, offsets)
     gains, chance = stop_gains(dwells, trial, nuisance)
     told += gain_words(gains, chance)
-    dwells = without_gains(dwells, gains, reduce(dwells, trial, nuisance).values)
+    if gains:
+        dwells = without_gains(dwells, gains, reduce(dwells, trial, nuisance).values)
     used = (1 if offsets else 0) + (2 if gains else 0)
     pairs = spent(reduce(dwells, trial, nuisance), used)
     rig = _rig(pairs, dwells, site, settings)
@@ -91,20 +92,20 @@ def solved(
         given = dict.fromkeys(Z_COUPLING, (0.0, settings.z_coupling_sd)) | dict(given)
     source = "declared" if declared else "measured in the dwells"
     if noise is None:
-        noise, source = _noise(dwells, pairs, rig, known, given), "from the residuals"
+        noise, source = _noise(dwells, pairs, rig, known, given), judge.UNKNOWN
         pairs = spent(reduce(dwells, noise, nuisance), used)
-    problem, estimate = _fit(pairs, rig, settings.z_coupling != "no", known, given)
-    judge.require_sound(estimate)
+    basis = NOISE_BASIS[judge.NOISE[source]]
+    fit = _fit(pairs, rig, settings.z_coupling != "no", known, given, basis)
+    judge.require_sound(fit.estimate)
     z_test: tuple[float, float] | None = None
     if rig.tilt == "each":
-        free = estimate
+        free = fit
         if settings.z_coupling != "free":
             unknown = {k: v for k, v in given.items() if not k.startswith(Z_COUPLING)}
-            free = _fit(pairs, rig, True, known, unknown)[1]
-        z_test = judge.z_significance(free)
+            free = _fit(pairs, rig, True, known, unknown, basis)
+        z_test = judge.z_significance(free.estimate)
         told += tuple(judge.z_findings(z_test, settings.z_coupling))
-    return Solution(pairs, rig, noise, source, nuisance, problem, estimate, z_test, told, offsets,
-                    gains)  # fmt: skip
+    return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains)
 
 
 def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
@@ -129,16 +130,11 @@ def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
 
 def _fit(
     pairs: Pairs, rig: Rig, z_coupling: bool, known: Compensation,
-    given: Mapping[str, tuple[float, float]],
-) -> tuple[Problem, Estimate]:  # fmt: skip
+    given: Mapping[str, tuple[float, float]], basis: tuple[str, str],
+) -> Fit:  # fmt: skip
     names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
-    problem = estimation.build(pairs, rig, names, _prior(names, given), known)
-    estimate = estimation.fit(problem)
-    if rig.heading_sd and rig.tilt == "one axis":  # what wrong headings do depends on the tilt
-        table = estimate.state.table[:4]
-        problem = estimation.build(pairs, rig, names, _prior(names, given), known, table)
-        estimate = estimation.fit(problem)
-    return problem, estimate
+    model = estimation.OnTurntable(pairs, rig, SEEKER.subset(names), known, basis)
+    return mixed.fit(model, _prior(names, given))
 
 
 def _noise(
@@ -146,8 +142,8 @@ def _noise(
     given: Mapping[str, tuple[float, float]],
 ) -> ImuNoise:  # fmt: skip
     """Measure the noise by what the calibration leaves."""
-    _, estimate = _fit(pairs, rig, rig.tilt == "each", known, given)
-    found = from_residuals(pairs, dwells.accel is not None, judge.squares(estimate, pairs))
+    fit = _fit(pairs, rig, rig.tilt == "each", known, given, NOISE_BASIS["unknown"])
+    found = from_residuals(pairs, dwells.accel is not None, list(fit.after.values()))
     if found is None:
         raise error("north.noise_unknown", what="[noise] in the campaign file")
     return found

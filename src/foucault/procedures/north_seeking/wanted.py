@@ -14,10 +14,10 @@ from foucault.plans.north.bound import Known
 from foucault.plans.north.moves import Rig, schedule
 from foucault.plans.north.search import NorthSpace
 from foucault.plans.weights import require_seen, weights_of
-from foucault.procedures.fields import Strict
 from foucault.procedures.north_seeking.foresight import silent
 from foucault.procedures.north_seeking.settings import Ramp, Session, Settings
 from foucault.procedures.record import Beforehand
+from foucault.strict import Strict
 from foucault.units import AngleSd, Seconds
 
 SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import information
+from foucault.diagnose import fit_checks, information
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import checks as face_checks
 from foucault.diagnose.faces import report as face_report
@@ -20,28 +19,24 @@ from foucault.diagnose.first_rest import first_rest_orientation
 from foucault.diagnose.hand_rotated import report as session_report
 from foucault.diagnose.rests import Rests, detection_table, measure_noise
 from foucault.errors import Finding
-from foucault.estimate import gauss_newton
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.faces.covariance import FaceNoise, covariance_parts, noise_parts
 from foucault.estimate.faces.likelihood import (
+    FaceNoise,
     Scene,
-    State,
-    build,
-    clearest_drift,
     closed_form,
+    on_faces,
     unbiased,
 )
-from foucault.estimate.faces.scatter import believe
 from foucault.estimate.snooping import snoop
+from foucault.infer import mixed
 from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.faces import TurnReadings, face_name
-from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge
+from foucault.models.imu import EQUATION, FRAME, Gauge
 from foucault.models.noise import ImuNoise
 from foucault.models.references import gravity_error, with_references
 from foucault.models.session_noise import SessionNoise
 from foucault.procedures.on_faces.settings import FaceSettings
-from foucault.result import Problem, Result, Verdict
+from foucault.result import Result, Verdict
 from foucault.tables import Log, temperature_range
 
 
@@ -71,7 +66,7 @@ def noise_of(
     counts = log.sampled == "increment"
     if declared is not None:
         noise = SessionNoise.declared(declared, log.interval, counts)
-        return FaceNoise.sampled(noise, faces.readings, turns)
+        return FaceNoise.sampled(noise, faces.readings, turns, "declared")
     assert log.accel is not None
     level = np.zeros(0)
     rests = Rests(faces.first, faces.last, level, level, level, float("nan"), 1)
@@ -84,21 +79,7 @@ def noise_of(
         accel_rounding=accel.rounding, gyro_rounding=gyro.rounding,
         accel_carried=accel.carried, gyro_carried=gyro.carried,
     )  # fmt: skip
-    return FaceNoise.sampled(noise, faces.readings, turns)
-
-
-@dataclass(frozen=True)
-class Solution:
-    """The likelihood solved, with everything that the result needs."""
-
-    evidence: FaceEvidence  # what the checks look at
-    problem: Problem  # the problem that was solved
-    parts: dict[str, FloatArray]  # (3 k, 3 k) covariance of the readings by source [SI]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The coefficients."""
-        return self.problem.layout.names
+    return FaceNoise.sampled(noise, faces.readings, turns, "measured")
 
 
 def solve(
@@ -107,44 +88,31 @@ def solve(
     turns: TurnReadings | None,
     site: Site,
     names: tuple[str, ...],
-    noise: FaceNoise,
-    declared: bool,
+    noise: ImuNoise | None,
     given: tuple[float | None, float | None, float | None],
     prior: Mapping[str, tuple[float, float]],
-) -> Solution:
-    """Solve the likelihood of rests and turns.
+) -> FaceEvidence:
+    """Solve the model of rests and turns.
 
-    `log`: readings [SI]; `turns` or None: the turns; `noise`: noise of the readings [SI]; `given`
-    or None: placement, level and angle as declared [rad]; `prior`: mean and standard deviation of
-    coefficients or groups [SI].
+    `log`: readings [SI]; `turns` or None: the turns; `noise` or None: declared noise [SI];
+    `given`: placement, level and angle as declared, or None [rad]; `prior`: mean and standard
+    deviation of coefficients or groups [SI].
     """
     scene, start = closed_form(faces.readings, turns, site, names, log)
-    belief, found = believe(scene, names, start, noise, given)
-    scene = scene.tilted(belief.placement, belief.level)
-    parts = covariance_parts(scene, start, noise, belief, given[0] is None)
-    cov = np.asarray(sum(parts.values()))
-    problem = build(scene, names, start, cov)
-    estimate = gauss_newton.solve(problem)
-    if prior:
-        known = CoefficientVector.prior(LAYOUT.subset(names), prior)
-        problem = replace(problem, prior=known)
-        estimate = gauss_newton.add_prior(problem, estimate)
-    at = problem.linearise(estimate.state, np.ones(problem.n_blocks))
-    evidence = FaceEvidence(
-        scene, faces, unbiased(estimate), noise, declared, belief, given[0] is not None, found, cov,
-        snoop(at, estimate.state_cov), given[2] is not None,
-        clearest_drift(scene, problem, estimate, cov),
-    )  # fmt: skip
-    return Solution(evidence, problem, parts)
+    had = noise_of(log, faces, turns, noise)
+    model = on_faces(scene, start, names, had, given)
+    fit = mixed.fit(model, CoefficientVector.prior(model.layout, prior) if prior else None)
+    tested = snoop(fit.white, fit.estimate.state_cov)
+    fit = replace(fit, estimate=unbiased(fit.estimate))
+    return FaceEvidence(fit, model, faces, tested, given[0] is not None, given[2] is not None)
 
 
-def result_of(procedure: str, log: Log, solution: Solution) -> Result:
-    """Make the result of a solution.
+def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
+    """Make the result of what was solved.
 
     `log`: readings [SI].
     """
-    e = solution.evidence
-    estimate, site, faces = e.estimate, e.scene.site, e.faces
+    estimate, site, faces = e.fit.estimate, e.scene.site, e.faces
     checks = face_checks.checks(e)
     tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
     if faces.rests is not None:
@@ -161,7 +129,7 @@ def result_of(procedure: str, log: Log, solution: Solution) -> Result:
         status=estimate.status,
         site=site.as_dict(),
         validity=_validity(log, e.scene),
-        diagnostics=_diagnostics(log, solution),
+        diagnostics=_diagnostics(log, e),
         tables=tables,
     )
 
@@ -171,13 +139,15 @@ def _noticed(log: Log, e: FaceEvidence) -> tuple[Finding, ...]:
     return spared(log.findings, log, used, used)
 
 
-def _diagnostics(log: Log, solution: Solution) -> dict[str, Any]:
-    e = solution.evidence
-    estimate, r = e.estimate, e.scene.rests
+def _diagnostics(log: Log, e: FaceEvidence) -> dict[str, Any]:
+    estimate, r = e.fit.estimate, e.scene.rests
+    gravity = gravity_error(estimate.coefficients, e.scene.site) ** 2
     out: dict[str, Any] = {
         "iterations": estimate.iterations,
-        "noise": session_report.noise_json(e.noise.session, e.declared),
-        "chi_square": _chi_square(e),
+        "noise": session_report.noise_json(
+            e.model.noise.session, e.model.noise.source == "declared"
+        ),
+        "chi_square": fit_checks.chi_square_json(e.fit.after),
         "gravity": e.scene.site.gravity,
         "unseen": [
             *face_checks.unseen(e),
@@ -185,20 +155,24 @@ def _diagnostics(log: Log, solution: Solution) -> dict[str, Any]:
                 estimate.coefficients, e.scene.site.gravity, _validity(log, e.scene).get("gyro")
             ),
         ],
-        "placement_sd": e.belief.placement,
+        "placement_sd": e.tilt(0),
         "placement_declared": e.placement_given,
         "faces": [face_name(int(a), s) for a, s in zip(r.axis, r.sign, strict=True)],
         "mounting": estimate.state.C_bk.tolist(),
-        "budget": _budget(solution),
-        **_bound(solution),
+        **fit_checks.budget_json(
+            e.fit,
+            {"local gravity": (gravity, "B", "standard uncertainty of local gravity")},
+            e.gain,
+        ),
+        **information.bound(mixed.noise_alone(e.fit), estimate.state),
     }
-    if not e.noise.known:
+    if not e.model.noise.known:
         out["noise"] = {"source": "unknown: from the residuals"}
     if e.scene.turns is not None:
         out |= {
             "turns": face_checks.turns_in_words(e.scene),
-            "level_sd": e.belief.level,
-            "angle_sd": e.belief.angle,
+            "level_sd": e.tilt(1),
+            "angle_sd": e.tilt(2),
         }
     if e.faces.rests is not None:
         rests = e.faces.rests
@@ -209,46 +183,6 @@ def _diagnostics(log: Log, solution: Solution) -> dict[str, Any]:
             "rest_time": float(r.time.sum()),
         }
     return out
-
-
-def _chi_square(e: FaceEvidence) -> dict[str, list[float]]:
-    """Sum of squares with limits and degrees of freedom, where anything is left over."""
-    out = {}
-    for kind, size in zip(("accel", "gyro", "turns"), e.scene.sizes, strict=True):
-        value, dof = e.component(kind)
-        if size and dof >= 0.5:
-            out[kind] = [value, *chi_square_limits(dof), dof]
-    return out
-
-
-def _bound(solution: Solution) -> dict[str, Any]:
-    """Cramer-Rao bound of the noise alone, and what is seen worst."""
-    e = solution.evidence
-    every = noise_parts(e.scene, e.estimate.state, e.noise)
-    alone = np.asarray(sum(part for name, part in every.items() if name.endswith(" noise")))
-    at_state: State = e.estimate.state
-    return information.bound(build(e.scene, solution.names, at_state, alone), at_state)
-
-
-def _budget(solution: Solution) -> dict[str, list[float]]:
-    """Variance of every coefficient by source: the gain applied to each part of the covariance."""
-    from scipy.linalg import cho_factor, cho_solve
-
-    e, n = solution.evidence, len(solution.names)
-    estimate = e.estimate
-    at = solution.problem.linearise(estimate.state, np.ones(solution.problem.n_blocks))
-    root = np.linalg.cholesky(e.cov)
-    slope = root @ at.jacobian
-    gain = estimate.state_cov @ cho_solve(cho_factor(e.cov), slope).T
-    out = {
-        name: np.einsum("ij,jk,ik->i", gain[:n], part, gain[:n])
-        for name, part in solution.parts.items()
-    }
-    left = np.diag(estimate.state_cov)[:n] - np.sum(list(out.values()), axis=0)
-    if np.isfinite(estimate.coefficients.prior_sd).any():
-        out["prior"] = np.maximum(left, 0.0)
-    out["local gravity"] = gravity_error(estimate.coefficients, e.scene.site) ** 2
-    return {name: variance.tolist() for name, variance in out.items() if variance.any()}
 
 
 def _validity(log: Log, scene: Scene) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from foucault.procedures import fields
+from foucault.strict import Strict
 from foucault.units import AngleSd, Seconds
 
 
@@ -26,7 +27,7 @@ class FaceSettings(fields.EarthRate, fields.Terms):
     threshold: fields.Threshold = None
 
 
-class FaceSession(fields.Strict):
+class FaceSession(Strict):
     """The session on faces that `simulate` makes."""
 
     rest_time: fields.RestTime = 10.0

@@ -19,6 +19,7 @@ from foucault.procedures import fields
 from foucault.simulate.table.log import Simulation, simulate_means
 from foucault.simulate.table.log import simulate as simulate_log
 from foucault.simulate.table.readings import Rig
+from foucault.strict import Strict
 from foucault.units import Angle, AngleSd, Quantity
 
 LOG_LINES = """\
@@ -101,7 +102,7 @@ class TableSettings(fields.Robust, fields.EarthRate, fields.Terms):
         return self.plan if self.positions is None else self.positions
 
 
-class TableSession(fields.Strict):
+class TableSession(Strict):
     """The session on a table that `simulate` makes."""
 
     rest_time: fields.RestTime = 60.0

@@ -17,10 +17,11 @@ from foucault.plans.tumble.reach import needs
 from foucault.plans.tumble.search import Conditions, TorquingSpace
 from foucault.plans.tumble.torquing import TorquingPlan
 from foucault.plans.weights import weights_of
-from foucault.procedures.fields import Strict, located
+from foucault.procedures.fields import located
 from foucault.procedures.platform_tumble.foresight import Planned, planned, with_plan
 from foucault.procedures.platform_tumble.settings import GRADE, Session, Settings, draw_errors
 from foucault.procedures.record import Beforehand
+from foucault.strict import Strict
 from foucault.units import Quantity, parse
 
 DEGREE = float(np.radians(1.0))

@@ -18,7 +18,7 @@ from foucault.models.noise import ImuNoise
 from foucault.plans.tumble import torquing
 from foucault.plans.tumble.reach import Limits
 from foucault.plans.tumble.torquing import TorquingPlan
-from foucault.procedures.fields import Strict, located
+from foucault.procedures.fields import located
 from foucault.procedures.platform_tumble.usual import NOISE as NOISE
 from foucault.procedures.platform_tumble.usual import PRIOR as PRIOR
 from foucault.procedures.platform_tumble.usual import TYPICAL as TYPICAL
@@ -28,6 +28,7 @@ from foucault.simulate.tumble import (
     TumbleSimulation,
     simulate_tumble,
 )
+from foucault.strict import Strict
 from foucault.units import Angle, AngleSd, Rate, Seconds
 
 Three = tuple[str, str, str]

@@ -18,35 +18,43 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose import information
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.first_rest import first_as_declared
+from foucault.diagnose.fit_checks import budget_json, chi_square_json
 from foucault.diagnose.positions.readings import find_readings
-from foucault.diagnose.rate_table import checks as rate_checks
-from foucault.diagnose.rate_table import report as rate_report
-from foucault.diagnose.rate_table.checks import RateEvidence
-from foucault.diagnose.rate_table.steps import Commanded, rate_steps, require_determined
+from foucault.diagnose.rate_table.steps import Commanded, rate_steps
 from foucault.diagnose.time_base import times_the_table
 from foucault.errors import Finding, error
-from foucault.estimate import gauss_newton
-from foucault.estimate.rate_table.likelihood import Trust, build, fit
-from foucault.estimate.rate_table.scatter import fit_scatter, scaled_noise
+from foucault.infer import mixed
 from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
-from foucault.models.rate_steps import Steps
 from foucault.models.readings import Readings
+from foucault.procedures.rate_table import checks as rate_checks
+from foucault.procedures.rate_table import figures
+from foucault.procedures.rate_table.checks import Solution, require_determined
+from foucault.procedures.rate_table.model import TIMES, RateTable
 from foucault.procedures.rate_table.session import LOG_LINES, Session, Settings, in_si, simulated
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result, Verdict
 from foucault.tables import AXES, Log, temperature_range
 
 FRAME = "axes of the fixture, right-forward-up as it holds the instrument"
-UNKNOWN = "readings.noise_unknown"
 GAUGE = "each axis is the spin axis of its placements"
+SOURCES = {
+    "declared": "declared",
+    "measured": "measured in the steps",
+    "unknown": "measured by the residuals",
+}
+
+FEW = 0.1
+"""A larger part of the steps being outliers, they are scatter [1]."""
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
@@ -102,48 +110,39 @@ def from_readings(
     site = settings.where(site)
     commanded = Commanded(in_si(settings.rates), settings.axes)
     steps, found = rate_steps(readings, commanded, told=told, site=site)
-    evidence = _evidence(readings, steps, settings, site, prior or {})
-    return _result(readings, settings, site, evidence, found)
+    table = RateTable(
+        steps, names_of(settings), settings, site.latitude,
+        "declared" if readings.declared else "unknown" if readings.noise_unknown else "measured",
+    )  # fmt: skip
+    return _result(readings, settings, site, solved(table, site, prior), found)
 
 
-def _evidence(
-    readings: Readings,
-    steps: Steps,
-    settings: Settings,
-    site: Site,
-    given: Mapping[str, tuple[float, float]],
-) -> RateEvidence:
-    names = names_of(settings)
-    prior = CoefficientVector.prior(LAYOUT.subset(names), given) if given else None
-    trust = Trust(settings.table_rate_sd, settings.rate_sd, settings.fixture_sd, site.latitude)
-    require_determined(steps, names, build(steps, names, trust, prior))
-    loss = gauss_newton.huber if settings.robust else gauss_newton.least_squares
-    unknown = any(f.code == UNKNOWN for f in _told(readings))
-    # Noise, scatter and outliers are those of the steps alone: a prior that they contradict would
-    # be taken for scatter.
-    if unknown:
-        steps = scaled_noise(steps, names, trust)
-    problem, estimate = fit(steps, names, trust, None, loss)
-    before, added = rate_checks.limits(estimate), 0.0
-    if settings.repeatability and not unknown:
-        wider = fit_scatter(steps, names, trust, None, loss)
-        if wider != trust:
-            added = float(np.sqrt(wider.rate_jitter**2 - trust.rate_jitter**2))
-            trust = wider
-            problem, estimate = fit(steps, names, trust, None, loss)
-    if prior is not None:
-        problem = replace(problem, prior=prior)
-        estimate = gauss_newton.add_prior(problem, estimate)
-    return RateEvidence(
-        steps, names, trust, problem, estimate, site, readings.declared, unknown, before, added
-    )
+def solved(
+    table: RateTable, site: Site, given: Mapping[str, tuple[float, float]] | None
+) -> Solution:
+    """Estimate the coefficients, and what scatters or moves beyond the noise.
+
+    `site`: gravity and latitude; `given` or None: mean and standard deviation of coefficients or
+    groups of coefficients [SI].
+    """
+    prior = CoefficientVector.prior(table.layout, given) if given else None
+    require_determined(table, prior)
+    solve = partial(mixed.fit, prior=prior, robust=table.settings.robust, few=FEW)
+    fit = solve(table)
+    if table.looks_for_scatter:
+        # Another bias in every step first: one that moves slowly would follow outliers.
+        span = float(np.ptp(table.steps.middle))
+        tried = [table, *(replace(table, bias_time=span * part) for part in TIMES)]
+        best = mixed.likeliest(tried, fit.state, fit.estimate.weights)
+        table, fit = best, fit if best is table else solve(best)
+    return Solution(table, fit, site)
 
 
 def _result(
-    readings: Readings, settings: Settings, site: Site, e: RateEvidence, found: list[Finding]
+    readings: Readings, settings: Settings, site: Site, e: Solution, found: list[Finding]
 ) -> Result:
     checks = rate_checks.checks(e)
-    estimate = e.estimate
+    estimate = e.fit.estimate
     bent = settings.asymmetry or settings.cubic
     return Result(
         procedure="rate_table",
@@ -159,39 +158,35 @@ def _result(
         validity={"gyro": [float(e.steps.gyro.min()), float(e.steps.gyro.max())]},
         diagnostics={
             "iterations": estimate.iterations,
-            "noise": {"source": _source(e), "gyro_white": _white(e.steps)},
-            "chi_square": {"steps": [*rate_checks.limits(estimate), estimate.dof]},
-            "chi_square_of_noise_alone": {"steps": [*e.before, estimate.dof]},
-            "rate_table": rate_report.standard_figures(e),
-            "rate_scatter": e.added,
-            "bias_drift": rate_report.drift_figures(e),
-            "budget": rate_report.budget(e),
+            "noise": {"source": SOURCES[e.table.noise], "gyro_white": _white(e)},
+            "chi_square": chi_square_json(e.fit.after),
+            "chi_square_of_noise_alone": chi_square_json(e.fit.before),
+            "rate_table": figures.standard_figures(e),
+            "rate_scatter": e.scatter,
+            "bias_drift": figures.drift_figures(e),
             "unseen": [
                 *unseen(settings),
                 *unseen_sizes(
                     estimate.coefficients, site.gravity, (e.steps.gyro.min(), e.steps.gyro.max())
                 ),
             ],
-            **rate_report.bound(e),
+            **budget_json(e.fit, {}),
+            **information.bound(mixed.noise_alone(e.fit), e.fit.state),
         },
-        tables={"rate_steps": rate_report.step_table(e, readings.start)},
+        tables={"rate_steps": figures.step_table(e, readings.start)},
     )
 
 
 def _told(readings: Readings) -> list[Finding]:
     """Return what was noticed in the readings; a declared noise is known, of means too."""
-    return [f for f in readings.findings if not (readings.declared and f.code == UNKNOWN)]
+    known = "readings.noise_unknown" if readings.declared else ""
+    return [f for f in readings.findings if f.code != known]
 
 
-def _source(e: RateEvidence) -> str:
-    if e.unknown:
-        return "measured by the residuals"
-    return "declared" if e.declared else "measured in the steps"
-
-
-def _white(steps: Steps) -> list[float]:
-    variance = np.diagonal(steps.cov, axis1=1, axis2=2) * steps.time[:, None]
-    return [float(v) for v in np.sqrt(np.median(variance, axis=0))]
+def _white(e: Solution) -> list[float]:
+    variance = np.sum(e.table.noise_root**2, axis=2) * e.steps.time[:, None]
+    size = e.fit.sds.get("gyro noise", 1.0)
+    return [float(v) for v in size * np.sqrt(np.median(variance, axis=0))]
 
 
 def unseen(settings: Settings) -> list[str]:

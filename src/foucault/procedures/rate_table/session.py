@@ -20,6 +20,7 @@ from foucault.simulate.rate_table import (
     TableErrors,
     simulate_rate_table,
 )
+from foucault.strict import Strict
 from foucault.tables import AXES
 from foucault.units import AngleSd, RatioSd, Seconds
 
@@ -43,7 +44,7 @@ def in_si(rates: tuple[str, ...]) -> FloatArray:
     return np.array([units.parse(text, "angular rate", "rates") for text in rates])
 
 
-class _Rates(fields.Strict):
+class _Rates(Strict):
     """A list of rates as text, each checked where it stands."""
 
     @field_validator("rates", mode="after", check_fields=False)

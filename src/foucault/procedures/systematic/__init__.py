@@ -95,7 +95,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     )  # fmt: skip
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
-    legs = legs_of(p.increments, p.rests, site, run, p.noise, p.at_rest)
+    legs = legs_of(p.model, run)
     known = recordings.lasting(steady(p).prior)
     usual = recordings.lasting(prior_of(steady(p).sensors, {})).prior_sd
     e = judge.Evidence(p.increments, p.rests, run, recordings.lasting(solution.states),

@@ -18,7 +18,6 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.information import Information
 from foucault.diagnose.systematic.recordings import lasting
-from foucault.estimate.systematic.fit import solve
 from foucault.models import imu
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -142,11 +141,11 @@ def bound(problem: SystematicProblem, solution: Solution, settings: Settings) ->
     known = SURE * p.noise.accel.white * np.sqrt(p.at_rest.interval)
     sure = replace(p.at_rest, velocity_sd=known, decorrelate=False)
     begun = [(run.trajectory.C_nb[0], p.phi_sd) for run in solution.run.recordings()]
-    first = p.start.C_nb if settings.steps == "published" else begun[0][0]
-    found = solve(
-        p.increments, first, p.site, p.sensors, p.rests, p.start_cov(), p.noise, first=p.first,
-        at_rest=sure, estimate=solution.states.values, further=p.starts(begun),
-    )  # fmt: skip
+    if settings.steps == "published":
+        begun[0] = p.begun[0]
+    found = replace(p.model, at_rest=sure).filtered(
+        p.starts(begun), solution.states.values, p.prior.prior_sd
+    )
     told = lasting(replace(found.estimate, prior_sd=p.prior.prior_sd))
     near, far = (
         public(replace(solution, states=_hardly_known(told, wide)), settings)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.models.deflection import DeflectionModel
-from foucault.models.earth import Site, gravity
+from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import model_of
 from foucault.models.rotation import log as rotation_vector
@@ -90,7 +90,7 @@ def _navigated(
     first = increments.row_at(BEFORE)
     begin = align(increments, made.site, end=BEFORE)
     state = State.at_rest(begin.C_nb, made.site.latitude, 0.0, made.site.height)
-    offset = made.site.gravity - float(gravity(made.site.latitude, made.site.height))
+    offset = made.site.anomaly
     run = navigate(increments, state, first=first, gravity_offset=offset, vertical="held")
     rows = np.arange(0, len(run.time), round(EVERY * RATE))
     time = run.time[rows]

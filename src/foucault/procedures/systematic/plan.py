@@ -20,7 +20,7 @@ from foucault.plans.systematic.moves import Allowed
 from foucault.plans.systematic.search import SystematicSpace, sd_limit
 from foucault.plans.systematic.sequence import RATE, CalibrationSequence
 from foucault.plans.weights import weights_of
-from foucault.procedures.fields import Shortest, Strict, located
+from foucault.procedures.fields import Shortest, located
 from foucault.procedures.record import Beforehand
 from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen
 from foucault.procedures.systematic.problem import steady
@@ -34,6 +34,7 @@ from foucault.procedures.systematic.settings import (
     draw_errors,
     planned,
 )
+from foucault.strict import Strict
 from foucault.units import Quantity, Seconds, parse
 
 HERE = "the site"

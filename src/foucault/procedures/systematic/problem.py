@@ -17,7 +17,7 @@ from foucault.diagnose.systematic.rests import FoundSequence, find_sequence, req
 from foucault.diagnose.systematic.sequence import Matched, match_sequence, recognised
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import AtRest, Start
+from foucault.estimate.systematic.fit import AtRest, Start, SystematicModel
 from foucault.models.deflection import GENERAL
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import Sensors
@@ -74,18 +74,27 @@ class SystematicProblem:
     @property
     def begun(self) -> list[tuple[FloatArray, FloatArray]]:
         """Attitude at the start of every recording [1], and its uncertainty, E N U [rad]."""
-        first = Begun(self.first, self.start, self.phi_sd)
-        return [(b.start.C_nb, b.phi_sd) for b in (first, *self.further)]
+        return [(b.start.C_nb, b.phi_sd) for b in self._recordings]
+
+    @property
+    def _recordings(self) -> list[Begun]:
+        return [Begun(self.first, self.start, self.phi_sd), *self.further]
+
+    @property
+    def model(self) -> SystematicModel:
+        """All that a pass of the filter takes, but for where it begins."""
+        return SystematicModel(self.increments, self.site, self.sensors, self.rests, self.noise,
+                               self.at_rest)  # fmt: skip
 
     def starts(self, begun: Sequence[tuple[FloatArray, FloatArray]]) -> list[Start]:
-        """Return the starts of the further recordings.
+        """Return the starts of all recordings.
 
         `begun` (3, 3): attitude at the start of every recording [1] and its uncertainty, E N U
         [rad].
         """
         return [
             Start(b.first, C_nb, self.start_cov(np.minimum(b.phi_sd, phi_sd))[:9, :9])
-            for b, (C_nb, phi_sd) in zip(self.further, begun[1:], strict=True)
+            for b, (C_nb, phi_sd) in zip(self._recordings, begun, strict=True)
         ]
 
     @property
@@ -93,18 +102,13 @@ class SystematicProblem:
         """Row at whose end the filter starts."""
         return self.rests[0][0]
 
-    def start_cov(
-        self, phi_sd: FloatArray | None = None, sd: FloatArray | None = None
-    ) -> FloatArray:
+    def start_cov(self, phi_sd: FloatArray | None = None) -> FloatArray:
         """Return the covariance at the start, shape (9 + p, 9 + p) [SI].
 
-        `phi_sd` (3,): uncertainty of the attitude, None for the one of the problem [rad]; `sd`
-        (p,): standard deviations of the coefficients, None for those of the prior [SI].
+        `phi_sd` (3,): uncertainty of the attitude, None for the one of the problem [rad].
         """
-        phi = self.phi_sd if phi_sd is None else phi_sd
-        known = self.prior.prior_sd if sd is None else sd
-        rest = self.at_rest
-        return start_cov(np.diag(phi**2), rest.velocity_sd, rest.position_sd, known)
+        phi, rest = self.phi_sd if phi_sd is None else phi_sd, self.at_rest
+        return start_cov(np.diag(phi**2), rest.velocity_sd, rest.position_sd, self.prior.prior_sd)
 
 
 def problem_of(

@@ -24,9 +24,10 @@ from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.systematic.built_in import built_in
 from foucault.plans.systematic.file import ActionTable
 from foucault.plans.systematic.sequence import REST, CalibrationSequence, orientation
-from foucault.procedures.fields import Quadratic, SampleRate, Shortest, Strict, located
+from foucault.procedures.fields import Quadratic, SampleRate, Shortest, located
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
+from foucault.strict import Strict
 from foucault.units import Angle, AngleSd, Quantity, Seconds
 
 Deflection = Literal[

@@ -11,7 +11,7 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status, error
 from foucault.estimate.ins_filter import FilterRun
-from foucault.estimate.systematic.fit import SystematicRun, attitudes_at_start, solve
+from foucault.estimate.systematic.fit import attitude_at_start
 from foucault.estimate.systematic.published import second_step
 from foucault.models import imu, size_effect
 from foucault.plans.systematic.built_in import built_in
@@ -54,11 +54,9 @@ def _published(p: SystematicProblem, settings: Settings) -> Solution:
     known = CoefficientVector(few.layout, prior.values[at], prior_sd=prior.prior_sd[at])
     part = replace(p, sensors=few, prior=known, rests=p.rests[: _first_part(p, settings)])
     one = _joint(part, settings.passes)
-    two = second_step(
-        p.increments, p.site, SystematicRun(one.run, one.states, one.passes), p.sensors, p.rests,
-        prior, p.noise, at_rest=p.at_rest,
-    )  # fmt: skip
-    return _solution(two, replace(two.estimate, prior_sd=prior.prior_sd), one.status)
+    two, begun = second_step(p.model, one.run, one.states, prior)
+    passes = (begun, two.coefficients[-1])
+    return _solution(two, replace(two.estimate, prior_sd=prior.prior_sd), passes, one.status)
 
 
 def _joint(p: SystematicProblem, passes: int) -> Solution:
@@ -68,15 +66,11 @@ def _joint(p: SystematicProblem, passes: int) -> Solution:
     linear in the readings. So later passes have a prior `NARROWED` about the result before, whose
     information is taken out again in the end.
     """
-    found = solve(
-        p.increments, p.start.C_nb, p.site, p.sensors, p.rests, p.start_cov(), p.noise,
-        first=p.first, at_rest=p.at_rest, estimate=p.prior.values, keep=True,
-        further=p.starts(p.begun),
-    )  # fmt: skip
+    found = p.model.filtered(p.starts(p.begun), p.prior.values, p.prior.prior_sd, keep=True)
     if passes == 1:
-        return _solution(found, replace(found.estimate, prior_sd=p.prior.prior_sd),
-                         Status.CONVERGED)  # fmt: skip
-    return again(p, found.estimate, begins(found.run, [C_nb for C_nb, _ in p.begun]), passes - 1)
+        states = replace(found.estimate, prior_sd=p.prior.prior_sd)
+        return _solution(found, states, (states.values,), Status.CONVERGED)
+    return again(p, found.estimate, begins(found, [C_nb for C_nb, _ in p.begun]), passes - 1)
 
 
 def begins(
@@ -88,9 +82,10 @@ def begins(
     """
     runs = found.recordings()
     before = [run.trajectory.C_nb[0] for run in runs] if C_nb is None else C_nb
-    attitudes = attitudes_at_start(runs, found.coefficients[-1], before)
-    sd = [np.sqrt(np.diag(run.attitude_cov)) for run in runs]
-    return list(zip(attitudes, sd, strict=True))
+    return [
+        (attitude_at_start(run, C, found.coefficients[-1]), np.sqrt(np.diag(run.attitude_cov)))
+        for run, C in zip(runs, before, strict=True)
+    ]
 
 
 def again(
@@ -105,23 +100,19 @@ def again(
     stay = ~p.sensors.wanders  # what wanders is at the start not what it is at the end
     sd = np.where(stay, np.minimum(p.prior.prior_sd, NARROWED * near.sd), p.prior.prior_sd)
     narrow = [NARROWED * phi_sd for _, phi_sd in begun]
-    P0, C_nb = p.start_cov(np.minimum(p.phi_sd, narrow[0]), sd), [C for C, _ in begun]
-    values = [np.where(stay, near.values, 0.0)]
+    C_nb, values = [C for C, _ in begun], [np.where(stay, near.values, 0.0)]
     while True:
-        found = solve(
-            p.increments, C_nb[0], p.site, p.sensors, p.rests, P0, p.noise, first=p.first,
-            at_rest=p.at_rest, estimate=values[-1], keep=True,
-            further=p.starts(list(zip(C_nb, narrow, strict=True))),
-        )  # fmt: skip
+        starts = p.starts(list(zip(C_nb, narrow, strict=True)))
+        found = p.model.filtered(starts, values[-1], sd, keep=True)
         # With the prior that counts: what the session hardly shows would wander on and on without.
         estimate = exchanged(found.estimate, (values[-1], sd), p.prior)
         moved = float((np.abs(estimate.values - values[-1]) / estimate.sd)[stay].max())
         values.append(np.where(stay, estimate.values, 0.0))
         if moved < SETTLED or len(values) > passes:
             break
-        C_nb = [C for C, _ in begins(found.run, C_nb)]
+        C_nb = [C for C, _ in begins(found, C_nb)]
     status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
-    return _solution(replace(found, passes=tuple(values)), estimate, status)
+    return _solution(found, estimate, tuple(values), status)
 
 
 def exchanged(
@@ -157,8 +148,9 @@ def _first_part(p: SystematicProblem, settings: Settings) -> int:
     return int(np.count_nonzero(before <= moves))
 
 
-def _solution(found: SystematicRun, states: CoefficientVector, status: Status) -> Solution:
-    run = found.run
+def _solution(
+    run: FilterRun, states: CoefficientVector, passes: tuple[FloatArray, ...], status: Status
+) -> Solution:
     stay = ~run.sensors.wanders
     if not stay.all():
         assert states.cov is not None
@@ -166,7 +158,7 @@ def _solution(found: SystematicRun, states: CoefficientVector, status: Status) -
         states = CoefficientVector(layout, states.values[stay], states.cov[np.ix_(stay, stay)],
                                    prior_sd=states.prior_sd[stay])  # fmt: skip
     logs = run.innovation**2 / run.variance + np.log(run.variance)
-    passes = tuple(values[stay] for values in found.passes)
+    passes = tuple(values[stay] for values in passes)
     return Solution(run, states, passes, status, float(-0.5 * np.nansum(logs)))
 
 

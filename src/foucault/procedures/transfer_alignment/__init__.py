@@ -39,8 +39,7 @@ from foucault.diagnose.compare.gravity import of_site
 from foucault.diagnose.time_base import stretched
 from foucault.diagnose.transfer import checks as judge
 from foucault.diagnose.transfer import findings, report
-from foucault.diagnose.transfer.checks import Evidence
-from foucault.errors import FoucaultError, error
+from foucault.errors import Finding, FoucaultError, error
 from foucault.logs.master_description import MasterDescription
 from foucault.models.imu import EQUATION
 from foucault.procedures import silent
@@ -53,8 +52,15 @@ from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.plan import EVALUATIONS, Wanted, space
 from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import GRADE, Session, draw_errors, simulated
-from foucault.procedures.transfer_alignment.settings import LEFT_OUT, Settings
-from foucault.procedures.transfer_alignment.solution import Solution, bent, gravity_error, solved
+from foucault.procedures.transfer_alignment.settings import Settings
+from foucault.procedures.transfer_alignment.solution import (
+    Solution,
+    bent,
+    gravity_error,
+    handed_over,
+    ignoring_delay,
+    solved,
+)
 from foucault.result import Result, TableData, Verdict
 from foucault.tables import Log, temperature_range
 
@@ -79,129 +85,117 @@ def _clock_slope(log: Log, given: Given[Settings], result: Result) -> FloatArray
     later = replace(table, time=start + (table.time - start) * (1.0 + FAST))
     fast = SlaveLog.of(stretched(log, FAST), later)
     try:
-        other = _solve(fast, replace(given, progress=silent, shown=False)).coefficients
+        s = _solved(fast, replace(given, progress=silent, shown=False))[0]
     except FoucaultError:
         return None
+    other = s.states.chosen(s.problem.settings.reported)
     if other.names != result.coefficients.names:
         return None
     return np.asarray((other.values - result.coefficients.values) / FAST)
 
 
-def _solve(log: Log, given: Given[Settings]) -> Result:
-    site, settings, noise, prior = given.site, given.settings, given.noise, given.prior
+def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, SlaveLog, list[Finding]]:
+    """Solve what a log shows; return the log as it was used too, and what is odd about it."""
     if not isinstance(log, SlaveLog):
         raise error("transfer.no_master")
     log = usable(log)
     given.progress(0.1, "matching what both turned")
-    settings, silence = heard(log.messages, settings)
-    site, elsewhere = there(site, log.messages)
-    problem = problem_of(log, site, settings, noise, prior)
+    settings, silence = heard(log.messages, given.settings)
+    site, elsewhere = there(given.site, log.messages)
+    problem = problem_of(log, site, settings, given.noise, given.prior)
     given.progress(0.3, "filtering")
-    if settings.estimate_flexure:
-        settings = bent(solved(problem, history=False), settings)
-        problem = problem_of(log, site, settings, noise, prior)
-    s = solved(problem, history=given.shown)
-    p = s.problem
-    e = Evidence(
-        p.slave, p.master, settings.mount, settings.matched, s.found, s.states, p.prior,
-        p.vector.values, p.sd, s.status, s.nominal, p.delay, settings.longest_delay, s.fit,
-        LEFT_OUT,
-    )  # fmt: skip
-    checks = judge.checks(e)
+    problem = bent(problem) if settings.estimate_flexure else problem
+    return solved(problem, history=given.shown), log, [*elsewhere, *silence]
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    s, log, told = _solved(log, given)
+    settings, site = s.problem.settings, s.problem.site.as_dict()
+    checks = judge.checks(s)
     error_of_g = gravity_error(s)
     assert s.states.cov is not None
     all_cov = s.states.cov + np.outer(error_of_g, error_of_g)
-    coefficients = replace(s.states, cov=all_cov).chosen(settings.reported)
     at = [s.states.layout.index(name) for name in settings.reported]
-    told = findings.findings(e, problem.findings, s.findings)
+    told += findings.findings(s, s.problem.findings, s.findings)
     tables: dict[str, TableData] = {}
     if given.shown:
         given.progress(0.7, "looking at what was found")
-        undelayed = None
-        if settings.delay != "none":
-            ignored = settings.model_copy(update={"delay": "none", "gamma": None})
-            undelayed = solved(problem_of(log, site, ignored, noise, prior), history=False).found
-        tables = report.tables(e, settings.reported, s.backward, undelayed)
+        undelayed = ignoring_delay(s) if settings.delay != "none" else None
+        tables = report.tables(s, settings.reported, s.backward, undelayed)
     return Result(
         procedure="transfer_alignment",
-        coefficients=coefficients,
+        coefficients=replace(s.states, cov=all_cov).chosen(settings.reported),
         equation=EQUATION,
         frame=FRAME,
         gauge=GAUGE,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*log.findings, *elsewhere, *silence, *told),
+        findings=(*log.findings, *told),
         status=s.status,
-        site=site.as_dict(),
+        site=site,
         validity=_validity(log),
         diagnostics={"start": float(log.time[0])}
-        | _diagnostics(log, s, e)
-        | of_site(site.as_dict(), settings.reported, error_of_g[at]),
+        | _diagnostics(log, s)
+        | of_site(site, settings.reported, error_of_g[at]),
         tables=tables,
     )
 
 
-def _diagnostics(log: SlaveLog, s: Solution, e: Evidence) -> dict[str, Any]:
-    p, settings = s.problem, s.problem.settings
+def _diagnostics(log: SlaveLog, s: Solution) -> dict[str, Any]:
+    settings, model, rows = s.problem.settings, s.model, s.states.rows()
     return {
-        "gravity": p.site.gravity,
+        "gravity": s.problem.site.gravity,
         "matching": settings.matching,
         "filter": _filter(s),
-        "bound": s.kalman.chosen(settings.reported).sd.tolist(),
-        "noise": {"accel": p.slave.noise.accel.white, "gyro": p.slave.noise.gyro.white},
+        "bound": model.estimate(s.kalman, s.prior).chosen(settings.reported).sd.tolist(),
+        "noise": {"accel": model.slave.noise.accel.white, "gyro": model.slave.noise.gyro.white},
         "delay": _delay(s),
         "hand_over": {"place": "master" if log.messages.has_place else "site"}
-        | report.hand_over(s.handed, p.slave.increments),
-        "passes": {"names": list(s.found.free.layout.names[9:]),
-                   "values": [x.tolist() for x in s.found.passes]},
-        "log_likelihood": s.found.run.log_likelihood,
-        "messages": {"used": int(s.found.free.used.sum()), "logged": len(p.master)},
-        "innovations": judge.spread(e),
-        "mounting": report.mounting(settings.mount, s.states),
-        "beside": [r for r in s.states.rows() if r["name"] in settings.beside],
-        "unseen": report.unseen(settings.mount, left_out=settings.left_out,
+        | report.hand_over(handed_over(s), model.slave.increments),
+        "passes": {"names": list(model.names[model.first :]),
+                   "values": [x.tolist() for x in s.fit.passes]},
+        "log_likelihood": s.fit.run.log_likelihood,
+        "messages": {"used": int(s.fit.system.used.sum()), "logged": len(model.master)},
+        "innovations": judge.innovations(s),
+        "mounting": report.mounting(model.mount, s.states),
+        "beside": [r for r in rows if r["name"] in settings.beside],
+        "unseen": report.unseen(model.mount, left_out=settings.left_out,
                                 misalignments=settings.misalignments),
     }  # fmt: skip
 
 
+SHOWN = ("velocity_sd", "attitude_sd", "attitude_form", "shift", "load", "flexure_sd",
+         "flexure_time", "wander")  # fmt: skip
+"""Settings that result.json repeats as they are."""
+
+
 def _filter(s: Solution) -> dict[str, Any]:
-    settings, finite = s.problem.settings, np.isfinite(s.gamma)
+    settings, bounded = s.problem.settings, not s.fit.nominal
     return {
         "name": settings.filter,
-        "gamma": s.gamma if finite else None,
-        "least_gamma": s.least if finite else None,
-        "wanted": settings.wanted if finite else None,
-        "velocity_sd": settings.velocity_sd,
-        "attitude_sd": settings.attitude_sd,
-        "attitude_form": settings.attitude_form,
-        "shift": settings.shift,
-        "load": settings.load,
-        "flexure_sd": settings.flexure_sd,
-        "flexure_time": settings.flexure_time,
-        "wander": settings.wander,
-        "left_out": _left_out(s),
-        "states": len(s.found.free.layout),
+        "gamma": s.gamma if bounded else None,
+        "least_gamma": s.least if bounded else None,
+        "wanted": settings.wanted if bounded else None,
+        **{key: getattr(settings, key) for key in SHOWN},
+        # What is counted with and not in the result.
+        "left_out": [r for r in s.states.rows() if r["name"] not in settings.reported],
+        "states": len(s.model.names),
     }
-
-
-def _left_out(s: Solution) -> list[dict[str, Any]]:
-    """Return what is counted with and not in the result, as `CoefficientVector.rows` [SI]."""
-    reported = s.problem.settings.reported
-    return [r for r in s.states.rows() if r["name"] not in reported]
 
 
 def _delay(s: Solution) -> dict[str, Any]:
     """Say where the delay is from: of each method value and standard deviation [s]."""
-    p, out = s.problem, {"method": s.problem.settings.delay, "used": s.problem.prior.delay}
-    if p.settings.estimates_delay:
+    settings, start = s.problem.settings, s.model.start.delay
+    out: dict[str, Any] = {"method": settings.delay, "used": start}
+    if settings.estimates_delay:
         found = s.states["master.delay"]
-        out |= {"method": p.settings.delay_method, "started": p.prior.delay,
-                "used": float(found.values[0]), "sd": float(found.sd[0])}  # fmt: skip
-    if p.delay is not None:
-        out["rate_matching"] = {"value": p.delay.delay, "sd": p.delay.delay_sd,
-                                "drift": p.delay.drift, "drift_sd": p.delay.drift_sd}  # fmt: skip
-    if s.fit is not None:
-        out["likelihood"] = {"value": s.fit.delay, "sd": s.fit.sd}
+        out |= {"method": settings.delay_method, "started": start, "used": float(found.values[0]),
+                "sd": float(found.sd[0])}  # fmt: skip
+    if s.delay is not None:
+        out["rate_matching"] = {"value": s.delay.delay, "sd": s.delay.delay_sd,
+                                "drift": s.delay.drift, "drift_sd": s.delay.drift_sd}  # fmt: skip
+    if s.likeliest is not None:
+        out["likelihood"] = {"value": s.likeliest.delay, "sd": s.likeliest.sd}
     return out
 
 

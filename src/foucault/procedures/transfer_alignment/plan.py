@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -11,17 +10,15 @@ from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
-from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
 from foucault.plans.transfer.moves import Flyable
 from foucault.plans.transfer.profiles import TransferProfile
 from foucault.plans.transfer.search import POSITION, TransferSpace
 from foucault.plans.weights import weights_of
-from foucault.procedures.fields import Strict
 from foucault.procedures.record import Beforehand
-from foucault.procedures.transfer_alignment.foresight import Shown, shown
+from foucault.procedures.transfer_alignment.foresight import Foreseen, foreseen
 from foucault.procedures.transfer_alignment.session import Session, moved
 from foucault.procedures.transfer_alignment.settings import Settings
+from foucault.strict import Strict
 from foucault.units import Quantity
 
 EVALUATIONS = 200
@@ -77,11 +74,7 @@ class Wanted(Strict):
 class Stated:
     """What a calibration on a motion would state."""
 
-    settings: Settings
-    session: Session
-    site: Site
-    noise: ImuNoise | None  # noise of the slave [SI]
-    prior: Mapping[str, tuple[float, float]]  # what is known beforehand [SI]
+    known: Beforehand[Settings, Session]
     # (p,) what was stated before [SI]
     _kept: dict[str, FloatArray] = field(default_factory=dict, repr=False)
 
@@ -94,25 +87,23 @@ class Stated:
                 motion = replace(motion, start=start)
             elif case == OTHERS[1]:
                 motion = replace(motion, start=replace(motion.start, latitude=ELSEWHERE))
-            self._kept[key] = _all(self.shown(motion))
+            self._kept[key] = _all(foreseen(motion, self.known))
         return self._kept[key]
-
-    def shown(self, motion: TransferProfile) -> Shown:
-        """Return what a motion shows by all its messages."""
-        return shown(motion, self.settings, self.session, self.site, self.noise, self.prior)
 
     def quick(self, motion: TransferProfile) -> FloatArray:
         """Return the same by fewer messages, each as good as those that it stands for."""
-        few = self.session.message_rate / MESSAGES
-        settings = self.settings.model_copy(update={
-            "velocity_sd": self.settings.velocity_sd / np.sqrt(few),
-            "attitude_sd": self.settings.attitude_sd / np.sqrt(few),
+        settings, session = self.known.settings, self.known.session
+        few = session.message_rate / MESSAGES
+        settings = settings.model_copy(update={
+            "velocity_sd": settings.velocity_sd / np.sqrt(few),
+            "attitude_sd": settings.attitude_sd / np.sqrt(few),
         })  # fmt: skip
-        session = self.session.model_copy(update={"message_rate": MESSAGES})
-        return _all(shown(motion, settings, session, self.site, self.noise, self.prior, rate=RATE))
+        session = session.model_copy(update={"message_rate": MESSAGES})
+        return _all(foreseen(motion, replace(self.known, settings=settings, session=session),
+                             rate=RATE))  # fmt: skip
 
 
-def _all(found: Shown) -> FloatArray:
+def _all(found: Foreseen) -> FloatArray:
     return np.append(found.vector.sd, found.position)
 
 
@@ -120,8 +111,8 @@ def space(b: Beforehand[Settings, Session]) -> TransferSpace:
     """Return the motions that are allowed; the one to beat is the campaign's."""
     wanted = b.wanted
     reference = moved(replace(b.session.motion, outage=()), b.site)
-    stated = Stated(b.settings, b.session, b.site, b.noise, b.prior)
-    vector = stated.shown(reference).vector
+    stated = Stated(b)
+    vector = foreseen(reference, b).vector
     weights = weights_of(vector.layout, wanted.weights)
     aims = wanted.aim == "position"
     return TransferSpace(

@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer import delay as delay_checks
 from foucault.diagnose.transfer.forces import forces
 from foucault.diagnose.transfer.turns import turning
 from foucault.errors import Finding, error, finding
 from foucault.estimate.delay.fit import Delay, delay_of
-from foucault.estimate.transfer.measured import Known, Slave
-from foucault.models.earth import Site, earth_rate_n, gravity, transport_rate
+from foucault.estimate.transfer.model import TransferModel
+from foucault.estimate.transfer.slave import Linearisation, Slave
+from foucault.models.earth import Site, earth_rate_n, transport_rate
 from foucault.models.geodesy import displaced
 from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
@@ -55,41 +55,35 @@ PLACE_SD = 1.0
 class TransferProblem:
     """What is solved."""
 
-    slave: Slave  # the slave's log, and what is estimated of it
-    master: Messages  # what the master said, by the slave's clock as far as that is known
-    table: MasterTable  # the same with positions
+    # slave and master, by the slave's clock as far as that is known, mount, and what was known
+    # beforehand: one copy of the master's state at the start
+    model: TransferModel
+    table: MasterTable  # what the master said, with positions
     settings: Settings
     site: Site  # where it begins, for gravity
-    prior: Known  # what was known beforehand: one copy of the master's state at the start
-    sd: FloatArray  # (n,) how well, for every state of the filter [SI]
     # what was known of the coefficients and of what is found besides [SI]
-    vector: CoefficientVector
+    prior: CoefficientVector
     hand_over: float  # when the slave goes on alone [s]
     # what rate matching has found, where the delay starts from it or is checked by it
     delay: Delay | None
     findings: tuple[Finding, ...]
-
-    def loose(self, seconds: float) -> FloatArray:
-        """Return `sd` if the start is known so much too early or too late, shape (n,) [SI].
-
-        `seconds`: standard deviation of the delay [s].
-        """
-        first, x = self.slave.first, self.slave.increments
-        C_ns = self.prior.state.C_nb
-        f_n = C_ns @ x.dvel_b[first] / x.dt[first] - [0.0, 0.0, 9.80665]
-        rates = np.concatenate([C_ns @ x.dtheta_b[first] / x.dt[first], f_n])
-        out = self.sd.copy()
-        out[:6] = np.hypot(out[:6], seconds * rates)
-        return out
 
     def with_delay(self, delay: float) -> TransferProblem:
         """Return the problem with another delay known beforehand.
 
         `delay`: the delay [s].
         """
-        first, state = _start(self.slave.increments, self.table, self.master, delay, self.settings)
-        slave, prior = replace(self.slave, first=first), replace(self.prior, delay=delay)
-        return replace(self, slave=slave, prior=replace(prior, state=state))
+        slave, master = self.model.slave, self.model.master
+        first, state = _start(slave.increments, self.table, master, delay, self.settings)
+        start = replace(self.model.start, delay=delay, state=state)
+        model = replace(self.model, slave=replace(slave, first=first), start=start)
+        return replace(self, model=model)
+
+    def with_settings(self, settings: Settings) -> TransferProblem:
+        """Return the problem with another mount, or other messages to be matched."""
+        sd = _sd(settings, self.prior, self.model.slave.noise)
+        model = replace(self.model, mount=settings.mount, matching=settings.matched, sd=sd)
+        return replace(self, model=model, settings=settings)
 
 
 def problem_of(
@@ -103,8 +97,8 @@ def problem_of(
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
 
-    `log`: readings of the slave beside what its master said [SI]; `site`: gravity, and the
-    latitude where the master does not say it; `noise`: noise of the slave [SI], None takes that
+    `log`: readings of the slave beside what its master said [SI]; `site`: where it begins, see
+    `input.there`; `noise`: noise of the slave [SI], None takes that
     of a tactical instrument; `given`: mean and standard deviation of coefficients or groups of
     coefficients [SI]; `match`: whether what both turned is compared, a simulated session without
     errors need not be.
@@ -136,16 +130,16 @@ def problem_of(
                 start = matched.delay + (matched.drift * later if drifting else 0.0)
     elif matched is not None and matched.seen:
         told += _differs(settings, matched)
-    vector = _known(settings, given)
-    p = len(settings.sensors)
-    slave = Slave(increments, settings.sensors, noise or NOISE, 0, _anomaly(site, table))
+    prior = _known(settings, given)
+    slave = Slave(increments, settings.sensors, noise or NOISE, 0, site.anomaly)
     first, state = _start(increments, table, said, start, settings)
-    at = [vector.layout.index(f"installation.{a}") for a in "xyz"]
-    known = Known(state, vector.values[:p], vector.values[at], start)
-    return TransferProblem(
-        replace(slave, first=first), said, table, settings, site, known,
-        _sd(settings, vector, slave.noise), vector, hand_over, matched, (*told, *drifting),
-    )  # fmt: skip
+    known = Linearisation(state, prior.values[: len(settings.sensors)],
+                          prior["installation"].values, start)  # fmt: skip
+    sd = _sd(settings, prior, slave.noise)
+    model = TransferModel(replace(slave, first=first), said, settings.mount, settings.matched,
+                          known, sd)  # fmt: skip
+    findings = (*told, *drifting)
+    return TransferProblem(model, table, settings, site, prior, hand_over, matched, findings)
 
 
 def _differs(settings: Settings, found: Delay) -> list[Finding]:
@@ -172,7 +166,7 @@ def _matched(
                     bracket=bracket)  # fmt: skip
 
 
-def _wild(found: Delay) -> npt.NDArray[np.bool_]:
+def _wild(found: Delay) -> BoolArray:
     """Return the messages whose attitude no neighbour leads to, shape (k,)."""
     before, after = np.append(found.wild[0], found.wild), np.append(found.wild, found.wild[-1])
     return np.asarray(before & after)
@@ -209,15 +203,6 @@ def _known(settings: Settings, given: Mapping[str, tuple[float, float]]) -> Coef
         middle = settings.longest_delay / 2
         usual["master.delay"] = middle, settings.longest_delay / np.sqrt(12.0)
     return CoefficientVector.prior(layout, {**usual, **given})
-
-
-def _anomaly(site: Site, table: MasterTable) -> float:
-    """Return by how much gravity differs from the normal one [m/s^2]."""
-    if site.latitude is not None:
-        return site.gravity - gravity(site.latitude, site.height)
-    assert table.latitude is not None
-    assert table.height is not None
-    return site.gravity - gravity(float(table.latitude[0]), float(table.height[0]))
 
 
 def _sd(settings: Settings, vector: CoefficientVector, noise: ImuNoise) -> FloatArray:

@@ -15,14 +15,14 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.logs import master as masters
-from foucault.models.earth import Site, gravity
+from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import BESIDE
 from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise, grade
 from foucault.plans.manoeuvre_table import ManoeuvreTable
 from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
-from foucault.procedures.fields import SampleRate, Strict
+from foucault.procedures.fields import SampleRate
 from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.simulate.transfer.link import Link, MasterNoise
@@ -33,6 +33,7 @@ from foucault.simulate.transfer.session import (
     turn_on_grade,
 )
 from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
+from foucault.strict import Strict
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, Seconds
 
@@ -215,8 +216,7 @@ def simulated(
     `noise`: noise of the slave [SI]; `seed`: seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
-    offset = site.gravity - gravity(site.latitude or 0.0, site.height)  # `moved` wants a latitude
-    return simulate_motion(motion, session, settings, model, noise, seed, offset)
+    return simulate_motion(motion, session, settings, model, noise, seed, site.anomaly)
 
 
 def simulate_motion(

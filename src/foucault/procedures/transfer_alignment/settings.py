@@ -16,7 +16,7 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.transfer import LOAD, Matching, Mount
-from foucault.procedures.fields import Strict
+from foucault.strict import Strict
 from foucault.units import Angle, AngleSd, Quantity, Seconds, parse
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")

@@ -7,27 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
 from foucault.diagnose.transfer.causes import BENDS
+from foucault.diagnose.transfer.checks import Evidence
 from foucault.errors import Finding, Status, error, finding
-from foucault.estimate.h_infinity import by_prior, h_infinity, least_gamma
-from foucault.estimate.linear_filter import LinearSmoothed, kalman, smoothed
-from foucault.estimate.transfer.fit import (
-    DelayFit,
-    HandOver,
-    Transfer,
-    hand_over,
-    likeliest_delay,
-    solve,
-)
-from foucault.estimate.transfer.flexure import likeliest_flexure
-from foucault.estimate.transfer.outage import after_outage
-from foucault.estimate.transfer.system import free_run
-from foucault.models.transfer import states_of_transfer
+from foucault.estimate.transfer.hand_over import HandOver, after_outage, hand_over
+from foucault.estimate.transfer.likeliest import DelayFit, likeliest_delay, likeliest_flexure
+from foucault.estimate.transfer.model import TransferFit
+from foucault.infer import filtered
+from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
+from foucault.infer.linear_filter import LinearSmoothed, kalman, smoothed
 from foucault.navigate.state import State
 from foucault.procedures.transfer_alignment.input import stamp
 from foucault.procedures.transfer_alignment.problem import TransferProblem, place_of
-from foucault.procedures.transfer_alignment.settings import Settings
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT
 from foucault.units import plain
 
 SETTLED = 0.5
@@ -38,70 +30,60 @@ STILL = 0.1
 
 
 @dataclass(frozen=True)
-class Solution:
+class Solution(Evidence):
     """What was found."""
 
     problem: TransferProblem  # what was solved, the delay that it started from included
-    found: Transfer  # the last pass; the filter that was chosen
-    # coefficients and what is found besides, at the last message, with covariance [SI]
-    states: CoefficientVector
-    # `states` by a Kalman filter: the posterior Cramer-Rao bound of a linear system is its
-    # covariance [SI]
-    kalman: CoefficientVector
-    handed: HandOver  # the slave as it goes on alone
-    fit: DelayFit | None  # the likeliest delay, where it was looked for
+    # the fit of a Kalman filter: its covariance is the posterior Cramer-Rao bound
+    kalman: TransferFit
     # gamma, least: bound of the H-infinity filter, and the least there is; infinite for a Kalman
     # filter [1]
     gamma: float
     least: float
     backward: LinearSmoothed | None  # the Kalman run as seen from its end, where wanted
-    status: Status  # how the passes ended
-    findings: list[Finding]  # what the user should know of that
-
-    @property
-    def nominal(self) -> bool:
-        """Whether the filter is a Kalman filter, whose covariance is that of its error."""
-        return not np.isfinite(self.gamma)
+    findings: list[Finding]  # what the user should know of how the passes ended
 
 
 def solved(p: TransferProblem, *, history: bool) -> Solution:
-    """Find the delay to start from, filter, and hand over."""
-    settings, fit = p.settings, None
-    if settings.estimates_delay and settings.delay_method == "likelihood":
-        p, fit = _likeliest(p)
-    elif settings.estimates_delay and settings.delay_method == "state":
-        p = _as_state(p)
-    found = solve(p.slave, p.master, settings.mount, settings.matched, p.prior, p.sd,
-                  passes=settings.passes, settled=STILL)  # fmt: skip
+    """Find the delay to start from, filter, and bound the filter where that is chosen."""
+    settings = p.settings
+    p, likeliest = _started(p)
+    fit = filtered.fit(p.model, passes=settings.passes, settled=STILL)
     backward = None
     if history:
-        kept = kalman(found.free.system, keep=True)
-        backward = smoothed(found.free.system, kept)
-        found = replace(found, run=replace(kept, before=kept.before[:0]))
-    status, told = _settled(p, found)
-    by_kalman, gamma, least = _states(p, found), np.inf, np.inf
-    if settings.filter == "h_infinity":
-        found, gamma, least = _bounded(p, found, settings)
-    states = _states(p, found)
-    return Solution(p, found, states, by_kalman, _handed(p, found), fit, gamma, least, backward,
-                    status, told)  # fmt: skip
+        kept = kalman(fit.system, keep=True)
+        backward = smoothed(fit.system, kept)
+    status, told = _settled(p, fit)
+    chosen, gamma, least = _bounded(p, fit)
+    return Solution(
+        model=p.model, fit=chosen, prior=p.prior, status=status, delay=p.delay,
+        longest=settings.longest_delay, likeliest=likeliest, aside=LEFT_OUT, problem=p, kalman=fit,
+        gamma=gamma, least=least, backward=backward, findings=told,
+    )  # fmt: skip
 
 
-def bent(s: Solution, settings: Settings) -> Settings:
-    """Return the settings with the bending that makes the innovations likeliest, if there is one.
+def ignoring_delay(s: Solution) -> Evidence:
+    """Return the same, had the delay been ignored."""
+    settings = s.problem.settings.model_copy(update={"gamma": None})
+    p = replace(s.problem, settings=settings).with_delay(0.0)
+    p = replace(p, model=p.model.without_delay())
+    fit = filtered.fit(p.model, passes=settings.passes, settled=STILL)
+    return replace(s, model=p.model, fit=_bounded(p, fit)[0])
 
-    `s`: a transfer alignment solved [SI].
-    """
-    p, found = s.problem, s.found
-    if settings.matching == "velocity" or s.status is not Status.CONVERGED:
-        return settings
-    fit = likeliest_flexure(p.slave, p.master, settings.mount, settings.matched, found.at, p.prior,
-                            p.sd, found.free.layout, s.found.run.log_likelihood)  # fmt: skip
+
+def bent(p: TransferProblem) -> TransferProblem:
+    """Return the problem with the bending that makes the innovations likeliest, if there is one."""
+    if p.settings.matching == "velocity":
+        return p
+    s = solved(p, history=False)
+    if s.status is not Status.CONVERGED:
+        return p
+    fit = likeliest_flexure(s.model, s.fit.point, s.fit.run.log_likelihood)
     if fit.gain < BENDS:
-        return settings
-    return settings.model_copy(update={
+        return p
+    return p.with_settings(p.settings.model_copy(update={
         "flexure_sd": fit.sd, "flexure_time": fit.time, "attitude_sd": fit.attitude_sd,
-    })  # fmt: skip
+    }))  # fmt: skip
 
 
 def gravity_error(s: Solution) -> FloatArray:
@@ -111,90 +93,75 @@ def gravity_error(s: Solution) -> FloatArray:
 
     `s`: a transfer alignment solved [SI].
     """
-    p, settings = s.problem, s.problem.settings
-    sd = p.site.gravity_sd
+    sd = s.problem.site.gravity_sd
     if not sd:
-        return np.zeros(len(s.states))
-    heavier = replace(p.slave, gravity_offset=p.slave.gravity_offset + sd)
-    at = s.found.at
-    free = free_run(heavier, p.master, settings.mount, settings.matched, at, p.prior, p.sd)
-    other = replace(s.found, free=free, run=kalman(free.system))
-    return _states(p, other).values - s.kalman.values
+        return np.zeros(len(s.prior))
+    names = s.model.names[s.model.first :]
+    response = filtered.response(s.kalman, s.model.heavier(sd))
+    return response[[names.index(name) for name in s.prior.names]]
 
 
-def _likeliest(p: TransferProblem) -> tuple[TransferProblem, DelayFit]:
-    """Start from the likeliest delay of the bracket."""
+def handed_over(s: Solution) -> HandOver:
+    """Hand over where the master said that it was, the slave's lever arm away."""
+    last = int(np.flatnonzero(s.fit.system.used)[-1])
+    here = place_of(s.problem.table, last, s.model.mount.lever_m)
+    position = State(*here, np.zeros(3), np.eye(3))
+    return hand_over(s.model.slave, s.fit, s.problem.hand_over, position=position)
+
+
+def _started(p: TransferProblem) -> tuple[TransferProblem, DelayFit | None]:
+    """Start from the likeliest delay of the bracket, or from what a filter finds from its middle.
+
+    Rate matching has found what it starts from otherwise.
+    """
     s = p.settings
-    fixed = replace(s.matched, delay=False)
-    layout = states_of_transfer(s.sensors, s.mount, s.matched, p.slave.noise)
-    early = p.with_delay(s.longest_delay)
-    sd = np.delete(early.loose(s.longest_delay), layout.index("master.delay"))
-    fit = likeliest_delay(early.slave, p.master, s.mount, fixed, early.prior, sd,
-                          (0.0, s.longest_delay))  # fmt: skip
-    return p.with_delay(fit.delay), fit
+    if not s.estimates_delay or s.delay_method == "rate matching":
+        return p, None
+    if s.delay_method == "likelihood":
+        early = p.with_delay(s.longest_delay).model.loose(s.longest_delay)
+        likeliest = likeliest_delay(early.without_delay(), (0.0, s.longest_delay))
+        return p.with_delay(likeliest.delay), likeliest
+    far = p.model.loose(float(p.prior["master.delay"].prior_sd[0]))
+    return p.with_delay(filtered.fit(far).values[far.names.index("master.delay") - far.first]), None
 
 
-def _as_state(p: TransferProblem) -> TransferProblem:
-    """Start from the delay that a filter finds from the middle of the bracket."""
-    s = p.settings
-    at = p.vector.layout.index("master.delay")
-    far = p.loose(float(p.vector.prior_sd[at]))
-    found = solve(p.slave, p.master, s.mount, s.matched, p.prior, far, passes=2)
-    return p.with_delay(float(found.estimate["master.delay"].values[0]))
-
-
-def _settled(p: TransferProblem, found: Transfer) -> tuple[Status, list[Finding]]:
+def _settled(p: TransferProblem, fit: TransferFit) -> tuple[Status, list[Finding]]:
     """Tell whether the last pass still moved something; what one pass has found, a second tells."""
-    if not np.isfinite(found.run.states).all():
+    if not np.isfinite(fit.run.states).all():
         return Status.NOT_FINITE, []
-    s, passes = p.settings, found.passes
+    s, passes = p.settings, fit.passes
     if len(passes) < 2:
-        passes = solve(p.slave, p.master, s.mount, s.matched, p.prior, p.sd, passes=2).passes
+        passes = filtered.fit(p.model).passes
     if len(passes) < 2:  # the second went astray
-        passes = (found.point, *passes)
-    moved = np.abs(passes[-1] - passes[-2]) / found.run.sd[-1, 9:]
+        passes = (p.model.values(fit.point), *passes)
+    moved = replace(fit, passes=passes).moved
     if float(moved.max()) < SETTLED:
         return Status.CONVERGED, []
-    name = found.free.layout.names[9 + int(np.argmax(moved))]
+    name = p.model.names[p.model.first + int(np.argmax(moved))]
     told = finding("transfer.unsettled", before=len(passes) - 1, after=len(passes), name=name,
                    moved=plain(float(moved.max()), 2), more=min(len(passes) + 3, 10),
                    passes="1 pass was" if s.passes == 1 else f"{s.passes} passes were")  # fmt: skip
     return Status.NOT_CONVERGED, [told]
 
 
-def _bounded(
-    p: TransferProblem, found: Transfer, settings: Settings
-) -> tuple[Transfer, float, float]:
-    """Filter the last system again, with a bound."""
-    system = found.free.system
+def _bounded(p: TransferProblem, fit: TransferFit) -> tuple[TransferFit, float, float]:
+    """Filter the last system again with a bound, where that is chosen; gamma and the least."""
+    system, settings, layout = fit.system, p.settings, p.model.layout
+    if settings.filter == "kalman":
+        return fit, np.inf, np.inf
     if settings.wanted == "prior":
         # A free run's position is never measured, its vertical velocity only where that is matched:
         # bounding what grows without a bound would leave nothing of the bound for the others.
-        unseen = (6, 7, 8) if settings.matched.vertical else (5, 6, 7, 8)
+        unseen = (6, 7, 8) if p.model.matching.vertical else (5, 6, 7, 8)
         # Nor is anything wanted of what is only counted with.
-        layout = found.free.layout
-        aside = [layout.index(n) for n in p.vector.names if n not in settings.reported]
+        aside = [layout.index(n) for n in p.prior.names if n not in settings.reported]
         L = np.delete(by_prior(system), (*unseen, *aside), axis=0)
     else:
-        L = after_outage(found.free, settings.sensors, settings.outage)
+        L = after_outage(system, settings.sensors, settings.outage)
     least = least_gamma(system, L)
     gamma = settings.gamma_factor * least if settings.gamma is None else settings.gamma
     run = h_infinity(system, L, gamma)
     if run.stopped is not None:
         raise error("transfer.gamma", given=plain(gamma, 4), least=plain(least, 4),
-                    time=stamp(float(found.free.time[run.stopped])))  # fmt: skip
-    return replace(found, run=run), gamma, least
-
-
-def _states(p: TransferProblem, found: Transfer) -> CoefficientVector:
-    """Return what was found of `p.vector`: a bending that comes and goes is not part of it."""
-    made = found.estimate.chosen(p.vector.names)
-    return replace(made, prior_sd=p.vector.prior_sd)
-
-
-def _handed(p: TransferProblem, found: Transfer) -> HandOver:
-    """Hand over where the master said that it was, the slave's lever arm away."""
-    last = int(np.flatnonzero(found.free.used)[-1])
-    here = place_of(p.table, last, p.settings.mount.lever_m)
-    position = State(*here, np.zeros(3), np.eye(3))
-    return hand_over(p.slave, found, p.hand_over, position=position)
+                    time=stamp(float(system.time[run.stopped])))  # fmt: skip
+    return replace(fit, run=run), gamma, least

@@ -26,7 +26,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
-from foucault.estimate.linear_filter import LinearRun, LinearSystem, filtered
+from foucault.infer.linear_filter import LinearRun, LinearSystem, bounded
 
 WIDEST = 1e12
 """A gamma beyond which no filter is looked for [1]."""
@@ -53,7 +53,7 @@ def h_infinity(system: LinearSystem, L: FloatArray, gamma: float) -> LinearRun:
         raise error("h_infinity.gamma", given=f"{gamma:g}")
     if L.ndim != 2 or L.shape[1] != len(system.x0):
         raise error("h_infinity.wanted", shape=L.shape, states=len(system.x0))
-    return filtered(system, L, gamma**2)
+    return bounded(system, L, gamma**2)
 
 
 def least_gamma(system: LinearSystem, L: FloatArray, *, within: float = 0.01) -> float:

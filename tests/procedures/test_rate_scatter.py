@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.consistency import nees
-from foucault.estimate import gauss_newton
-from foucault.estimate.rate_table.likelihood import State, Trust, build, drift_root, fit
-from foucault.estimate.rate_table.scatter import fit_scatter
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.procedures.rate_table import Settings, from_readings, names_of
+from foucault.procedures.rate_table import Settings, from_readings, names_of, solved
+from foucault.procedures.rate_table.model import RateTable
 from make_rates import LATITUDE, make_readings, make_steps
 
 NAMES = names_of(Settings())
-KNOWN = Trust(latitude=LATITUDE)
 HOUR = np.radians(1 / 3600)
 NOISE = 1.5 * HOUR
 
@@ -49,35 +46,26 @@ def steps_apart(sd):
     return lambda rng, t: sd * rng.normal(size=(len(t), 3))
 
 
-def found(steps):
-    trust = fit_scatter(steps, NAMES, KNOWN)
-    _, estimate = fit(steps, NAMES, trust)
-    return trust, estimate
+def found(steps, **settings):
+    table = RateTable(steps, NAMES, Settings(**settings), LATITUDE)
+    return solved(table, Site.at(LATITUDE), None)
 
 
-def test_derivatives_by_a_bias_that_moves():
-    steps = make_steps(sd=1e-5)
-    for time in (300.0, np.inf):
-        trust = replace(KNOWN, bias_sd=1e-4, bias_time=time)
-        n = len(steps)
-        drift = np.random.default_rng(1).normal(size=(n, 3))
-        state = State(ImuModel(), 0.0, 0.0, np.zeros((6, 2)), drift)
-        problem = build(steps, NAMES, trust, start=state)
-        at = problem.linearise(state, np.ones(n))
-        step = np.random.default_rng(2).normal(size=at.jacobian.shape[1])
-        step[: len(NAMES)] *= 1e-6
-        moved = problem.linearise(problem.retract(state, step), np.ones(n)).residuals
-        np.testing.assert_allclose(at.residuals - moved, at.jacobian @ step, atol=1e-5)
+def bias_of(table):
+    at = table.linearise(ImuModel())
+    rows = next(s for s in at.sources if s.name == "bias drift").shared
+    return np.einsum("nik,mik->nm", rows, rows) / 3
 
 
 def test_the_covariance_of_a_bias_that_moves():
     steps = make_steps()
-    root = drift_root(steps, Trust(bias_sd=2e-6, bias_time=300.0))
+    table = RateTable(steps, NAMES, Settings(), LATITUDE)
     apart = np.abs(steps.middle[:, None] - steps.middle)
-    np.testing.assert_allclose(root @ root.T, 4e-12 * np.exp(-apart / 300.0), atol=1e-19)
-    root = drift_root(steps, Trust(bias_sd=2e-6, bias_time=np.inf))
+    cov = bias_of(replace(table, bias_time=300.0))
+    np.testing.assert_allclose(cov, np.exp(-apart / 300.0), atol=1e-8)
     x = steps.middle - np.sum(steps.time) / 2
-    np.testing.assert_allclose(root @ root.T, 4e-12 * np.outer(x, x) / np.mean(x**2), atol=1e-24)
+    cov = bias_of(replace(table, bias_time=np.inf))
+    np.testing.assert_allclose(cov, np.outer(x, x) / np.mean(x**2), atol=1e-12)
 
 
 @pytest.mark.thorough
@@ -89,8 +77,7 @@ def test_errors_have_the_size_that_is_promised(drift):
     """True is the bias that the movement is about, and no other error at all."""
     ratio = []
     for seed in range(8):
-        _, estimate = found(session(seed, drift))
-        c = estimate.coefficients
+        c = found(session(seed, drift)).fit.estimate.coefficients
         ratio.append(nees(c.values[None], c.cov)[0] / len(NAMES))
     # The sd of the mean of eight is 0.12 where all is known.
     assert 0.65 < np.mean(ratio) < 1.4
@@ -98,26 +85,23 @@ def test_errors_have_the_size_that_is_promised(drift):
 
 @pytest.mark.thorough
 def test_neither_scatter_takes_the_part_of_the_other():
-    jitter = np.array([
-        [t.rate_jitter * 1e6, t.bias_sd / HOUR]
-        for t in (found(session(k, jitter=5e-5))[0] for k in range(4))
-    ])  # fmt: skip
-    assert (np.abs(jitter[:, 0] - 50) < 20).all()
-    assert not jitter[:, 1].any()
-    bias = [found(session(k, steps_apart(10 * HOUR)))[0] for k in range(4)]
-    assert not any(t.rate_jitter for t in bias)
-    assert np.mean([t.bias_sd for t in bias]) == pytest.approx(10 * HOUR, rel=0.2)
-    both = [found(session(k, markov(10 * HOUR), 1e-4))[0] for k in range(4)]
-    assert all(5e-5 < t.rate_jitter < 2e-4 for t in both)
-    assert all(4 * HOUR < t.bias_sd < 25 * HOUR for t in both)
+    jitter = [found(session(k, jitter=5e-5)) for k in range(4)]
+    assert all(abs(e.scatter - 5e-5) < 2e-5 for e in jitter)
+    assert not any(e.bias_sd for e in jitter)
+    bias = [found(session(k, steps_apart(10 * HOUR))) for k in range(4)]
+    assert not any(e.scatter for e in bias)
+    assert np.mean([e.bias_sd for e in bias]) == pytest.approx(10 * HOUR, rel=0.2)
+    both = [found(session(k, markov(10 * HOUR), 1e-4)) for k in range(4)]
+    assert all(5e-5 < e.scatter < 2e-4 for e in both)
+    assert all(4 * HOUR < e.bias_sd < 25 * HOUR for e in both)
 
 
 def test_a_bad_step_is_no_scatter():
     steps = session(1)
     steps.gyro[8, 0] += 200 * HOUR
-    trust, estimate = found(steps)
-    assert trust == KNOWN
-    assert estimate.weights[8] < 0.1
+    e = found(steps)
+    assert not e.scatter and not e.bias_sd
+    assert e.fit.outliers.tolist() == [8]
 
 
 def test_a_bias_that_moves_is_told_in_words_and_doubted_where_it_is_large():
@@ -145,6 +129,5 @@ def test_a_bias_that_moves_is_told_in_words_and_doubted_where_it_is_large():
 
 def test_squares_and_robust_find_the_same_where_nothing_is_bad():
     steps = session(4, markov(10 * HOUR))
-    one = fit_scatter(steps, NAMES, KNOWN)
-    other = fit_scatter(steps, NAMES, KNOWN, loss=gauss_newton.least_squares)
+    one, other = (found(steps, loss=loss) for loss in ("robust", "squares"))
     assert one.bias_sd == pytest.approx(other.bias_sd, rel=0.1)

@@ -16,7 +16,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -65,6 +65,12 @@ class LinearRun:
     stopped: int | None
 
     @cached_property
+    def white(self) -> FloatArray:
+        """Innovations over their standard deviations, shape (m, q); NaN where there is none [1]."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.innovation / np.sqrt(self.variance))
+
+    @cached_property
     def nis(self) -> FloatArray:
         """Normalised innovation squared of each epoch, shape (m,) [1]."""
         return np.asarray(np.nansum(self.innovation**2 / self.variance, axis=1))
@@ -77,7 +83,7 @@ class LinearRun:
         return float(-0.5 * np.sum(e**2 / S + np.log(2.0 * np.pi * S)))
 
 
-def given(cov: FloatArray, known: list[int]) -> FloatArray:
+def conditional(cov: FloatArray, known: list[int]) -> FloatArray:
     """Return the covariance that is left once some of the states are known exactly.
 
     `cov` (n, n): covariance of all states [SI]; `known`: which become known [1].
@@ -95,13 +101,13 @@ def kalman(system: LinearSystem, *, gate: float = np.inf, keep: bool = False) ->
 
     `gate`: measurements beyond so many standard deviations are left out [1].
     """
-    return filtered(system, np.zeros((0, len(system.x0))), np.inf, gate=gate, keep=keep)
+    return bounded(system, np.zeros((0, len(system.x0))), np.inf, gate=gate, keep=keep)
 
 
-def filtered(
+def bounded(
     system: LinearSystem, L: FloatArray, limit: float, *, gate: float = np.inf, keep: bool = False
 ) -> LinearRun:
-    """Run a filter whose error of ``L x`` stays below a bound, see `estimate.h_infinity`.
+    """Run a filter whose error of ``L x`` stays below a bound, see `infer.h_infinity`.
 
     `L` (r, n): what is wanted [SI]; `limit`: square of the bound gamma, infinite for a Kalman
     filter [1]; `gate`: measurements beyond so many standard deviations are left out [1].
@@ -135,3 +141,19 @@ def smoothed(system: LinearSystem, run: LinearRun) -> LinearSmoothed:
     )
     P0 = system.P0
     return LinearSmoothed(states, cov, system.x0 - P0 @ adjoint, P0 - P0 @ information @ P0)
+
+
+def extended(system: LinearSystem, H: FloatArray, sd: float) -> LinearSystem:
+    """Return the system with more states, the last ones, which stay as they are.
+
+    `H` (m, q, k): rows of what is measured [SI]; `sd`: how well each is known, about zero [SI].
+    """
+    more = (0, H.shape[2])
+    P0 = np.pad(system.P0, (more, more))
+    new = range(len(system.x0), len(P0))
+    P0[new, new] = sd**2
+    return replace(
+        system, Phi=np.pad(system.Phi, ((0, 0), (0, 0), more)),
+        half=np.pad(system.half, ((0, 0), more)), H=np.concatenate([system.H, H], axis=2),
+        x0=np.pad(system.x0, more), P0=P0,
+    )  # fmt: skip

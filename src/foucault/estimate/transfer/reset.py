@@ -1,4 +1,4 @@
-"""Begin a free run anew where it has gone astray, and say what that makes of its errors.
+"""Reset a free run that has gone astray, and say what that makes of its errors.
 
 Errors of attitude, velocity and position are vectors in space: seen from the Earth, those of the
 new run are those of the old one and a difference that is known without noise. Only the axes of the
@@ -20,8 +20,8 @@ from foucault.navigate.state import State, state_of, states_of
 
 
 @dataclass(frozen=True)
-class Anew:
-    """A new beginning."""
+class Reset:
+    """Where a run goes on, and what that makes of its errors."""
 
     state: State  # where, how fast and how turned
     # (9, 9) axes of the new level frame from those of the old one, for (psi, dv, dr) [1]
@@ -29,13 +29,13 @@ class Anew:
     jump: FloatArray  # (9,) what is added to the errors, in the new level frame [SI]
 
     @classmethod
-    def of(cls, state: State) -> Anew:
-        """Return the first beginning."""
+    def of(cls, state: State) -> Reset:
+        """Return the beginning of a run."""
         return cls(state, np.eye(9), np.zeros(9))
 
     @classmethod
-    def by(cls, row: FloatArray, turned: FloatArray, faster: FloatArray, away: FloatArray) -> Anew:
-        """Return the beginning that takes out what a run is thought to be wrong by.
+    def by(cls, row: FloatArray, turned: FloatArray, faster: FloatArray, away: FloatArray) -> Reset:
+        """Return the reset that takes out what a run is thought to be wrong by.
 
         `row` (12,): state of `kernels.strapdown` at the end of the run [SI]; `turned` (3,):
         rotation vector from the true to the computed attitude, frame n [rad]; `faster` (3,):

@@ -1,7 +1,4 @@
-"""What a slave's free run says at its master's messages, less what the master says.
-
-The equations are those of `estimate.transfer.system`.
-"""
+"""A slave, and where its free run is when the messages of its master hold."""
 
 from __future__ import annotations
 
@@ -10,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.coefficients import Layout
-from foucault.models.attitude import angles_of
 from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
-from foucault.models.rotation import exp, log
-from foucault.models.transfer import Matching, Messages, Mount
+from foucault.models.rotation import exp
+from foucault.models.transfer import Matching
 from foucault.navigate.increments import Increments
 from foucault.navigate.state import State
 from foucault.tables import AXES
@@ -38,7 +33,7 @@ class Slave:
 
 
 @dataclass(frozen=True)
-class Known:
+class Linearisation:
     """The point that a pass is linear about, or what is known beforehand."""
 
     state: State  # of the slave at the start
@@ -67,7 +62,7 @@ def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArra
 
 
 @dataclass(frozen=True)
-class Seen:
+class Motion:
     """The slave where the messages hold."""
 
     velocity_n: FloatArray  # (m, 3) velocity [m/s]
@@ -83,7 +78,7 @@ class Seen:
 def between(
     slave: Slave, states: dict[str, FloatArray], rows: IntArray, when: FloatArray,
     coefficients: FloatArray, matching: Matching,
-) -> Seen:  # fmt: skip
+) -> Motion:  # fmt: skip
     """Look at the slave between its samples: it goes on as over the interval that holds `when`.
 
     `states`: of its run at `rows`, see `navigate.state.states_of` [SI]; `rows` (m,): rows of the
@@ -109,7 +104,7 @@ def between(
         np.add.reduceat(x, ends)[::2] for x in (inc.dt[:, None], inc.dtheta_b, inc.dvel_b)
     )
     slow = _changes(states, angle / total, velocity / total)
-    return Seen(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, *slow, w, f)
+    return Motion(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, *slow, w, f)
 
 
 def _changes(
@@ -124,50 +119,3 @@ def _changes(
     pull = np.einsum("kij,kj->ki", C, f) - 2.0 * np.cross(earth, v)
     pull[:, 2] -= 9.80665  # a few milligal are nothing over part of an interval
     return rate, pull
-
-
-def measured(
-    layout: Layout, seen: Seen, master: Messages, mount: Mount, matching: Matching, at: Known,
-    place: FloatArray,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return H (m, 6, n) and z (m, 6): velocity, then attitude.
-
-    `place` (m, 9, 9): see `by_the_master` [SI].
-    """
-    m, n = len(master), len(layout)
-    H, z = np.zeros((m, 6, n)), np.empty((m, 6))
-    C_ms = mount.C_ms @ exp(at.installation)
-    w_m = np.einsum("ij,kj->ki", C_ms, seen.w_ib_b)
-    lever_n = np.einsum("kij,kj->ki", master.C_nm, np.cross(w_m, mount.lever_m))
-    z[:, :3] = seen.velocity_n - master.velocity_n - lever_n
-    H[:, :3, :9] = place[:, 3:6]
-    C_nominal = master.C_nm @ C_ms
-    H[:, 3:, :9] = -place[:, 0:3]
-    mu = layout.group("installation")
-    H[:, 3:, mu] = C_nominal
-    z[:, 3:] = log(seen.C_ns @ np.swapaxes(C_nominal, 1, 2))
-    if matching.delay:
-        tau = layout.index("master.delay")
-        H[:, :3, tau], H[:, 3:, tau] = seen.acceleration_n, seen.rate_n
-    if mount.load:  # by the force along the master's z
-        load = seen.f_b @ C_ms[2] / 9.80665 - 1.0
-        H[:, 3:, layout.group("load")] = C_nominal * load[:, None, None]
-    if mount.flexure_sd > 0:
-        H[:, 3:, layout.group("flexure")] = C_nominal
-    if matching.attitude == "angles":
-        J, difference = _as_angles(seen.C_ns, C_nominal)
-        H[:, 3:] = J @ H[:, 3:]
-        z[:, 3:] = difference
-    return H, z
-
-
-def _as_angles(C_ns: FloatArray, C_nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how heading, pitch and roll go with a rotation about n, and their differences."""
-    heading, pitch, _ = angles_of(C_ns).T
-    sH, cH, cP, tP = np.sin(heading), np.cos(heading), np.cos(pitch), np.tan(pitch)
-    J = np.zeros((len(C_ns), 3, 3))
-    J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = tP * sH, tP * cH, -1.0
-    J[:, 1, 0], J[:, 1, 1] = cH, -sH
-    J[:, 2, 0], J[:, 2, 1] = sH / cP, cH / cP
-    difference = angles_of(C_ns) - angles_of(C_nominal)
-    return J, np.remainder(difference + np.pi, 2 * np.pi) - np.pi

@@ -1,1 +1,0 @@
-"""Constant rates of a table: their likelihood, and the scatter beyond noise."""

@@ -1,0 +1,281 @@
+"""One estimator for everything that navigates: a linear system about a free run, pass by pass.
+
+A model states, about a point (start, coefficients, mounting, delay), what happens from epoch to
+epoch and what is measured::
+
+    x_k = Phi_k x_k-1 + u_k + w_k,    z_k = H_k x_k + v_k
+
+Everything else follows from that system::
+
+    fit         Kalman filter; the point moves to the smoothed start; again until nothing moves
+    bound       of a linear system the covariance of the Kalman filter is the posterior bound
+    components  innovations of each kind of measurement, by how many of them are independent
+    held_out    measurements of infinite variance, predicted from all others
+    budget      each source of error alone, through the gains of the filter
+    foreseen    the covariance of a planned run: a filter needs no measurement for that
+    robust      the same system with a bound: `infer.h_infinity`
+
+References
+----------
+.. [1] M. S. Bartlett, "On the theoretical specification and sampling properties of autocorrelated
+   time-series", *J. Royal Statistical Society, Supplement* 8 (1946).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray
+from foucault.errors import FoucaultError
+from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman, smoothed
+
+LAGS, FEW = 50, 5
+"""Autocorrelations that count for how many innovations there are in effect, and for whether they
+are independent at all [1]."""
+
+
+P = TypeVar("P")
+S = TypeVar("S", bound=LinearSystem)
+S_co = TypeVar("S_co", bound=LinearSystem, covariant=True)
+
+
+class LinearModel(Protocol[P, S_co]):
+    """What is stated of something that navigates, and all that is stated."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """States, those of navigation first."""
+
+    @property
+    def first(self) -> int:
+        """Number of the state where those of navigation are over: the values begin there."""
+
+    @property
+    def kinds(self) -> Mapping[str, slice]:
+        """Kind of measurement -> its columns of z."""
+
+    @property
+    def start(self) -> P:
+        """What was known beforehand: the first pass is linear about it."""
+
+    def about(self, point: P) -> S_co:
+        """Return the system about a point."""
+
+    def retract(self, point: P, x: FloatArray) -> P | None:
+        """Return the point that errors `x` (n,) [SI] at the start lead to; None for none."""
+
+    def values(self, point: P) -> FloatArray:
+        """Return what a point adds to the states after those of navigation, (n - first,) [SI]."""
+
+
+@dataclass(frozen=True)
+class Fit(Generic[P, S]):
+    """A model solved."""
+
+    model: LinearModel[P, S]
+    point: P  # what the last pass was linear about
+    system: S  # the last system
+    run: LinearRun  # the last pass of the filter
+    passes: tuple[FloatArray, ...]  # (n - first,) the values after each pass [SI]
+
+    @property
+    def values(self) -> FloatArray:
+        """States after those of navigation at the end, shape (n - first,) [SI]."""
+        first = self.model.first
+        return np.asarray(self.model.values(self.point) + self.run.states[-1, first:])
+
+    @property
+    def cov(self) -> FloatArray:
+        """Their covariance, shape (n - first, n - first) [SI]."""
+        return self.run.cov[self.model.first :, self.model.first :]
+
+    @property
+    def nominal(self) -> bool:
+        """Whether the filter is a Kalman filter, whose covariance is that of its error."""
+        return not np.isfinite(self.run.margin).any()
+
+    @property
+    def moved(self) -> FloatArray:
+        """By how much of its sd the last of two passes has moved each, shape (n - first,) [1]."""
+        return _moved(self.passes, self.run.sd[-1, self.model.first :])
+
+
+def _moved(passes: tuple[FloatArray, ...], sd: FloatArray) -> FloatArray:
+    return np.asarray(np.abs(passes[-1] - passes[-2]) / sd)
+
+
+def fit(model: LinearModel[P, S], *, passes: int = 2, settled: float = 0.0) -> Fit[P, S]:
+    """Filter, move the point of linearisation to where the smoothed run began, and again.
+
+    `passes`: how often at most [1]; `settled`: no more passes follow one that has moved nothing by
+    more of its uncertainty [1].
+
+    Passes that go astray end: what the last one found is as much as there is.
+    """
+    point, first, found = model.start, model.first, tuple[FloatArray, ...]()
+    system = model.about(point)
+    for k in range(passes):
+        last = k + 1 == passes
+        run = kalman(system, keep=not last)
+        found = (*found, model.values(point) + run.states[-1, first:])
+        if last or (k and float(np.max(_moved(found, run.sd[-1, first:]))) < settled):
+            break
+        further = model.retract(point, smoothed(system, run).start)
+        if further is None:
+            break
+        try:
+            system = model.about(further)
+        except FoucaultError:  # navigated with such errors nothing stays finite
+            break
+        point = further
+    return Fit(model, point, system, run, found)
+
+
+def bound(at: Fit[P, S]) -> FloatArray:
+    """Return the posterior Cramer-Rao bound of the values, (n - first, n - first) [SI]."""
+    return at.cov if at.nominal else replace(at, run=kalman(at.system)).cov
+
+
+def foreseen(model: LinearModel[P, S]) -> Fit[P, S]:
+    """Return what a planned run will show: the covariance rests on no measurement."""
+    return fit(model, passes=1)
+
+
+def response(at: Fit[P, S], other: LinearModel[P, S]) -> FloatArray:
+    """Return by how much the values were others if another model were true, (n - first,) [SI]."""
+    system = other.about(at.point)
+    return replace(at, system=system, run=kalman(system)).values - at.values
+
+
+def held_out(at: Fit[P, S], rows: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Predict epochs that the filter does not see from those before and after.
+
+    `rows` (m,): which they are, true or false [1]. Returns measured less predicted, (k, q), and
+    its standard deviation, infinite where nothing was measured [SI].
+    """
+    system = replace(at.system, R=np.where(rows[:, None], np.inf, at.system.R))
+    seen = smoothed(system, kalman(system, keep=True))
+    H = system.H[rows]
+    off = system.z[rows] - np.einsum("kqn,kn->kq", H, seen.states[rows])
+    variance = np.einsum("kqn,knm,kqm->kq", H, seen.cov[rows], H) + at.system.R[rows]
+    return off, np.sqrt(variance)
+
+
+def sources(at: Fit[P, S]) -> dict[str, LinearSystem]:
+    """Return the system with the noise of what was known, of the states, of each kind alone."""
+    s = at.system
+    none = replace(s, half=0.0 * s.half, R=np.zeros_like(s.R), P0=0.0 * s.P0)
+    out: dict[str, LinearSystem] = {
+        "prior": replace(none, P0=s.P0), "process": replace(none, half=s.half),
+    }  # fmt: skip
+    for kind, columns in at.model.kinds.items():
+        out[kind] = replace(none, R=np.zeros_like(s.R))
+        out[kind].R[:, columns] = s.R[:, columns]
+    return out
+
+
+def budget(at: Fit[P, S], parts: Mapping[str, LinearSystem]) -> dict[str, FloatArray]:
+    """Return the variance of every value by source of error; they add up.
+
+    `parts`: the system with the noise of one source alone, see `sources`. Returns source ->
+    variances (n - first,) [SI]::
+
+        P_s- = Phi (P_s + N_s) Phi' + N_s,    P_s = (I - K H) P_s- (I - K H)' + K R_s K'
+    """
+    s, run, first = at.system, kalman(at.system, keep=True), at.model.first
+    Phi, one = np.eye(len(s.x0)), np.eye(len(s.x0))
+    cov = np.array([part.P0 for part in parts.values()])
+    for k, before in enumerate(run.before):
+        taken = np.isfinite(run.innovation[k])
+        H = s.H[k][taken]
+        S_k = H @ before @ H.T + np.diag(s.R[k][taken])
+        K = np.linalg.solve(S_k, H @ before).T
+        A, Phi[: s.Phi.shape[1]] = one - K @ H, s.Phi[k]
+        for part, P_s in zip(parts.values(), cov, strict=True):
+            N = np.diag(part.half[k])
+            P_s[:] = A @ (Phi @ (P_s + N) @ Phi.T + N) @ A.T + K * part.R[k][taken] @ K.T
+    return {name: np.diag(P_s)[first:] for name, P_s in zip(parts, cov, strict=True)}
+
+
+# -- are the innovations what they should be? ------------------------------------------------------
+
+
+def autocorrelation(u: FloatArray, lags: int) -> FloatArray:
+    """Return the autocorrelation of a sequence at lags 1 to `lags`, shape (lags,) [1].
+
+    `u` (m,): values about zero [unit]; `lags`: number of lags [1].
+    """
+    total = float(u @ u)
+    return np.array([u[k:] @ u[:-k] / total for k in range(1, lags + 1)])
+
+
+def independent(u: FloatArray) -> float:
+    """Return as how many independent values the squares of a sequence scatter [1]_ [1].
+
+    `u` (m,): values about zero [unit].
+    """
+    m = len(u)
+    rho = autocorrelation(u, min(LAGS, m // 4))
+    # A sequence of independent values has squared correlations of 1 / m on average.
+    return m / (1.0 + 2.0 * max(0.0, float(np.sum(rho**2 - 1.0 / m))))
+
+
+def _columns(u: FloatArray) -> list[FloatArray]:
+    return [c[np.isfinite(c)] for c in u.T if np.isfinite(c).sum() > LAGS]
+
+
+@dataclass(frozen=True)
+class Component:
+    """Innovations of one kind against what is expected of them."""
+
+    # ratio, low, high: root mean square of what is standardised, and its limits [1]
+    ratio: float
+    low: float
+    high: float
+    count: int  # number of innovations [1]
+    independent: float  # as how many independent ones their squares scatter [1]
+
+    @classmethod
+    def of(cls, u: FloatArray, false_alarm: float, tests: int = 1) -> Component | None:
+        """Judge standardised innovations by the chi-square of as many as are independent.
+
+        `u` (m, q): innovations over their standard deviations, NaN where there is none [1];
+        `false_alarm`: of all tests [1]; `tests`: how many kinds are judged [1].
+        """
+        columns = _columns(u)
+        if not columns:
+            return None
+        count = sum(len(c) for c in columns)
+        free = sum(independent(c) for c in columns)
+        low, high = (v / free for v in chi_square_limits(free, false_alarm, tests))
+        square = float(sum(c @ c for c in columns)) / count
+        return cls(float(np.sqrt(square)), float(np.sqrt(low)), float(np.sqrt(high)), count, free)
+
+
+def components(at: Fit[P, S], false_alarm: float = FALSE_ALARM) -> dict[str, Component]:
+    """Return the innovations of every kind against what is expected of them, where there are some.
+
+    `false_alarm`: probability that any is outside its two-sided limits by chance [1].
+
+    What is not modelled makes innovations depend on one another; the sum of their squares then
+    scatters as that of fewer, ``n / (1 + 2 sum rho_k^2)`` with rho_k their autocorrelation [1]_.
+    """
+    kinds = at.model.kinds
+    made = {k: Component.of(at.run.white[:, c], false_alarm, len(kinds)) for k, c in kinds.items()}
+    return {kind: one for kind, one in made.items() if one is not None}
+
+
+def dependence(run: LinearRun, false_alarm: float = FALSE_ALARM) -> tuple[float, float]:
+    """Return how much innovations depend on those before them, and what is allowed [1].
+
+    `false_alarm`: probability that any column is beyond it by chance [1].
+    """
+    columns = _columns(run.white)
+    sums = np.array([len(c) * np.sum(autocorrelation(c, FEW) ** 2) for c in columns])
+    limit = chi_square_limits(FEW, 2 * false_alarm, max(len(columns), 1))[1]
+    return float(sums.max(initial=0.0)), float(limit)

@@ -1,0 +1,214 @@
+"""A model of something that drifts and is late, and everything that follows from stating it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from foucault.errors import FoucaultError, error
+from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer import filtered
+from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
+from foucault.infer.linear_filter import LinearSystem, extended, kalman
+
+EPOCHS, TURN = 120, 0.3
+DRIFT, NOISE, OTHER = 1e-4, 0.02, 0.05
+OFFSET_SD, DELAY_SD = 0.3, 1.0
+TIME = np.arange(EPOCHS) * 1.0
+
+
+@dataclass(frozen=True)
+class Late:
+    """``z = sin(w (t - tau)) + offset`` twice, the offset a random walk: linear about a delay."""
+
+    z: np.ndarray
+    start: float = 0.0
+    noise: float = NOISE
+    pull: float = 0.0  # what else is thought to be in z
+    lowest: float = -3.0
+
+    names: ClassVar = ("offset", "delay")
+    first: ClassVar = 1
+    kinds: ClassVar = {"fine": slice(0, 1), "coarse": slice(1, 2)}
+
+    def about(self, point: float) -> LinearSystem:
+        if point > 3.0:
+            raise error("strapdown.not_finite", row=1, time="1")
+        phase = TURN * (TIME - point)
+        row = np.stack([np.ones(EPOCHS), -TURN * np.cos(phase)], axis=1)
+        z = self.z - self.pull - np.sin(phase)[:, None]
+        R = np.tile([self.noise**2, OTHER**2], (EPOCHS, 1))
+        half = np.tile([DRIFT**2 / 2, 0.0], (EPOCHS, 1))
+        P0 = np.diag([OFFSET_SD**2, DELAY_SD**2])
+        return LinearSystem(np.tile([[[1.0, 0.0]]], (EPOCHS, 1, 1)), half,
+                            np.stack([row, row], axis=1), z, R,
+                            np.array([0.0, self.start - point]), P0)  # fmt: skip
+
+    def retract(self, point: float, x: np.ndarray) -> float | None:
+        return None if point + x[1] < self.lowest else point + float(x[1])
+
+    def values(self, point: float) -> np.ndarray:
+        return np.array([point])
+
+
+def drawn(seed: int, noise: float = NOISE, **more) -> tuple[Late, float]:
+    rng = np.random.default_rng(seed)
+    tau = DELAY_SD * rng.standard_normal()
+    offset = OFFSET_SD * rng.standard_normal() + DRIFT * rng.standard_normal(EPOCHS).cumsum()
+    clean = np.sin(TURN * (TIME - tau)) + offset
+    sd = np.array([noise, OTHER])
+    return Late(clean[:, None] + sd * rng.standard_normal((EPOCHS, 2)), **more), tau
+
+
+def test_passes_end_where_they_should_and_errors_are_as_large_as_told():
+    total, runs = 0.0, 400
+    for seed in range(runs):
+        model, tau = drawn(seed)
+        found = filtered.fit(model, passes=8, settled=0.01)
+        assert found.moved.max() < 0.01 and len(found.passes) < 8
+        assert found.point == pytest.approx(found.values[0], abs=found.cov[0, 0] ** 0.5)
+        total += (found.values[0] - tau) ** 2 / found.cov[0, 0]
+    low, high = chi_square_limits(runs)
+    assert low < total < high
+    assert not low < total / 0.7 < high and not low < total * 0.7 < high
+
+
+def test_one_pass_is_linear_about_the_prior_and_later_ones_keep_it():
+    """The prior is the same about any point: the last pass is a fixed point of the next."""
+    model, _ = drawn(1)
+    long = filtered.fit(model, passes=12)
+    again = filtered.fit(replace(model, start=0.0), passes=13)
+    np.testing.assert_allclose(again.values, long.values, rtol=1e-9)
+    sure = kalman(replace(model.about(0.2), R=np.full((EPOCHS, 2), np.inf)))
+    assert sure.states[-1, 1] == pytest.approx(-0.2)  # nothing measured: the mean of the prior
+
+
+@pytest.mark.parametrize("astray", [{"lowest": 9.0}, {}])
+def test_passes_that_go_astray_end_with_what_is_there(astray):
+    model, _ = drawn(2)
+    if not astray:
+        model = replace(model, z=model.z + 4.0 * np.cos(TURN * TIME)[:, None] * [-1.0, -1.0])
+        with pytest.raises(FoucaultError):
+            model.about(model.retract(0.0, np.array([0.0, 4.0])))
+    found = filtered.fit(replace(model, **astray), passes=5)
+    assert len(found.passes) == 1 and found.point == 0.0
+    np.testing.assert_array_equal(found.system.z, model.about(0.0).z)
+
+
+def test_innovations_are_judged_by_kind_from_both_sides():
+    outside = 0
+    for seed in range(40):
+        found = filtered.components(filtered.fit(drawn(seed)[0], passes=4))
+        assert found.keys() == Late.kinds.keys() and found["fine"].count == EPOCHS
+        assert found["fine"].independent <= EPOCHS
+        outside += any(not c.low < c.ratio < c.high for c in found.values())
+    assert outside <= 3  # more by chance: 0.1 %
+    for wrong, side in ((1.5 * NOISE, "narrow"), (NOISE / 1.5, "wide")):
+        found = filtered.components(filtered.fit(replace(drawn(3)[0], noise=wrong), passes=4))
+        one = found["fine"]
+        assert one.ratio < one.low if side == "narrow" else one.ratio > one.high
+
+
+def test_as_many_are_independent_as_their_squares_scatter_like():
+    rng, rho, n, runs = np.random.default_rng(0), 0.7, 400, 400
+    sums, counted = np.empty(runs), np.empty(runs)
+    for k in range(runs):
+        e, u = rng.standard_normal(n + 100), np.zeros(n + 100)
+        for i in range(1, n + 100):
+            u[i] = rho * u[i - 1] + np.sqrt(1 - rho**2) * e[i]
+        sums[k], counted[k] = np.mean(u[100:] ** 2), filtered.independent(u[100:])
+    assert counted.mean() == pytest.approx(2.0 / sums.var(), rel=0.2)
+    assert counted.mean() == pytest.approx(n * (1 - rho**2) / (1 + rho**2), rel=0.1)
+
+
+def test_innovations_that_depend_on_one_another_are_told():
+    beyond = 0
+    for seed in range(40):
+        worst, limit = filtered.dependence(filtered.fit(drawn(seed)[0], passes=4).run)
+        beyond += worst > limit
+    assert beyond <= 3
+    model, _ = drawn(5)
+    wave = 2 * NOISE * np.sin(1.1 * TIME)[:, None]
+    worst, limit = filtered.dependence(filtered.fit(replace(model, z=model.z + wave)).run)
+    assert worst > limit
+
+
+def test_the_budget_is_what_each_source_does_through_the_filter_and_adds_up():
+    model, _ = drawn(6)
+    z = model.z.copy()
+    z[40:45] = np.nan
+    at = filtered.fit(replace(model, z=z), passes=1)
+    system = replace(at.system, R=np.where(np.isnan(z), np.inf, at.system.R))
+    at = replace(at, system=system, run=kalman(system))
+    parts = filtered.budget(at, filtered.sources(at))
+    assert parts.keys() == {"prior", "process", *Late.kinds}
+    np.testing.assert_allclose(sum(parts.values()), np.diag(at.cov), rtol=1e-9)
+    # A filter is linear: what one reading does is a column of what all of them do.
+    column = np.zeros(EPOCHS)
+    for k in range(EPOCHS):
+        other = system.z.copy()
+        other[k, 0] += 1.0
+        column[k] = kalman(replace(system, z=other)).states[-1, 1] - at.run.states[-1, 1]
+    by_fine = np.nansum(column**2) * NOISE**2
+    assert parts["fine"][0] == pytest.approx(by_fine, rel=1e-9)
+    moved = [kalman(replace(system, x0=system.x0 + e)).states[-1, 1] for e in np.eye(2)]
+    by_prior_sd = (np.array(moved) - at.run.states[-1, 1]) * [OFFSET_SD, DELAY_SD]
+    assert parts["prior"][0] == pytest.approx(np.sum(by_prior_sd**2), rel=1e-9)
+
+
+def test_what_is_held_out_is_predicted_as_well_as_told():
+    """One epoch of each session, so that they are independent."""
+    total, runs, rows = 0.0, 100, np.arange(EPOCHS) == 60
+    for seed in range(runs):
+        at = filtered.fit(drawn(seed)[0], passes=4)
+        off, sd = filtered.held_out(at, rows)
+        assert off.shape == sd.shape == (1, 2) and sd[0, 0] > NOISE
+        total += float(off[0, 0] / sd[0, 0]) ** 2
+    low, high = chi_square_limits(runs)
+    assert low < total < high
+    assert not low < total * 2.0 < high and not low < total / 2.0 < high
+    # It is not seen: another reading there changes what is measured, and not what is predicted.
+    z = at.model.z.copy()
+    z[60] += 5.0
+    other = filtered.fit(replace(at.model, z=z), passes=4)
+    there = replace(other, system=replace(at.system, z=at.system.z + (z - at.model.z)))
+    np.testing.assert_allclose(filtered.held_out(there, rows)[0] - off, 5.0)
+
+
+def test_a_planned_run_is_foreseen_without_measurements():
+    model, tau = drawn(7)
+    plan = replace(model, z=np.zeros_like(model.z), start=tau)
+    found = filtered.fit(model, passes=6)
+    np.testing.assert_allclose(filtered.foreseen(plan).cov, found.cov, rtol=0.02)
+
+
+def test_the_bound_is_that_of_the_kalman_filter_whatever_filter_was_chosen():
+    at = filtered.fit(drawn(8)[0])
+    assert at.nominal
+    L = by_prior(at.system)
+    robust = replace(at, run=h_infinity(at.system, L, 1.5 * least_gamma(at.system, L)))
+    assert not robust.nominal and (np.diag(robust.cov) > np.diag(at.cov)).all()
+    np.testing.assert_array_equal(filtered.bound(robust), at.cov)
+    np.testing.assert_array_equal(filtered.bound(at), at.cov)
+
+
+def test_another_model_is_what_it_does_about_the_same_point():
+    model, _ = drawn(9)
+    at = filtered.fit(model, passes=6)
+    pulled = replace(model, pull=0.05 * np.cos(TURN * TIME)[:, None])
+    moved = filtered.fit(pulled, passes=6).values - at.values
+    np.testing.assert_allclose(filtered.response(at, pulled), moved, rtol=0.05)
+    np.testing.assert_array_equal(filtered.response(at, model), 0.0)
+
+
+def test_more_states_are_more_columns():
+    """The delay as a state that is added is the delay that was one from the beginning."""
+    whole = drawn(10)[0].about(0.0)
+    alone = replace(whole, half=whole.half[:, :1], H=whole.H[:, :, :1], Phi=whole.Phi[:, :, :1],
+                    x0=whole.x0[:1], P0=whole.P0[:1, :1])  # fmt: skip
+    both = kalman(extended(alone, whole.H[:, :, 1:], DELAY_SD))
+    np.testing.assert_array_equal(both.states, kalman(whole).states)
+    np.testing.assert_array_equal(both.cov, kalman(whole).cov)
