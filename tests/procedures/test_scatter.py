@@ -33,9 +33,9 @@ def test_declared_noise_that_the_residuals_contradict(factor):
     result = calibrate(made().log, site=SITE, noise=wrong)
     assert result.verdict.level is Level.DOUBTFUL
     words = "the declared noise is too small" if factor < 1 else "the noise is overstated"
-    # 14 rests are enough to see it in each kind of observation when it is too small; turns have
-    # a dozen degrees of freedom, too few to be sure that a ninth of the expected sum is low.
-    assert sum(words in reason for reason in result.verdict.reasons) >= (3 if factor < 1 else 1)
+    # Turns hardly have a redundancy of their own: where they are much better known than the rests,
+    # the attitudes follow them. Rests tell noise that is too small, each by both triads.
+    assert sum(words in reason for reason in result.verdict.reasons) >= (2 if factor < 1 else 1)
     right = calibrate(made().log, site=SITE, noise=NOISE)
     assert right.verdict.level is Level.PASS
 
