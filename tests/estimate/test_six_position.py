@@ -327,3 +327,19 @@ def test_rates_beyond_all_measure_leave_the_rest_alone():
     found = mixed.fit(modelled(scene, state, names, (None, 0.0, 0.0))).found
     assert found[SCATTER["gyro"]] == pytest.approx(5.0, rel=0.5)
     assert found[SCATTER["accel"]] == 0.0 and found["placement"] < 1e-4
+
+
+def test_a_noise_that_nobody_knows_is_found_beside_a_placement_that_was_declared():
+    rng, sd, placement = np.random.default_rng(6), 1e-4, 5e-4
+    rests, _, _ = perfect(ImuModel(), np.eye(3), GRAVITY)
+    names = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))
+    four = {x: np.repeat(getattr(rests, x), 4, axis=0) for x in ("up_k", "accel", "time", "start")}
+    four["accel"] = four["accel"] + GRAVITY.gravity * (
+        rng.normal(0, placement, (24, 3)) * (four["up_k"] == 0)
+    ) + rng.normal(0, sd, (24, 3))  # fmt: skip
+    rests = replace(rests, **four, gyro=None, group=np.arange(24))
+    scene, state = closed_form(rests, None, GRAVITY, names)
+    noise = FaceNoise.of_means(None, rests)
+    fit = mixed.fit(on_faces(scene, state, names, noise, (placement, 0.0, 0.0)))
+    assert fit.found["accelerometer noise"] == pytest.approx(sd * np.sqrt(8.0), rel=0.3)
+    assert fit.after["accel"].inside

@@ -609,9 +609,10 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
     if not V:
         return {}
     unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
-    size = float(z @ z) / len(z)
-    # Where the known noise nearly explains the residuals nothing is the better start.
-    var = {n: size * u if size > NEARLY else 0.0 for n, u in unit.items()}
+    # Each begins as large as what it reaches; where the known noise nearly explains that, nothing
+    # is the better start.
+    size = {n: float(z @ V[n] @ z) * u / len(z) for n, u in unit.items()}
+    var = {n: size[n] * u if size[n] > NEARLY else 0.0 for n, u in unit.items()}
     now = _unlikely(z, V, var)
     for _ in range(100):
         S = _inverse(z, V, var)
