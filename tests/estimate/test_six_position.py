@@ -332,12 +332,13 @@ def test_rates_beyond_all_measure_leave_the_rest_alone():
 def test_a_noise_that_nobody_knows_is_found_beside_a_placement_that_was_declared():
     rng, sd, placement = np.random.default_rng(6), 1e-4, 5e-4
     rests, _, _ = perfect(ImuModel(), np.eye(3), GRAVITY)
-    names = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))
+    names = tuple(n for n in LINEAR_LOWER if n.startswith(("accel.", "gyro.bias.")))
     four = {x: np.repeat(getattr(rests, x), 4, axis=0) for x in ("up_k", "accel", "time", "start")}
     four["accel"] = four["accel"] + GRAVITY.gravity * (
         rng.normal(0, placement, (24, 3)) * (four["up_k"] == 0)
     ) + rng.normal(0, sd, (24, 3))  # fmt: skip
-    rests = replace(rests, **four, gyro=None, group=np.arange(24))
+    gyro = rng.normal(0, 1e-6, (24, 3))
+    rests = replace(rests, **four, gyro=gyro, group=np.arange(24))
     scene, state = closed_form(rests, None, GRAVITY, names)
     noise = FaceNoise.of_means(None, rests)
     fit = mixed.fit(on_faces(scene, state, names, noise, (placement, 0.0, 0.0)))
