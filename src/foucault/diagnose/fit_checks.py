@@ -105,10 +105,10 @@ def explained(e: Judged, kind: str) -> Check:
     # Scatter of one kind shows in the others too until it is known.
     c = e.fit.after[kind] if others and not added else e.fit.before[kind]
     what, name = e.kinds[kind], f"noise of {e.kinds[kind]}"
-    told = {"what": what, "dof": plain(c.redundancy, 2)}
+    told = {"what": what, "dof": _counted(c.redundancy)}
     if e.noise == "unknown":
         dof = sum(e.fit.dof.get(source, 0.0) for source in mine)
-        told |= {"dof": plain(dof, 2), "more": e.more}
+        told |= {"dof": _counted(dof), "more": e.more}
         return check("noise unknown", name, dof, TOLD, None, told)
     if c.redundancy < 0.5:
         return check("noise untested", name, float("nan"), None, None, told)
@@ -121,6 +121,11 @@ def explained(e: Judged, kind: str) -> Check:
     high = max(c.high, e.too_much**2 * c.redundancy) if known else c.high
     careful = c.chi_square < c.low or c.chi_square <= high or (added and e.silent)
     return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful)
+
+
+def _counted(dof: float) -> str:
+    """Write degrees of freedom as people count: in whole numbers, where they are many."""
+    return f"{dof:.0f}" if dof >= 10 else plain(dof, 2)
 
 
 def _unexplained(e: Judged) -> set[str]:
