@@ -20,7 +20,6 @@ ROOT = Path(foucault.__file__).parent
 GOLDEN = Path(__file__).parent.parent / "golden"
 
 BY_HAND = {
-    "diagnose/rate_table/checks.py",
     "diagnose/table/batch_checks.py",
     "diagnose/table/checks.py",
     "diagnose/transfer/checks.py",

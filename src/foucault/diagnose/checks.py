@@ -77,7 +77,8 @@ def judge_prior(estimate: Estimate) -> list[Check]:
     """
     c = estimate.coefficients
     known = int(np.isfinite(c.prior_sd).sum())
-    if not (1.0 - (c.sd / c.prior_sd)[np.isfinite(c.prior_sd)] ** 2 > SEEN).any():
+    narrowed = 1.0 - (c.sd / c.prior_sd)[np.isfinite(c.prior_sd)] ** 2 > SEEN
+    if not known or (estimate.alone is None and not narrowed.any()):
         return []
     rows = estimate.residuals[-known:]  # the prior's rows come last
     return [prior_check(estimate.coefficients, rows, estimate.alone)]
