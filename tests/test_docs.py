@@ -286,3 +286,10 @@ def test_every_validation_page_has_a_row_among_the_verified() -> None:
     said = tomllib.loads((ROOT / "docs/verified.toml").read_text(encoding="utf-8"))
     rows = {row["page"] for rows in said.values() for row in rows}
     assert rows == {page.stem for page in (ROOT / "docs/validation").glob("*.md")}
+
+
+def test_the_model_that_contributors_read_is_that_of_the_program():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    listing = re.search(r"```python\n(.*?)```", text, re.S)[1]
+    model = (ROOT / "src/foucault/procedures/rate_table/model.py").read_text(encoding="utf-8")
+    assert all(part.strip("\n") in model for part in listing.split("    ...\n"))
