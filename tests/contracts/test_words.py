@@ -14,7 +14,7 @@ import pytest
 
 import foucault
 from foucault.diagnose import words
-from foucault.diagnose.words import WORDS, Words, check
+from foucault.diagnose.words import Words, check, sentences
 
 ROOT = Path(foucault.__file__).parent
 GOLDEN = Path(__file__).parent.parent / "golden"
@@ -104,6 +104,7 @@ def _uses() -> dict[str, list[Use]]:
 
 
 USES = _uses()
+WORDS = sentences()
 
 
 def test_every_row_is_used_and_every_use_has_a_row() -> None:
@@ -144,7 +145,7 @@ def test_no_other_module_writes_the_sentence_of_a_check() -> None:
         and any(k.arg for k in node.keywords) | bool(node.args)
     }  # fmt: skip
     found.remove("diagnose/words.py")
-    assert not found - BY_HAND, "Write it into diagnose/words.py and use its `check`."
+    assert not found - BY_HAND, "Write it into diagnose/words.toml and use `check`."
     assert not BY_HAND - found, "Well done; take it off the list, so that it stays."
 
 
@@ -154,7 +155,7 @@ def test_a_sentence_goes_on_from_the_one_inside_the_limits(monkeypatch: pytest.M
         "more": Words("It is {value:g}.", below="... Add {low:g}."),
         "same": Words("It is {value:g}."),
     }
-    monkeypatch.setattr(words, "WORDS", rows)
+    monkeypatch.setattr(words, "sentences", lambda: rows)
     given = {"why": "too far off"}
     assert check("both", "a", 2.0, 1.0, 3.0, given).sentence == "It is 2."
     for value in (0.0, 4.0):
