@@ -254,11 +254,6 @@ def chi_square_json(parts: Mapping[str, mixed.Component]) -> dict[str, list[floa
     }
 
 
-def sizes_json(fit: Fit) -> dict[str, float]:
-    """Return the sizes of the sources that were found, for result.json [SI]."""
-    return {name: float(sd) for name, sd in fit.found.items()}
-
-
 def budget_json(
     fit: Fit,
     more: Mapping[str, tuple[FloatArray, str, str]],

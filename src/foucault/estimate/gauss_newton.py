@@ -140,23 +140,6 @@ def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
     return weights
 
 
-def leave_out(
-    problem: Problem, estimate: Estimate, at: Linearised, blocks: npt.NDArray[np.int64]
-) -> Estimate:
-    """Take observations away from a solution: one linear step, without linearising again.
-
-    `at`: the problem linearised there, with the robust weights of the solution; `blocks` (k,):
-    observations to leave out.
-    """
-    kept = ~np.isin(at.blocks, blocks)
-    part = Linearised(at.residuals[kept], at.jacobian[kept], at.blocks[kept])
-    part = with_prior(problem, estimate.state, part)
-    step = _solve_step(part, len(problem.layout)).step
-    state = problem.retract(estimate.state, step)
-    moved = replace(part, residuals=part.residuals - part.jacobian @ step)
-    return _estimate(problem, state, moved, estimate.weights, estimate.status, 1)
-
-
 def eliminate(at: Linearised, n_coefficients: int) -> FloatArray:
     """Return the square root R22 of the information, nuisance parameters eliminated.
 

@@ -153,6 +153,10 @@ _UNKNOWN = ("", "not known; it is part of the scatter")
 _DECLARED = ("B", "noise as declared in the campaign")
 _BASIS = {
     "scatter between rests": ("A", "scatter of the residuals beyond the noise"),
+    "scatter between readings": ("A", "scatter of the residuals beyond the noise"),
+    "jitter of the spin rate and unknown Earth rate": ("B", "rate_sd as given; heading unknown"),
+    "errors of the table": ("B", "what the campaign says of the table"),
+    "errors of the table and prior": ("B", "what the campaign says of table and coefficients"),
     "placement": ("B", "placement as given in the campaign"),
     "placement, estimated": ("A", "scatter of the residuals beyond the noise"),
     "unknown heading": ("B", "heading not given: the whole circle"),
@@ -160,7 +164,6 @@ _BASIS = {
     "rate jitter": ("B", "rate_sd as given, with the scatter that was found"),
     "rate of the table": ("B", "table_rate_sd as given; tilt of the outer axis"),
     "fixture": ("B", "fixture_sd as given in the campaign"),
-    "level Earth rate": ("B", "Earth rate across the axis at rest, in any direction"),
     "parts of turns": ("B", "Earth rate across the axis that a part of a turn leaves"),
     "reference headings": ("B", "heading_sd as given"),
     "indexing": ("B", "index_sd as given"),
@@ -175,7 +178,10 @@ _BASIS = {
     "local gravity": ("B", "standard uncertainty of local gravity"),
     CLOCK: ("B", "standard uncertainty of the log's clock; in seconds only"),
 }
-"""Source -> evaluation of type A (statistics) or B (other knowledge), and what it rests on."""
+"""Source -> evaluation of type A (statistics) or B (other knowledge), and what it rests on.
+
+Of results that do not say it themselves in `diagnostics.sources`: those of 1.0, and of procedures
+that state no sources."""
 
 
 SMALL_SHARE = 0.05
