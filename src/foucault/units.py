@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from numbers import Real
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any, SupportsFloat, cast
 
@@ -37,42 +38,7 @@ ZERO_CELSIUS = 273.15
 CELSIUS = ("degC", "°C", "C", "celsius")
 """Names of the one unit with an offset; only a temperature may be given in it."""
 
-_DEFINITIONS = f"""
-meter = [length] = m = metre
-second = [time] = s = sec
-radian = [angle] = rad
-ratio = [ratio]
-count = [count] = counts = LSB = lsb = pulse = pulses
-kelvin = [temperature] = K
-mm = 1e-3 meter
-cm = 1e-2 meter
-km = 1000 meter
-ns = 1e-9 second
-us = 1e-6 second
-ms = 1e-3 second
-minute = 60 second = min
-hour = 3600 second = h = hr
-day = 86400 second = d
-hertz = 1 / second = Hz
-kHz = 1000 / second
-degree = {math.pi / 180!r} radian = deg
-arcmin = {math.pi / 10800!r} radian
-arcsec = {math.pi / 648000!r} radian
-mrad = 1e-3 radian
-urad = 1e-6 radian
-revolution = {2 * math.pi!r} radian = rev
-dps = {math.pi / 180!r} radian / second
-dph = {math.pi / 648000!r} radian / second
-rpm = {2 * math.pi / 60!r} radian / second
-standard_gravity = {STANDARD_GRAVITY!r} meter / second ** 2 = g
-mg = 1e-3 standard_gravity
-ug = 1e-6 standard_gravity
-ng = 1e-9 standard_gravity
-mGal = 1e-5 meter / second ** 2
-ppm = 1e-6 ratio
-ppb = 1e-9 ratio
-percent = 1e-2 ratio
-"""
+_DEFINITIONS = Path(__file__).with_name("units.txt").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)

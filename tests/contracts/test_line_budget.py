@@ -10,20 +10,20 @@ import foucault
 ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
-    ".": 3_149,
-    "campaign": 5_307,
+    ".": 3_115,
+    "campaign": 5_290,
     "cli": 4_923,
-    "diagnose": 19_670,
-    "estimate": 8_348,
-    "export": 2_475,
+    "diagnose": 19_665,
+    "estimate": 8_331,
+    "export": 1_988,
     "infer": 1_364,
     "kernels": 4_288,
     "logs": 6_267,
     "models": 4_988,
     "navigate": 1_560,
     "plans": 6_105,
-    "procedures": 13_775,
-    "report": 9_899,
+    "procedures": 13_723,
+    "report": 9_905,
     "simulate": 3_626,
     "symptoms": 87,
 }

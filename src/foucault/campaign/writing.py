@@ -33,24 +33,7 @@ _HEAD = """\
 # quotients, powers and sqrt(). `foucault schema` prints what every key takes.
 """
 
-LOG_TABLE = """\
-[log]
-file = "log.csv"                        # relative to this file
-# CSV or spaced text (.gz too), Parquet, .npy, .npz, .mat and binary records can be read.
-# Columns by name, or by number from 0 in a file without a header; "-gy" flips a sign.
-# Numbers such as 9,81: write decimal = "," too; what stands between columns is found.
-# Without a time column write rate = "100 Hz" instead of `time`.
-time = { column = "time", unit = "s" }
-gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }
-accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2", first_rest = "z up" }
-# first_rest: the axis that points up (or down) at first; checked, since norms cannot show a
-# wrong sign or exchanged axes. Leave it out if it is not known.
-# Raw counts:  gyro = { columns = [...], unit = "count", scale = "131 count/(deg/s)" }
-#              and zero = 32768 where they do not rest at 0
-# Binary records, seven numbers a sample:  record = { columns = 7, type = "float64" }
-# Increments:  gyro = { columns = [...], unit = "0.1 arcsec", kind = "increment" }
-# A file that says -1 g along up at rest:  accel = { ..., reads = "gravity" }
-"""
+LOG_TABLE = Path(__file__).with_name("log.toml").read_text(encoding="utf-8")
 
 NOT_Z_UP = (', first_rest = "z up" }', " }")
 """A table begins where its plan does; `first_rest` may be given, and is checked then."""

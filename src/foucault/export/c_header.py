@@ -12,6 +12,7 @@ from foucault.arrays import FloatArray
 from foucault.escape import c_comment, commented
 from foucault.export.numbers import inverse, number, row, rows, tensor
 from foucault.export.request import FAMILIES, Counts, Request
+from foucault.export.templates import pieces
 from foucault.models.imu import ImuModel
 from foucault.models.size_effect import SizeEffect
 
@@ -156,174 +157,21 @@ _CALL = "    foucault_solve_force(accel_raw, f_b);\n"
 
 _CALL_SENSED = "    foucault_sensed_rate(w);\n"
 
-_CALL_RATE = """\
-    for (i = 0; i < 3; i++)
-        w_b[i] = foucault_gyro_inverse[i][0] * w[0] + foucault_gyro_inverse[i][1] * w[1]
-               + foucault_gyro_inverse[i][2] * w[2];
-"""
+_CODE = pieces("c_header")
+_CALL_RATE = _CODE["call_rate"]
 
-_CALL_BENT = """\
-    {
-        double s[3][3];
-        int j;
-        for (i = 0; i < 3; i++)
-            for (j = 0; j < 3; j++)
-                s[i][j] = foucault_gyro_matrix[i][j] + foucault_deflection[i][j][0] * f_b[0]
-                        + foucault_deflection[i][j][1] * f_b[1]
-                        + foucault_deflection[i][j][2] * f_b[2];
-        foucault_solve(s, w, w_b);
-    }
-"""
+_CALL_BENT = _CODE["call_bent"]
 
-_FUNCTION = """\
-/* True specific force f_b [m/s^2] and angular rate w_b [rad/s] from readings. */
-static inline void foucault_compensate(const double accel_raw[3], const double gyro_raw[3],
-                                       double f_b[3], double w_b[3])
-{
-    double a[3], w[3];
-    int i;
-    for (i = 0; i < 3; i++)
-        a[i] = accel_raw[i] - foucault_accel_bias[i];
-/*SENSE*/
-    for (i = 0; i < 3; i++)
-        f_b[i] = foucault_accel_inverse[i][0] * a[0] + foucault_accel_inverse[i][1] * a[1]
-               + foucault_accel_inverse[i][2] * a[2];
-/*NEWTON*/
-    for (i = 0; i < 3; i++)
-        w[i] = gyro_raw[i] - foucault_gyro_bias[i]/*FELT*/;
-/*SENSED*/
-/*RATE*/
-}
-"""
+_FUNCTION = _CODE["function"]
 
-_SOLVE = """\
-/* Solve s x = m by cofactors. */
-static inline void foucault_solve(double s[3][3], const double m[3], double x[3])
-{
-    double c[3][3], det;
-    int i, j;
-    for (i = 0; i < 3; i++)      /* indices run on in a circle */
-        for (j = 0; j < 3; j++)
-            c[i][j] = s[(i + 1) % 3][(j + 1) % 3] * s[(i + 2) % 3][(j + 2) % 3]
-                    - s[(i + 1) % 3][(j + 2) % 3] * s[(i + 2) % 3][(j + 1) % 3];
-    det = s[0][0] * c[0][0] + s[0][1] * c[0][1] + s[0][2] * c[0][2];
-    for (i = 0; i < 3; i++)
-        x[i] = (c[0][i] * m[0] + c[1][i] * m[1] + c[2][i] * m[2]) / det;
-}
-"""
+_SOLVE = _CODE["solve"]
 
-_NEWTON = """\
-/* Newton's method for p + a |p| + b + K q(f) = reading, p = A f, a fixed number of steps from f. */
-static inline void foucault_solve_force(const double accel_raw[3], double f[3])
-{
-    int step, i, j;
-    for (step = 0; step < STEPS; step++) {
-        const double q[6] = {f[0] * f[0], f[1] * f[1], f[2] * f[2],
-                             f[0] * f[1], f[0] * f[2], f[1] * f[2]};
-        double m[3], s[3][3], change[3];
-        for (i = 0; i < 3; i++) {
-            const double *k = foucault_accel_quadratic[i];
-            const double *a = foucault_accel_matrix[i];
-            const double p = a[0] * f[0] + a[1] * f[1] + a[2] * f[2];
-            const double e = foucault_accel_asymmetry[i], scale = p < 0.0 ? 1.0 - e : 1.0 + e;
-            m[i] = scale * p + foucault_accel_bias[i] - accel_raw[i];
-            for (j = 0; j < 6; j++)
-                m[i] += k[j] * q[j];
-            s[i][0] = scale * a[0] + 2.0 * k[0] * f[0] + k[3] * f[1] + k[4] * f[2];
-            s[i][1] = scale * a[1] + 2.0 * k[1] * f[1] + k[3] * f[0] + k[5] * f[2];
-            s[i][2] = scale * a[2] + 2.0 * k[2] * f[2] + k[4] * f[0] + k[5] * f[1];
-        }
-        foucault_solve(s, m, change);
-        for (i = 0; i < 3; i++)
-            f[i] -= change[i];
-    }
-}
-"""
+_NEWTON = _CODE["newton"]
 
-_SENSED = """\
-/* Newton's method for r + a |r| + c r^3 = y, axis by axis: y comes in w, r goes out. */
-static inline void foucault_sensed_rate(double w[3])
-{
-    int step, i;
-    for (i = 0; i < 3; i++) {
-        const double y = w[i], a = foucault_gyro_asymmetry[i], c = foucault_gyro_cubic[i];
-        const double k = y < 0.0 ? 1.0 - a : 1.0 + a;
-        double r = y / k;
-        for (step = 0; step < STEPS; step++)
-            r -= (k * r + c * r * r * r - y) / (k + 3.0 * c * r * r);
-        w[i] = r;
-    }
-}
-"""
+_SENSED = _CODE["sensed"]
 
-_NEXT = """\
-/* What is kept of the sample before. Begin with foucault_state state = {0}, and after a gap. */
-typedef struct {
-    int known;
-    double accel[3], gyro[3];
-} foucault_state;
+_NEXT = _CODE["next"]
 
-/* The same as foucault_compensate, and lever arms and delay of the accelerometers besides; dt is
-   the time since the sample before [s]. No sample is held back: how fast readings change is their
-   difference from the sample before, which is half an interval old. Of a first sample, and where dt
-   is not above 0, they are taken not to change. Readings that are increments come divided by dt. */
-static inline void foucault_compensate_next(foucault_state *state, double dt,
-                                            const double accel_raw[3], const double gyro_raw[3],
-                                            double f_b[3], double w_b[3])
-{
-    double a[3], df[3] = {0.0, 0.0, 0.0}, dw[3] = {0.0, 0.0, 0.0};
-    int i;
-    for (i = 0; i < 3; i++) {
-        if (state->known && dt > 0.0) {
-            df[i] = (accel_raw[i] - state->accel[i]) / dt;
-            dw[i] = (gyro_raw[i] - state->gyro[i]) / dt;
-        }
-        state->accel[i] = accel_raw[i];
-        state->gyro[i] = gyro_raw[i];
-    }
-    state->known = 1;
-    foucault_compensate(accel_raw, gyro_raw, f_b, w_b);
-    for (i = 0; i < 3; i++) {    /* w x (w x r) + dw x r along the axis of the accelerometer */
-        const double *r = foucault_accel_places[i];
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        a[i] = accel_raw[i] + foucault_accel_delay * df[i]
-             - w_b[i] * (w_b[j] * r[j] + w_b[k] * r[k])
-             + r[i] * (w_b[j] * w_b[j] + w_b[k] * w_b[k])
-             - dw[j] * r[k] + dw[k] * r[j];
-    }
-    foucault_compensate(a, gyro_raw, f_b, w_b);
-}
-"""
+_COUNTS = _CODE["counts"]
 
-_COUNTS = """\
-/* The same from raw counts, in the order stated above. */
-static inline void foucault_compensate_counts(const double accel_counts[3],
-                                              const double gyro_counts[3],
-                                              double f_b[3], double w_b[3])
-{
-    double accel_raw[3], gyro_raw[3];
-    int i;
-    for (i = 0; i < 3; i++) {
-        accel_raw[i] = (accel_counts[i] - foucault_accel_zero[i]) * foucault_accel_factor[i];
-        gyro_raw[i] = (gyro_counts[i] - foucault_gyro_zero[i]) * foucault_gyro_factor[i];
-    }
-    foucault_compensate(accel_raw, gyro_raw, f_b, w_b);
-}
-"""
-
-_COUNTS_NEXT = """\
-/* The same from raw counts, in the order stated above. */
-static inline void foucault_compensate_counts(foucault_state *state, double dt,
-                                              const double accel_counts[3],
-                                              const double gyro_counts[3],
-                                              double f_b[3], double w_b[3])
-{
-    double accel_raw[3], gyro_raw[3];
-    int i;
-    for (i = 0; i < 3; i++) {
-        accel_raw[i] = (accel_counts[i] - foucault_accel_zero[i]) * foucault_accel_factor[i];
-        gyro_raw[i] = (gyro_counts[i] - foucault_gyro_zero[i]) * foucault_gyro_factor[i];
-    }
-    foucault_compensate_next(state, dt, accel_raw, gyro_raw, f_b, w_b);
-}
-"""
+_COUNTS_NEXT = _CODE["counts_next"]

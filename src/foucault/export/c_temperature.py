@@ -16,6 +16,7 @@ from foucault.export import c_header as plain
 from foucault.export.numbers import number, row
 from foucault.export.request import Request
 from foucault.export.temperature_terms import TemperatureTerms
+from foucault.export.templates import pieces
 from foucault.models.imu import ImuModel
 
 INVERSES = {"accel_matrix": "accel_inverse", "gyro_matrix": "gyro_inverse"}
@@ -128,82 +129,13 @@ def _functions(terms: TemperatureTerms, blocks: dict[str, tuple[int, ...]]) -> l
     return [phi, _SUM.replace("COUNT", str(count)), make]
 
 
-_POWERS = """\
-static inline void foucault_phi(double kelvin, double phi[COUNT])
-{
-    int k;
-    phi[0] = 1.0;
-    for (k = 1; k < COUNT; k++)
-        phi[k] = phi[k - 1] * (kelvin - REFERENCE);
-}
-"""
+_CODE = pieces("c_temperature")
+_POWERS = _CODE["powers"]
 
-_PIECEWISE = """\
-static inline void foucault_phi(double kelvin, double phi[COUNT])
-{
-    static const double knots[COUNT] = {KNOTS};
-    int at = 0, k;
-    double part;
-    while (at < COUNT - 2 && kelvin >= knots[at + 1])
-        at++;
-    part = (kelvin - knots[at]) / (knots[at + 1] - knots[at]);
-    for (k = 0; k < COUNT; k++)
-        phi[k] = k == at ? 1.0 - part : k == at + 1 ? part : 0.0;
-}
-"""
+_PIECEWISE = _CODE["piecewise"]
 
-_SUM = """\
-static inline void foucault_sum(const double *terms, int size, const double phi[COUNT], double *out)
-{
-    int i, k;
-    for (i = 0; i < size; i++) {
-        out[i] = 0.0;
-        for (k = 0; k < COUNT; k++)
-            out[i] += terms[k * size + i] * phi[k];
-    }
-}
+_SUM = _CODE["sum"]
 
-/* Invert by cofactors; indices run on in a circle. */
-static inline void foucault_invert(double s[3][3], double out[3][3])
-{
-    double det;
-    int i, j;
-    for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++)
-            out[j][i] = s[(i + 1) % 3][(j + 1) % 3] * s[(i + 2) % 3][(j + 2) % 3]
-                      - s[(i + 1) % 3][(j + 2) % 3] * s[(i + 2) % 3][(j + 1) % 3];
-    det = s[0][0] * out[0][0] + s[0][1] * out[1][0] + s[0][2] * out[2][0];
-    for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++)
-            out[i][j] /= det;
-}
-"""
+_MAKE = _CODE["make"]
 
-_MAKE = """\
-/* Make the coefficients at a temperature [K]. Returns 0, or 1 where they are not known there (a
-   temperature that is no number included): they are then those at the nearer end of the range. */
-static inline int foucault_at(double kelvin, foucault_coefficients *c)
-{
-    const double low = LOW, high = HIGH;
-    const int known = kelvin >= low && kelvin <= high;
-    double phi[COUNT];
-    if (!known)
-        kelvin = kelvin > high ? high : low;
-    foucault_phi(kelvin, phi);
-SUMS
-INVERSES
-    return !known;
-}
-"""
-
-_AT = """\
-/* Both at once; returns what foucault_at does. */
-static inline int foucault_compensate_at(double kelvin, const double accel_raw[3],
-                                         const double gyro_raw[3], double f_b[3], double w_b[3])
-{
-    foucault_coefficients c;
-    const int outside = foucault_at(kelvin, &c);
-    foucault_compensate(&c, accel_raw, gyro_raw, f_b, w_b);
-    return outside;
-}
-"""
+_AT = _CODE["at"]

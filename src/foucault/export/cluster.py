@@ -17,6 +17,7 @@ from foucault.escape import commented
 from foucault.export.c_header import NEWTON_STEPS
 from foucault.export.numbers import inverse, nested
 from foucault.export.request import about
+from foucault.export.templates import pieces
 from foucault.models.cluster import EQUATION, INVERSE, ClusterModel
 from foucault.result import Result
 
@@ -95,68 +96,7 @@ def _model(result: Result) -> ClusterModel:
 
 WRITERS = {"c": c, "python": python, "json": document}
 
-_C = """\
-/* True specific force f_p [m/s^2] and rate w_p [rad/s] of the cluster from readings and command. */
-static inline void foucault_compensate(const double accel_raw[3], const double command[3],
-                                       double f_p[3], double w_p[3])
-{
-    double s[3], rate[3];
-    int i, j, step;
-    for (i = 0; i < 3; i++) {    /* Newton's method for slope s + k s^2 = reading - bias */
-        const double known = accel_raw[i] - foucault_accel_bias[i];
-        const double a = foucault_accel_slope[i], k = foucault_accel_quadratic[i];
-        s[i] = known / a;
-        for (step = 0; step < STEPS; step++)
-            s[i] -= (a * s[i] + k * s[i] * s[i] - known) / (a + 2.0 * k * s[i]);
-    }
-    for (i = 0; i < 3; i++)
-        f_p[i] = foucault_accel_inverse[i][0] * s[0] + foucault_accel_inverse[i][1] * s[1]
-               + foucault_accel_inverse[i][2] * s[2];
-    for (i = 0; i < 3; i++) {
-        double along[3];         /* specific force along input, output and spin axis */
-        const double *d = foucault_drift_g[i], *e = foucault_drift_g2[i];
-        for (j = 0; j < 3; j++)
-            along[j] = foucault_gyro_axes[i][j][0] * f_p[0]
-                     + foucault_gyro_axes[i][j][1] * f_p[1]
-                     + foucault_gyro_axes[i][j][2] * f_p[2];
-        rate[i] = foucault_torquer_slope[i] * command[i] + foucault_drift[i]
-                + d[0] * along[0] + d[1] * along[1] + d[2] * along[2]
-                + e[0] * along[0] * along[1] + e[1] * along[0] * along[2]
-                + e[2] * along[1] * along[2];
-    }
-    for (i = 0; i < 3; i++)
-        w_p[i] = foucault_input_inverse[i][0] * rate[0] + foucault_input_inverse[i][1] * rate[1]
-               + foucault_input_inverse[i][2] * rate[2];
-}
-#endif /* FOUCAULT_CALIBRATION_H */
-"""
+_CODE = pieces("cluster")
+_C = _CODE["c"]
 
-_PYTHON = '''
-
-def _times(matrix, vector):
-    return [sum(m * v for m, v in zip(line, vector)) for line in matrix]
-
-
-def _sensed(known, slope, k):
-    """Newton's method for slope s + k s^2 = known, a fixed number of steps."""
-    s = known / slope
-    for _ in range(STEPS):
-        s -= (slope * s + k * s * s - known) / (slope + 2.0 * k * s)
-    return s
-
-
-def compensate(accel, command):
-    """Return true specific force [m/s^2] and rate [rad/s] of the cluster, in its axes."""
-    s = [_sensed(accel[i] - ACCEL_BIAS[i], ACCEL_SLOPE[i], ACCEL_QUADRATIC[i]) for i in range(3)]
-    f = _times(ACCEL_INVERSE, s)
-    rate = []
-    for i in range(3):
-        along = _times(GYRO_AXES[i], f)  # input, output and spin axis
-        pairs = (along[0] * along[1], along[0] * along[2], along[1] * along[2])
-        rate.append(
-            TORQUER_SLOPE[i] * command[i] + DRIFT[i]
-            + sum(d * a for d, a in zip(DRIFT_G[i], along))
-            + sum(d * a for d, a in zip(DRIFT_G2[i], pairs))
-        )
-    return f, _times(INPUT_INVERSE, rate)
-'''
+_PYTHON = _CODE["python"]

@@ -12,6 +12,7 @@ from foucault.escape import commented, hash_comment
 from foucault.export.c_header import NEWTON_STEPS
 from foucault.export.numbers import inverse, number, row, rows, tensor
 from foucault.export.request import FAMILIES, Request
+from foucault.export.templates import pieces
 from foucault.models.imu import ImuModel
 
 CAN = FAMILIES
@@ -114,53 +115,14 @@ def _matrix(name: str, matrix: npt.NDArray[np.float64]) -> str:
     return f"{name} = (\n{rows(matrix, '(', ')')},\n)"
 
 
-_TIMES = """
+_CODE = pieces("python_module")
+_TIMES = _CODE["times"]
 
-def _times(matrix, vector):
-    return [sum(m * v for m, v in zip(line, vector)) for line in matrix]
-"""
+_SOLVE = _CODE["solve"]
 
-_SOLVE = '''
-def _solve(s, m):
-    """Solve s x = m by cofactors; indices run on in a circle."""
-    c = [
-        [s[i - 2][j - 2] * s[i - 1][j - 1] - s[i - 2][j - 1] * s[i - 1][j - 2] for j in range(3)]
-        for i in range(3)
-    ]
-    det = sum(s[0][j] * c[0][j] for j in range(3))
-    return [sum(c[i][j] * m[i] for i in range(3)) / det for j in range(3)]
-'''
+_NEWTON = _CODE["newton"]
 
-_NEWTON = '''
-def _solve_force(accel, f):
-    """Newton's method for p + a |p| + b + K q(f) = accel, p = A f, a fixed number of steps."""
-    for _ in range(STEPS):
-        x, y, z = f
-        q = (x * x, y * y, z * z, x * y, x * z, y * z)
-        p, square = _times(ACCEL_MATRIX, f), _times(ACCEL_QUADRATIC, q)
-        scale = [1.0 - e if v < 0.0 else 1.0 + e for v, e in zip(p, ACCEL_ASYMMETRY)]
-        m = [scale[i] * p[i] + ACCEL_BIAS[i] + square[i] - accel[i] for i in range(3)]
-        s = [
-            (
-                t * a[0] + 2 * k[0] * x + k[3] * y + k[4] * z,
-                t * a[1] + 2 * k[1] * y + k[3] * x + k[5] * z,
-                t * a[2] + 2 * k[2] * z + k[4] * x + k[5] * y,
-            )
-            for t, a, k in zip(scale, ACCEL_MATRIX, ACCEL_QUADRATIC)
-        ]
-        f = [v - change for v, change in zip(f, _solve(s, m))]
-    return f
-'''
-
-_SENSED = '''
-def _sensed(y, a, c):
-    """Newton's method for r + a |r| + c r^3 = y, one axis, a fixed number of steps."""
-    k = 1.0 - a if y < 0.0 else 1.0 + a
-    r = y / k
-    for _ in range(STEPS):
-        r -= (k * r + c * r**3 - y) / (k + 3.0 * c * r * r)
-    return r
-'''
+_SENSED = _CODE["sensed"]
 
 _UNLIKE = """\
     p = [v / (1.0 - e if v < 0.0 else 1.0 + e) for v, e in zip(p, ACCEL_ASYMMETRY)]
@@ -177,66 +139,14 @@ _CALL = "    f = _solve_force(accel, f)\n"
 
 _CALL_RATE = "    return f, _times(GYRO_INVERSE, y)\n"
 
-_CALL_BENT = """\
-    s = [
-        [m + sum(t * v for t, v in zip(bent, f)) for m, bent in zip(*lines)]
-        for lines in zip(GYRO_MATRIX, DEFLECTION)
-    ]
-    return f, _solve(s, y)
-"""
+_CALL_BENT = _CODE["call_bent"]
 
 _CALL_SENSED = "    y = [_sensed(y[i], GYRO_ASYMMETRY[i], GYRO_CUBIC[i]) for i in range(3)]\n"
 
-_FUNCTION = '''
-def compensate(accel, gyro):
-    """Return true specific force [m/s^2] and angular rate [rad/s] of readings accel and gyro."""
-    p = [a - b for a, b in zip(accel, ACCEL_BIAS)]
-    #SENSE
-    f = _times(ACCEL_INVERSE, p)
-    #NEWTON
-    #FELT
-    #SENSED
-    #RATE
-'''
+_FUNCTION = _CODE["function"]
 
-_NEXT = '''
+_NEXT = _CODE["next"]
 
-def compensate_next(before, dt, accel, gyro):
-    """Do the same, and take away lever arms and delay of the accelerometers besides.
+_COUNTS = _CODE["counts"]
 
-    before is what the call for the sample before returned last, None for a first sample and after
-    a gap; dt is the time since then [s]. No sample is held back: how fast readings change is their
-    difference from the sample before, which is half an interval old. Readings that are increments
-    come divided by dt. Returns specific force, angular rate, and what the next call takes.
-    """
-    df, dw = [0.0] * 3, [0.0] * 3
-    if before is not None and dt > 0.0:
-        df = [(now - then) / dt for now, then in zip(accel, before[0])]
-        dw = [(now - then) / dt for now, then in zip(gyro, before[1])]
-    w = compensate(accel, gyro)[1]
-    a = []
-    for i, r in enumerate(ACCEL_PLACES):  # w x (w x r) + dw x r along the axis of accelerometer i
-        j, k = (i + 1) % 3, (i + 2) % 3
-        inward = w[i] * (w[j] * r[j] + w[k] * r[k]) - r[i] * (w[j] * w[j] + w[k] * w[k])
-        a.append(accel[i] + ACCEL_DELAY * df[i] - inward - dw[j] * r[k] + dw[k] * r[j])
-    f, w = compensate(a, gyro)
-    return f, w, (tuple(accel), tuple(gyro))
-'''
-
-_COUNTS = '''
-
-def compensate_counts(accel_counts, gyro_counts):
-    """Do the same from raw counts, in the order stated above."""
-    accel = [(accel_counts[i] - ACCEL_ZERO[i]) * ACCEL_FACTOR[i] for i in range(3)]
-    gyro = [(gyro_counts[i] - GYRO_ZERO[i]) * GYRO_FACTOR[i] for i in range(3)]
-    return compensate(accel, gyro)
-'''
-
-_COUNTS_NEXT = '''
-
-def compensate_counts(before, dt, accel_counts, gyro_counts):
-    """Do the same from raw counts, in the order stated above."""
-    accel = [(accel_counts[i] - ACCEL_ZERO[i]) * ACCEL_FACTOR[i] for i in range(3)]
-    gyro = [(gyro_counts[i] - GYRO_ZERO[i]) * GYRO_FACTOR[i] for i in range(3)]
-    return compensate_next(before, dt, accel, gyro)
-'''
+_COUNTS_NEXT = _CODE["counts_next"]

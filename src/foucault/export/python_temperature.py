@@ -15,6 +15,7 @@ from foucault.export.c_header import NEWTON_STEPS
 from foucault.export.numbers import number, row
 from foucault.export.request import Request
 from foucault.export.temperature_terms import TemperatureTerms
+from foucault.export.templates import pieces
 from foucault.models.imu import ImuModel
 
 NAMES = (*(f.name for f in fields(ImuModel)), "accel_inverse", "gyro_inverse")
@@ -103,44 +104,9 @@ _POWERS = """\
     phi = [(kelvin - REFERENCE) ** k for k in range(COUNT)]
 """
 
-_PIECEWISE = """\
-    i = max([k for k in range(COUNT - 1) if kelvin >= KNOTS[k]], default=0)
-    part = (kelvin - KNOTS[i]) / (KNOTS[i + 1] - KNOTS[i])
-    phi = [1.0 - part if k == i else part if k == i + 1 else 0.0 for k in range(COUNT)]
-"""
+_CODE = pieces("python_temperature")
+_PIECEWISE = _CODE["piecewise"]
 
-_MAKE = '''
+_MAKE = _CODE["make"]
 
-def _sum(terms, phi):
-    if not isinstance(terms[0], tuple):
-        return sum(t * p for t, p in zip(terms, phi))
-    return [_sum([t[i] for t in terms], phi) for i in range(len(terms[0]))]
-
-
-def _inverse(s):
-    """Invert by cofactors; indices run on in a circle."""
-    c = [
-        [s[i - 2][j - 2] * s[i - 1][j - 1] - s[i - 2][j - 1] * s[i - 1][j - 2] for j in range(3)]
-        for i in range(3)
-    ]
-    det = sum(s[0][j] * c[0][j] for j in range(3))
-    return [[c[i][j] / det for i in range(3)] for j in range(3)]
-
-
-def coefficients_at(kelvin):
-    """Return the coefficients at a temperature [K]; ValueError where they are not known."""
-    if not LOW <= kelvin <= HIGH:
-        raise ValueError(f"the coefficients are known from {LOW} K to {HIGH} K, not at {kelvin} K")
-PHI
-    at = {name: _sum(terms, phi) for name, terms in TERMS.items()}
-    for name in ("accel", "gyro"):
-        at[name + "_inverse"] = _inverse(at[name + "_matrix"])
-    return at
-'''
-
-_COMPENSATE_AT = '''
-
-def compensate_at(kelvin, accel, gyro):
-    """Do the same with the coefficients at a temperature [K]."""
-    return compensate(coefficients_at(kelvin), accel, gyro)
-'''
+_COMPENSATE_AT = _CODE["compensate_at"]

@@ -19,20 +19,7 @@ from foucault.logs.reading import limits_si
 from foucault.procedures.platform_tumble.settings import WHITE
 from foucault.tables import Log
 
-LOG_TABLE = """\
-[log]
-file = "log.csv"                        # relative to this file
-# CSV or spaced text (.gz too), Parquet, .npy, .npz, .mat and binary records can be read.
-# Columns by name, or by number from 0 in a file without a header; "-gy" flips a sign.
-# Without a time column write rate = "100 Hz" instead of `time`.
-time = { column = "time", unit = "s" }
-# The commanded rates, not what a gyro says: the loop of the platform holds the gyros at null.
-gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }
-accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2" }
-# Raw counts:  accel = { columns = [...], unit = "count", scale = "1e6 count/g" }
-# Increments, of both:  gyro = { ..., unit = "rad", kind = "increment" }
-#                       accel = { ..., unit = "m/s", kind = "increment" }
-"""
+LOG_TABLE = Path(__file__).with_name("log.toml").read_text(encoding="utf-8")
 """[log] of the template, and of a simulated log."""
 
 MEANS_TABLE = """\

@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from foucault.tables import Log
 
-LOG_TABLE = """\
-[log]
-file = "log.csv"                        # relative to this file
-# CSV or spaced text (.gz too), Parquet, .npy, .npz, .mat and binary records can be read.
-# Columns by name, or by number from 0 in a file without a header; "-gy" flips a sign.
-# Without a time column write rate = "100 Hz" instead of `time`.
-time = { column = "time", unit = "s" }
-gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }
-accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2" }
-# Increments, better than rates where the instrument turns:
-#   gyro = { columns = [...], unit = "0.1 arcsec", kind = "increment" }
-#   accel = { columns = [...], unit = "m/s", kind = "increment" }
-"""
+LOG_TABLE = Path(__file__).with_name("log.toml").read_text(encoding="utf-8")
 """[log] of the template."""
 
 INCREMENTS_TABLE = """\

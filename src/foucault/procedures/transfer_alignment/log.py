@@ -17,36 +17,7 @@ from foucault.tables import Log
 MASTER_FILE = "master.csv"
 """File of the messages of a simulated master."""
 
-LOG_TABLE = """\
-[log]
-file = "log.csv"                        # the slave's IMU; relative to this file
-# CSV or spaced text (.gz too), Parquet, .npy, .npz, .mat and binary records can be read.
-# Columns by name, or by number from 0 in a file without a header; "-gy" flips a sign.
-# Without a time column write rate = "100 Hz" instead of `time`.
-time = { column = "time", unit = "s" }
-gyro = { columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }
-accel = { columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2" }
-# x, y, z are right, forward and up of the slave's own case; at rest the axis that points up reads
-# +1 g. Forward, right, down: columns = ["wy", "wx", "-wz"] and ["fy", "fx", "-fz"].
-# Readings are taken as those of the moment that is stamped. An IMU that adds up from sample to
-# sample says so, or half an interval gets into the delay:
-#   gyro = { columns = [...], unit = "0.1 arcsec", kind = "increment" }
-#   accel = { columns = [...], unit = "m/s", kind = "increment" }
-# The same for means of rates, at 100 Hz: unit = "0.01 deg" and "0.01 m/s", kind = "increment".
-
-[master]
-file = "master.csv"                     # what the vehicle's INS said
-# time: when each message arrived, by the clock of the slave's log. Where the log has the master's
-# own stamp too: time = that stamp, and arrival = { column = "arrival", unit = "s" }.
-time = { column = "time", unit = "s" }
-velocity = { columns = ["ve", "vn", "vu"], unit = "m/s" }
-#   North, east, down: velocity = { columns = ["vn", "ve", "vd"], unit = "m/s", frame = "NED" }
-attitude = { columns = ["heading", "pitch", "roll"], unit = "deg" }
-#   Heading clockwise from north, pitch nose up, roll right side down. One that counts from north
-#   to west: attitude = { ..., sense = "counter-clockwise" }; "-roll" turns a sign.
-# Without positions the run begins at [site]: give the height of the run there, for gravity.
-# position = { columns = ["latitude", "longitude", "height"], unit = "deg" }
-"""
+LOG_TABLE = Path(__file__).with_name("log.toml").read_text(encoding="utf-8")
 """[log] and [master] of the template."""
 
 SIMULATED_TABLE = """\
