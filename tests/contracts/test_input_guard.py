@@ -16,6 +16,7 @@ import pytest
 from foucault import campaign
 from foucault.errors import FoucaultError
 from foucault.procedures import PROCEDURES
+from foucault.result import Level
 from foucault.symptoms import SYMPTOMS
 from make_guard import COLUMNS, MISTAKES, Outcome, another, session
 
@@ -106,10 +107,17 @@ def test_mistakes_in_another_log(column: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("column", ["hand_rotated", "ferraris", "turntable", "norm_observation"])
+@pytest.mark.parametrize("column", ["ferraris", "turntable", "norm_observation"])
 def test_what_ends_the_work_names_the_gyro_that_is_stuck(column: str, tmp_path: Path) -> None:
     path = MISTAKES["gyro stuck"](session(column)).write(tmp_path)
     with pytest.raises(FoucaultError) as ended:
         campaign.calibrate(path)
     assert ended.value.message.startswith("gyro z repeats one reading from 0 s")
     assert "[log.gyro]" in ended.value.cure
+
+
+def test_what_is_unusable_names_the_gyro_that_is_stuck_first(tmp_path: Path) -> None:
+    path = MISTAKES["gyro stuck"](session("hand_rotated")).write(tmp_path)
+    verdict = campaign.calibrate(path).verdict
+    assert verdict.level is Level.UNUSABLE
+    assert verdict.reasons[0].startswith("gyro z repeats one reading from 0 s")
