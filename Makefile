@@ -39,7 +39,7 @@ thorough: .venv/installed-dev
 
 # OpenBLAS has another arithmetic for each processor: nothing may hang on its rounding. Prescott's,
 # without fused operations, runs on every x86 and is unlike all of today.
-NUMERICAL = $(addprefix tests/,diagnose estimate kernels models navigate papers plans \
+NUMERICAL = $(addprefix tests/,diagnose estimate infer kernels models navigate papers plans \
   procedures/test_systematic_plan.py)
 blas: .venv/installed-dev
 	OPENBLAS_CORETYPE=Prescott $(PYTEST) -m "not thorough" $(NUMERICAL)
