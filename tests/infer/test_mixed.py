@@ -347,3 +347,34 @@ def test_sizes_are_those_of_the_largest_likelihood_however_far_from_the_noise(si
             score = z @ S @ v @ S @ z - np.sum(S * v)
             of = np.sqrt(2 * np.sum((S @ v) * (S @ v).T))  # its sd
             assert abs(score) < 0.05 * of or (var[name] == 0 and score < 0)
+
+
+@pytest.mark.parametrize("noise", [5e-3, 1e-4, 1e-6])
+def test_what_is_left_out_does_not_set_the_size_of_what_is_found(noise: float) -> None:
+    rng = np.random.default_rng(11)
+    model = Scattered(np.linspace(-9.8, 9.8, 40), np.zeros(40), np.arange(40.0), noise)
+    y = model.inputs + noise * rng.standard_normal(40) + rng.standard_normal(40)
+    right = mixed.repeatability(replace(model, y=y), np.zeros(2), np.ones(40))[0]["placement"]
+    wrong = y + np.where(np.arange(40) == 7, 300.0, 0.0)
+    weights = np.where(np.arange(40) == 7, 1e-6, 1.0)
+    found = mixed.repeatability(replace(model, y=wrong), np.zeros(2), weights)[0]["placement"]
+    assert found == pytest.approx(right, rel=0.1)
+
+
+class Scattered(Line):
+    """Another placement for every reading, of its own."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        own = Source("placement", each=np.ones((len(self.y), 1, 1)), sd=None, price=0.0)
+        return replace(at, sources=(at.sources[0], replace(own, unexplained=True)))
+
+
+def test_noise_is_judged_too_where_a_prior_is_needed_to_solve() -> None:
+    rng = np.random.default_rng(12)
+    model = Scattered(np.full(40, 9.8), 9.8 + 0.1 * rng.standard_normal(40), np.arange(40.0), 0.01)
+    known = CoefficientVector.prior(model.layout, {"accel.bias.x": (0.0, 0.1)})
+    at = mixed.fit(model, known, robust=True)
+    assert at.before["readings"].chi_square > at.before["readings"].high
+    assert at.after["readings"].inside
+    assert np.isfinite(at.estimate.coefficients.sd).all()

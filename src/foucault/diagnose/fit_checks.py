@@ -62,7 +62,8 @@ class Judged:
     more: str = "repeat the readings"
     overstated: str = "the noise is"  # what is, where the residuals are too small
     too_much: float = TOO_MUCH  # residuals so many times the noise are no scatter [1]
-    silent: bool = False  # a log without any noise says nothing of what is too much
+    # kinds of reading without any noise, which says nothing of what is too much
+    silent: frozenset[str] = frozenset()
     cause: Mapping[str, str] = field(default_factory=dict)  # kind -> why it does not fit
     held_out: HeldOut | None = None
     held_out_size: str = ""  # how large its errors are, in words that follow a comma
@@ -119,7 +120,7 @@ def explained(e: Judged, kind: str) -> Check:
         return check("noise", name, c.chi_square, c.low, c.high, given)
     known = added and c.redundancy >= e.told_apart
     high = max(c.high, e.too_much**2 * c.redundancy) if known else c.high
-    careful = c.chi_square < c.low or c.chi_square <= high or (added and e.silent)
+    careful = c.chi_square < c.low or c.chi_square <= high or (added and kind in e.silent)
     return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful)
 
 
@@ -145,7 +146,7 @@ def _then(e: Judged, kind: str, ratio: float, added: bool, dof: float) -> str:
             "; so few readings are redundant that one wrong reading would look like this too. "
             "The scatter is part of the uncertainties; measure more to tell."
         )
-    if ratio > e.too_much and not e.silent:
+    if ratio > e.too_much and kind not in e.silent:
         return (
             f", more than {e.too_much:g} times: something is wrong that is no scatter, such as "
             "lost samples, a wrong sample rate, or a term that is not estimated. The scatter is "
@@ -170,14 +171,16 @@ def _even(e: Judged) -> list[Check]:
     """Compare the residuals of the first and the second half of each kind of reading."""
     from scipy.special import fdtri
 
-    if e.time is None or e.silent:  # without noise, halves differ for other reasons than chance
+    if e.time is None:
         return []
     estimate, out = e.fit.estimate, []
     used = estimate.blocks >= 0
     square, free = estimate.residuals[used] ** 2, 1 - estimate.leverage[used]
     blocks = estimate.blocks[used]
     kept = estimate.weights[blocks] > 0.5
-    kinds = {kind: rows for kind, rows in e.fit.model.kinds.items() if kind in e.kinds}
+    # Without noise halves differ for other reasons than chance.
+    compared = set(e.kinds) - e.silent
+    kinds = {kind: rows for kind, rows in e.fit.model.kinds.items() if kind in compared}
     for kind, rows in kinds.items():
         mine = np.flatnonzero(rows.any(axis=1))
         order = mine[np.argsort(e.time[mine], kind="stable")]

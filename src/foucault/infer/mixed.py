@@ -352,24 +352,22 @@ def fit(
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
     begin = _first_sizes(model)
     first = near.estimate if near else gauss_newton.solve(stated(model, begin), loss=loss)
+    # What readings do not determine by themselves is solved with the prior from the beginning.
+    carried = prior if first.status is Status.UNOBSERVABLE else None
+    if carried is not None:
+        first = gauss_newton.solve(stated(model, begin, carried), loss=loss)
     estimate = first
-    if estimate.status is Status.UNOBSERVABLE and prior is not None:  # nothing is said without it
-        found, dof = repeatability(model, estimate.state, estimate.weights)
-        wide = {name: sd * student(dof[name]) for name, sd in found.items()}
-        problem = stated(model, wide, prior)
-        whole = _fit_of(stating, problem, gauss_newton.solve(problem, loss=loss), wide)
-        return replace(whole, found=found, dof=dof)
     weights = _outliers(model, begin, estimate, few) if robust else estimate.weights
     known = dict(near.sds) if near else begin
     sds, found, dof = known, begin, begin  # `sds`: those that `estimate` was solved with
     for _ in range(4 if begin or robust else 0):
         found, dof = repeatability(model, estimate.state, weights)
         if found != sds or not np.array_equal(weights, estimate.weights):
-            estimate, sds = _solved(model, found, estimate, weights), found
+            estimate, sds = _solved(model, found, estimate, weights, carried), found
         kept, weights = weights, _outliers(model, found, estimate, few) if robust else weights
         if np.array_equal(kept, weights):
             break
-        estimate = _solved(model, found, estimate, weights)
+        estimate = _solved(model, found, estimate, weights, carried)
     after = before = components(model, estimate)
     sources = model.linearise(estimate.state).sources
     alone = {s.name: 0.0 for s in sources if s.unexplained and found.get(s.name)}
@@ -377,13 +375,13 @@ def fit(
         # Where nothing else was found either, that is what was solved first.
         same = np.array_equal(first.weights, weights)
         same &= not any(known.values()) and not any((found | alone).values())
-        bare = first if same else _solved(model, found | alone, estimate, weights)
+        bare = first if same else _solved(model, found | alone, estimate, weights, carried)
         before = components(model, bare)
     wide = {name: sd * student(dof[name]) for name, sd in found.items()}
-    estimate = _solved(model, wide, estimate, weights) if wide != sds else estimate
-    whole = _fit_of(model, stated(model, wide), estimate, wide)
+    estimate = _solved(model, wide, estimate, weights, carried) if wide != sds else estimate
+    whole = _fit_of(model, stated(model, wide, carried), estimate, wide)
     whole = replace(whole, model=stating, found=found, dof=dof, before=before, after=after)
-    return with_prior(whole, prior)
+    return whole if carried is not None else with_prior(whole, prior)
 
 
 def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
@@ -424,9 +422,13 @@ def _fit_of(model: Model, problem: Problem, estimate: Estimate, sds: Mapping[str
 
 
 def _solved(
-    model: Model, sds: Mapping[str, float], near: Estimate, weights: FloatArray
+    model: Model,
+    sds: Mapping[str, float],
+    near: Estimate,
+    weights: FloatArray,
+    prior: CoefficientVector | None,
 ) -> Estimate:
-    problem = replace(stated(model, sds), start=near.state)
+    problem = replace(stated(model, sds, prior), start=near.state)
     held = partial(_held, weights)
     return gauss_newton.solve(problem, loss=held, weights=weights)
 
@@ -567,7 +569,9 @@ def _contrasts(
         parts = []
         for source in (s for s in at.sources if s.name == name):
             if source.each is not None:
-                one = np.einsum("iac,ij->iajc", source.each, np.eye(n)).reshape(n, d, -1)
+                # What is left out has all of its own variance larger, found or known.
+                own = source.each / np.sqrt(weights)[:, None, None]
+                one = np.einsum("iac,ij->iajc", own, np.eye(n)).reshape(n, d, -1)
                 parts.append(known.whiten(one[:, :, one.any(axis=(0, 1))]))
             if source.shared is not None:
                 parts.append(known.whiten(source.shared))

@@ -65,7 +65,8 @@ def judged(fit: Fit, declared: bool, rest_level: FloatArray, held_out: HeldOut |
     """
     model = session_of(fit)
     noise, gyros = model.noise, model.session.gyro_mean is not None
-    quiet = [noise.accel_psd, *([noise.gyro_psd, noise.turn_psd] if gyros else [])]
+    psd = {"accel": noise.accel_psd, "gyro": noise.gyro_psd, "turns": noise.turn_psd}
+    silent = {kind for kind, one in psd.items() if np.all(one <= QUIETEST**2)}
     size = ""
     if held_out is not None and np.isfinite(held_out.error).any():
         rms = np.sqrt(np.nanmean(held_out.error**2)) / 9.80665e-6
@@ -73,7 +74,7 @@ def judged(fit: Fit, declared: bool, rest_level: FloatArray, held_out: HeldOut |
     found = Judged(
         fit, KINDS, "declared" if declared else "measured", middle(model.session),
         {kind: (SCATTER[kind],) for kind in KINDS}, LIMITS,
-        silent=not declared and any(np.all(psd <= QUIETEST**2) for psd in quiet),
+        silent=frozenset() if declared else frozenset(silent),
         held_out=held_out, held_out_size=size, predicted="rests",
         readings="means and turns" if gyros else "rests",
         cure="Add rests.",

@@ -97,7 +97,7 @@ def fit(readings: Readings, site: Site, start: State, options: Options) -> Table
     model, prior = TableModel(readings, site, start, options), options.prior
     alone = mixed.solve(model)
     if alone.estimate.status is Status.UNOBSERVABLE and prior is not None:
-        return TableFit(mixed.fit(model, prior))
+        return TableFit(mixed.fit(model, prior, robust=options.robust))
     told = dict.fromkeys((s.name for s in model.sources if s.unexplained), 0.0)
     for kind, c in alone.after.items():
         if FOUND_IN[kind][-1] in told:

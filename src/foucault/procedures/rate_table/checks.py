@@ -20,7 +20,7 @@ from foucault.infer.mixed import Covariance, Fit
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.rate_steps import Steps
-from foucault.procedures.rate_table.model import RateTable
+from foucault.procedures.rate_table.model import PRICE, RateTable
 from foucault.result import Check
 from foucault.units import plain
 
@@ -114,7 +114,7 @@ def checks(e: Solution) -> tuple[Check, ...]:
     noise = e.table.noise
     judged = Judged(
         e.fit, {"steps": "steps"}, noise, e.steps.middle,
-        found_in={"steps": ("gyro noise" if noise == "unknown" else "rate scatter",)},
+        found_in={"steps": ("gyro noise",) if noise == "unknown" else tuple(PRICE)},
         readings="steps", cure="Add rates.", more="add rates",
         cause={"steps": f"the rates scatter by {_ppm(e.scatter)} ppm"} if e.scatter else {},
         held_out=mixed.held_out(e.fit, folds(e.fit, "steps", FOLDS)),

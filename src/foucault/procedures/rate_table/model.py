@@ -172,8 +172,9 @@ class RateTable:
             out += [
                 Source("rate scatter", jitter, sd=None, price=PRICE["rate scatter"],
                        unexplained=True, type=kind, basis=basis),
+                # Another bias in every step is not told from noise that is larger than was said.
                 Source("bias drift", each, shared, sd=None, price=PRICE["bias drift"],
-                       type=kind, basis=basis),
+                       unexplained=self.bias_time == 0.0, type=kind, basis=basis),
             ]  # fmt: skip
         return tuple(out)
 
