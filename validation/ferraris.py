@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from foucault.simulate.hand_rotated import draw_errors
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")) / "ferraris_session"
-PLACE = Site.at(np.radians(48.8462), 60.0)
+PLACE = replace(Site.at(np.radians(48.8462), 60.0), gravity_sd=0.0)  # as it is simulated
 THERE = Site(9.81, np.radians(49.6))  # where the session may have been taken; it is not known
 sys.path.insert(0, str(ROOT / "tests"))
 from make_faces import IMUCAL  # noqa: E402

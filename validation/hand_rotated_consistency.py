@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -29,7 +30,7 @@ from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures import hand_rotated
 from foucault.simulate.hand_rotated import draw_errors
 
-SITE = Site.at(np.radians(48.8462), 60.0)
+SITE = replace(Site.at(np.radians(48.8462), 60.0), gravity_sd=0.0)  # as it is simulated
 N = len(LINEAR_LOWER)
 
 

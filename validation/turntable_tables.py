@@ -33,7 +33,7 @@ from foucault.simulate.table.readings import Rig, SimulatedReadings, simulate_re
 DPH = np.pi / 648000
 ARCSEC = np.pi / 648000
 G = 9.80665
-SITE = Site(G, np.radians(45.0))
+SITE = Site(G, np.radians(45.0), gravity_sd=0.0)  # as it is simulated
 RATE = np.radians(10.0)
 REST = 60.0
 # One reading has noise 1e-5 g and .01 deg/h: as white noise over the length of a reading.
