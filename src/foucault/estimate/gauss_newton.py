@@ -128,15 +128,15 @@ def add_prior(problem: Problem, alone: Estimate) -> Estimate:
     showed.
     """
     estimate = solve(
-        replace(problem, start=alone.state), loss=partial(_held, alone.weights),
+        replace(problem, start=alone.state), loss=partial(held, alone.weights),
         weights=alone.weights, max_iterations=CREEPS,
     )  # fmt: skip
     seen = alone.status is Status.CONVERGED
     return replace(estimate, alone=alone.coefficients if seen else None)
 
 
-def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
-    """A loss whose weights are settled."""
+def held(weights: FloatArray, norms: FloatArray) -> FloatArray:
+    """Return the `weights` (blocks,) that are settled, whatever `norms` (blocks,) say [1]."""
     return weights
 
 

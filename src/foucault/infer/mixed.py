@@ -327,7 +327,9 @@ def solve(
     problem = stated(model, sds)
     problem = problem if near is None else replace(problem, start=near)
     weights = np.ones(problem.n_blocks) if weights is None else weights
-    estimate = gauss_newton.solve(problem, loss=partial(_held, weights), weights=weights)
+    estimate = gauss_newton.solve(
+        problem, loss=partial(gauss_newton.held, weights), weights=weights
+    )
     return _fit_of(model, problem, estimate, sds)
 
 
@@ -429,13 +431,8 @@ def _solved(
     prior: CoefficientVector | None,
 ) -> Estimate:
     problem = replace(stated(model, sds, prior), start=near.state)
-    held = partial(_held, weights)
+    held = partial(gauss_newton.held, weights)
     return gauss_newton.solve(problem, loss=held, weights=weights)
-
-
-def _held(weights: FloatArray, norms: FloatArray) -> FloatArray:
-    """A loss whose weights are settled."""
-    return weights
 
 
 def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: float) -> FloatArray:
